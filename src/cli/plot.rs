@@ -181,6 +181,15 @@ impl Content {
 
 /// What the inputs hold, by what they are.
 fn content(inputs: &[PathBuf]) -> Result<Content, Failure> {
+    let drawn = [
+        FileKind::Page,
+        FileKind::Pilot,
+        FileKind::Problem,
+        FileKind::Table,
+        FileKind::Trial,
+    ];
+    let what = "a page of --report, a pilot file, a problem file or results";
+    recognise::expect(inputs, &drawn, what)?;
     let [path] = inputs else {
         return results(inputs);
     };

@@ -147,6 +147,7 @@ fn flights_that_never_move_are_no_answer() {
     let fit = fitted(&trials, &FitOptions::default());
     assert_eq!(codes(&fit)[0], "constant-data");
     assert!(codes(&fit).contains(&"idle-pilot") && !fit.is_answer());
+    assert_eq!(fit.uncertainty, None, "no intervals of width 0");
 }
 
 /// Hovering about the target with the motion of a remnant, here two sines of small amplitude.
@@ -544,6 +545,19 @@ fn a_vehicle_that_is_no_body_is_told() {
         ..Quadcopter::default()
     };
     assert!(of(unflyable).contains(&"vehicle-unstable"));
+}
+
+#[test]
+fn a_flight_that_stands_there_twice_is_told() {
+    let mut trials = changed(|_| ());
+    let of = |trials: &[Trial]| codes(&fitted(trials, &FitOptions::default())).contains(&"copy");
+    assert!(!of(&trials));
+    let mut copy = trials[0].clone();
+    copy.name = "again".to_owned();
+    trials.push(copy);
+    assert!(of(&trials));
+    trials.last_mut().unwrap().position[3] += 1e-9;
+    assert!(!of(&trials));
 }
 
 #[test]

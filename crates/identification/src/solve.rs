@@ -4,8 +4,8 @@ use super::multi_start::{Start, Starts, multi_start};
 use super::problem::{self, Posed, fill_gaps};
 use super::projection::Search;
 use super::{
-    ClosedLoop, Fit, FitOptions, InitialState, Mesh, Objective, RunFit, Trial, diagnostics,
-    random_starts, start,
+    ClosedLoop, Diagnostic, Fit, FitOptions, InitialState, Mesh, Objective, RunFit, Trial,
+    diagnostics, random_starts, start,
 };
 use pilotage_collocation::{Collocation, Scales};
 use pilotage_models::Pilot;
@@ -179,6 +179,10 @@ pub fn fit(
     fit.closed_loop = vehicle.map(|&v| ClosedLoop::of(v, options.pilot, &fit.theta));
     fit.unbounded = unbounded(&fit, trials, options)?;
     fit.diagnostics = diagnostics(&fit, options, trials);
+    let is_empty = Diagnostic::is_of_data_without_pilot;
+    if fit.diagnostics.iter().any(is_empty) {
+        fit.uncertainty = None;
+    }
     Ok(fit)
 }
 

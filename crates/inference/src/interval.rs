@@ -19,6 +19,8 @@ pub enum Class {
     Flat,
     /// The estimate lies on an end of its range; the other end is the data's.
     OnBound,
+    /// It is no finite number at the estimate.
+    Undefined,
 }
 
 impl Class {
@@ -29,6 +31,7 @@ impl Class {
             Self::OneSided => "one-sided",
             Self::Flat => "flat",
             Self::OnBound => "on-bound",
+            Self::Undefined => "undefined",
         }
     }
 }
@@ -66,7 +69,7 @@ impl Interval {
         if !value.is_finite() {
             // What has no value has no deviation.
             let [low, high] = range;
-            let (sd, class) = (f64::NAN, Class::Flat);
+            let (sd, class) = (f64::NAN, Class::Undefined);
             return Self {
                 sd,
                 low,

@@ -24,6 +24,10 @@ const CLOSING: usize = 8;
 /// Objective below the least one, per s² and squared threshold, from which on it is another optimum.
 const LOWER: f64 = 1e-5;
 
+/// A part of the threshold that is no rise, and points that show it.
+const FLAT: f64 = 1e-3;
+const LOOKED: usize = 4;
+
 /// A coordinate whose profile is asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sought {
@@ -220,6 +224,11 @@ impl<'a> Side<'a> {
                     return (self.points, End::Stopped(last));
                 }
                 halvings += 1;
+                // What has not risen on the way is open, whatever keeps refits from going on.
+                let is_flat = self.path[self.path.len() - 1].1 < FLAT * self.threshold.root;
+                if is_flat && self.points.len() >= LOOKED {
+                    return (self.points, End::Open(last));
+                }
                 if halvings > HALVINGS {
                     return (self.points, End::Failed(last));
                 }
@@ -277,8 +286,10 @@ impl<'a> Side<'a> {
 
     /// Adds the point with that value; false where it does not converge.
     fn add(&mut self, value: f64) -> bool {
-        let z = self.predicted(value);
-        let Some(found) = self.fixed.solved(value, z, &self.watch) else {
+        let solved = |z| self.fixed.solved(value, z, &self.watch);
+        // Far from the estimate the straight line may lead out of where the model has values.
+        let found = solved(self.predicted(value)).or_else(|| solved(self.nearest(value)));
+        let Some(found) = found else {
             return false;
         };
         let excess = (found.objective - self.best) / self.threshold.noise;
@@ -289,6 +300,16 @@ impl<'a> Side<'a> {
             .partition_point(|own| (own.0 - value) * self.sign < 0.0);
         self.path.insert(place, (value, root, found.z));
         true
+    }
+
+    /// The variables of the nearest point towards the estimate, with that value.
+    fn nearest(&self, value: f64) -> Vec<f64> {
+        let place = self
+            .path
+            .partition_point(|own| (own.0 - value) * self.sign < 0.0);
+        let mut z = self.path[place.max(1) - 1].2.clone();
+        self.fixed.put(&mut z, value);
+        z
     }
 
     /// The variables with that value, on the straight line through its neighbours.

@@ -13,6 +13,9 @@ use pilotage_sqp::{Iterate, Iteration, Solution, SparseQp, SqpOptions, Status, s
 use rand_distr::{Distribution, StandardNormal};
 use std::ops::ControlFlow;
 
+/// Most iterations from a start that is near.
+const NEAR: usize = 100;
+
 /// What is kept of a search.
 #[derive(Debug, Clone)]
 pub struct Optimum {
@@ -105,7 +108,8 @@ impl<'p> Again<'p> {
             true => ControlFlow::Break(Status::Stopped),
             false => ControlFlow::Continue(()),
         };
-        for (is_exact, most) in [(false, SCORED), (true, options.max_iterations)] {
+        let most = options.max_iterations.min(NEAR);
+        for (is_exact, most) in [(false, SCORED), (true, most)] {
             program.is_exact = is_exact;
             let options = SqpOptions {
                 tolerance: options.tolerance,

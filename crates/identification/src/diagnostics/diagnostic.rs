@@ -196,6 +196,19 @@ pub enum Diagnostic {
          check`"
     )]
     VehicleUnstable,
+    /// Two flights of the fit have the same samples.
+    #[error(
+        "{run} has the samples of {of}{}: what is in both counts twice, and intervals are too narrow; leave one out",
+        others(*count)
+    )]
+    Copy {
+        /// Name of the flight.
+        run: String,
+        /// Name of the one before.
+        of: String,
+        /// How many flights are such copies.
+        count: usize,
+    },
     /// The mesh is coarser than a tenth of a run.
     #[error(
         "a mesh step of {step} s is more than a tenth of a run of {duration} s: the states between are \
@@ -382,6 +395,7 @@ impl Diagnostic {
             Self::StickSign { .. } => "stick-sign",
             Self::VehicleSize { .. } => "vehicle-size",
             Self::VehicleUnstable => "vehicle-unstable",
+            Self::Copy { .. } => "copy",
             Self::CoarseMesh { .. } => "coarse-mesh",
             Self::SaturatedStick { .. } => "saturated-stick",
             Self::OneStart { .. } => "one-start",
@@ -397,11 +411,18 @@ impl Diagnostic {
         }
     }
 
+    /// True when the recorded data hold nothing of a pilot, whatever was found.
+    pub fn is_of_data_without_pilot(&self) -> bool {
+        matches!(
+            self,
+            Self::ConstantData | Self::IdlePilot | Self::NoForcing { .. } | Self::WrongScale { .. }
+        )
+    }
+
     /// True when it makes the result meaningless: the fit is then no answer, converged or not.
     pub fn is_fatal(&self) -> bool {
         match self {
-            Self::ConstantData | Self::IdlePilot => true,
-            Self::NoForcing { .. } | Self::WrongScale { .. } => true,
+            own if own.is_of_data_without_pilot() => true,
             Self::UnstableLoop { allowed, .. } | Self::Leaves { allowed, .. } => !allowed,
             Self::Outlier { share, .. } => share.is_some_and(|share| share > GOVERNS),
             Self::LoopOnBound { contradicted, .. } => *contradicted,
@@ -418,6 +439,14 @@ fn targets(forcing: f64, error: f64) -> String {
             "no target is more than {forcing:.3} m from where its run begins, and the vehicle strays up to \
              {error:.3} m from it"
         ),
+    }
+}
+
+/// How many flights are copies, where there is more than one.
+fn others(count: usize) -> String {
+    match count {
+        1 => String::new(),
+        _ => format!(" ({count} flights are such copies)"),
     }
 }
 

@@ -6,6 +6,8 @@ use crate::start::implied_stick;
 use crate::statistics::range;
 use crate::trials::{SATURATED, at_stop, median_step};
 use crate::vehicle::PitchLoop;
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 /// A run whose positions differ by less does not move [m].
 const STILL: f64 = 1e-6;
@@ -33,6 +35,7 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
         time_scale(trials),
         stick_sign(options, trials).filter(|_| vehicle),
         dead_stick(trials),
+        copy(trials),
         vehicle_size(options).filter(|_| vehicle),
         (vehicle && !PitchLoop::of(&options.vehicle).is_stable())
             .then_some(Diagnostic::VehicleUnstable),
@@ -42,6 +45,29 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
     .into_iter()
     .flatten()
     .collect()
+}
+
+/// Flights that have the same samples, to the bit.
+fn copy(trials: &[Trial]) -> Option<Diagnostic> {
+    let bits = |trial: &Trial| -> Vec<u64> {
+        let columns = [&trial.time, &trial.target, &trial.position];
+        let values = columns.into_iter().chain(&trial.stick).flatten();
+        values.map(|value| value.to_bits()).collect()
+    };
+    let mut known: HashMap<Vec<u64>, &Trial> = HashMap::new();
+    let mut copies: Vec<(&Trial, &Trial)> = Vec::new();
+    for trial in trials {
+        match known.entry(bits(trial)) {
+            Entry::Occupied(first) => copies.push((trial, first.get())),
+            Entry::Vacant(place) => _ = place.insert(trial),
+        }
+    }
+    let (copy, first) = copies.first()?;
+    Some(Diagnostic::Copy {
+        run: copy.name.clone(),
+        of: first.name.clone(),
+        count: copies.len(),
+    })
 }
 
 fn finite(values: &[f64]) -> impl Iterator<Item = f64> {
