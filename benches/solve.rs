@@ -5,7 +5,7 @@
 //! cargo bench --bench solve -- --solution FILE    also writes θ and the states as JSON
 //! ```
 
-use pilotage::estimation::refits::uncertainty_by;
+use pilotage::estimation::refits::{covariance_by, uncertainty_by};
 use pilotage::estimation::{Posed, ProblemFile, part};
 use pilotage::identification::{Fit, FitError, FitOptions, InitialState, TrialSet, fit};
 use pilotage::inference::Method;
@@ -91,14 +91,11 @@ fn json(fit: &Fit) -> String {
 
 /// Of each problem of the examples the time of an iteration where the fit ended, and how many of these a covariance takes.
 fn covariances(root: &Path) -> Result<(), Box<dyn std::error::Error>> {
-    const AGAIN: u32 = 5;
-    let methods = Method::ALL.map(Method::as_str);
+    const AGAIN: u32 = 20;
+    let methods = Method::ALL.map(Method::as_str).join(", ");
     println!(
-        "\n{:<24} {:>9} {:>6}  covariance, in iterations: {}",
-        "problem",
-        "iteration",
-        "runs",
-        methods.join(", ")
+        "\n{:<24} {:>9} {:>6}  in iterations: covariance ({methods}), with all that follows",
+        "problem", "iteration", "runs"
     );
     for entry in std::fs::read_dir(root.join("examples/problems"))? {
         let path = entry?.path().join("problem.toml");
@@ -121,24 +118,25 @@ fn covariances(root: &Path) -> Result<(), Box<dyn std::error::Error>> {
             ControlFlow::Continue(())
         });
         let iteration = clock.elapsed().as_secs_f64() / last.work.iterations.max(1) as f64;
-        let mut shares = Vec::new();
-        for method in Method::ALL {
-            let clock = Instant::now();
-            for _ in 0..AGAIN {
-                let _ = uncertainty_by(&posed, &found, method);
-            }
-            let one = clock.elapsed().as_secs_f64() / f64::from(AGAIN);
-            shares.push(format!("{:.2}", one / iteration));
-        }
+        let times = |of: &dyn Fn(Method)| {
+            let share = |method: Method| {
+                let clock = Instant::now();
+                (0..AGAIN).for_each(|_| of(method));
+                let one = clock.elapsed().as_secs_f64() / f64::from(AGAIN);
+                format!("{:>4.2}", one / iteration)
+            };
+            Method::ALL.map(share).join(", ")
+        };
+        let alone = times(&|method| drop(covariance_by(&posed, &found, method)));
+        let all = times(&|method| drop(uncertainty_by(&posed, &found, method)));
         println!(
-            "{:<24} {:>6.2} ms {:>6}  {}",
+            "{:<24} {:>6.2} ms {:>6}  {alone}   {all}",
             path.parent()
                 .and_then(Path::file_name)
                 .unwrap_or_default()
                 .display(),
             1e3 * iteration,
             posed.runs.len(),
-            shares.join(", ")
         );
     }
     Ok(())

@@ -132,7 +132,7 @@ pub fn listen(
 /// What events come from.
 enum Device {
     #[cfg(target_os = "linux")]
-    Events(event::Device),
+    Events(Box<event::Device>),
     Joydev(File),
 }
 
@@ -143,7 +143,7 @@ impl Device {
         }
         #[cfg(target_os = "linux")]
         if let Some(device) = event::Device::of(path)? {
-            return Ok(Self::Events(device));
+            return Ok(Self::Events(Box::new(device)));
         }
         File::open(path).map(Self::Joydev)
     }

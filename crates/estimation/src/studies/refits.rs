@@ -11,13 +11,12 @@ use crate::result::loops::Looped;
 use crate::result::uncertainty::{Uncertainty, Unsure, linearised, uncertainty};
 use crate::search::solved::{Linearised, Solved};
 use pilotage_collocation::Run;
-use pilotage_inference::{Autoregression, Inference, LEVEL, Method, quantile};
+use pilotage_inference::{Autoregression, Covariance, Inference, LEVEL, Method, quantile};
 use pilotage_refits::study::{self, Derive};
 use pilotage_refits::{Collocated, Coordinate, Resample, Study, Threshold};
 use pilotage_sqp::Status;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Exp1, StandardNormal, StandardUniform, StudentT};
-use std::sync::Arc;
 
 /// Part of the largest effect on a run from which on it tells of a parameter.
 const TELLS: f64 = 1e-6;
@@ -37,9 +36,7 @@ pub fn sought(posed: &Posed<'_>) -> Vec<(String, Option<String>)> {
 /// # Errors
 /// Where the fit did not converge, or has no covariance by that method.
 pub fn uncertainty_by(posed: &Posed<'_>, fit: &Fit, method: Method) -> Result<Uncertainty, Unsure> {
-    let is_there = |_: &&Arc<Solved>| fit.status == Status::Converged;
-    let solved = fit.solved.as_ref().filter(is_there);
-    let solved = solved.ok_or(Unsure::NotConverged)?;
+    let solved = converged(fit)?;
     let linear = linear(posed, solved, again(posed, fit).as_ref())?;
     let looped = Looped::of(posed, solved);
     uncertainty(
@@ -49,6 +46,21 @@ pub fn uncertainty_by(posed: &Posed<'_>, fit: &Fit, method: Method) -> Result<Un
         looped.as_ref(),
         Some(method),
     )
+}
+
+/// The covariance of the shared parameters alone, by any method.
+///
+/// # Errors
+/// Where the fit has none.
+pub fn covariance_by(posed: &Posed<'_>, fit: &Fit, method: Method) -> Result<Covariance, Unsure> {
+    let linear = linear(posed, converged(fit)?, again(posed, fit).as_ref())?;
+    Ok(Inference::new(&linear.data)?.covariance(Some(method))?)
+}
+
+fn converged(fit: &Fit) -> Result<&Solved, Unsure> {
+    let solved = fit.solved.as_deref();
+    let solved = solved.filter(|_| fit.status == Status::Converged);
+    solved.ok_or(Unsure::NotConverged)
 }
 
 /// The optimum of predictions.
