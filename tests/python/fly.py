@@ -127,7 +127,7 @@ def flown(tab, folder, wrong):
         tab.wait_for_function("before => window.phase.phase !== before", arg=now["phase"], timeout=5000)
         if phase(tab, ["fly", "ready", "after", "end"])["phase"] != "fly":
             continue
-        tab.wait_for_function("() => window.state?.t > 2", timeout=20_000)
+        tab.wait_for_function("() => window.state?.t > 2 || window.phase.phase !== 'fly'", timeout=20_000)
         if not results:
             shown(tab, folder, "fly", wrong)
         elif not now["training"] and disturbed:

@@ -52,6 +52,11 @@ const heard = {
   job(message) { panel.job(message); },
   can({ can }) { panel.can = can; panel.jobs(); },
   trouble({ words }) { panel.trouble(words); },
+  over({ words }) {
+    gone = true;
+    panel.trouble(words, true);
+    panel.over();
+  },
   taken() { watches = true; watch(); },
 };
 

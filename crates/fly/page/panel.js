@@ -5,7 +5,7 @@ const JOBS = { identify: "Identify me", export: "Export as FMU", against: "Fly a
 // Why a run did not count that a faster computer would have saved, and how many in a row there are before advice is given.
 const SLOW = ["nothing came from the page", "frames", "the simulation was late"], OFTEN = 2;
 const MEASURED = 3000; // for how long the ends of a stick are looked for [ms]
-const DEVICES = { mouse: "mouse", keyboard: "arrow keys", touch: "finger on the screen" };
+const DEVICES = { mouse: "mouse", keyboard: "arrow keys", touch: "finger" };
 const HIDDEN = "A gamepad or joystick stands in this menu once you press one of its buttons.";
 const USE = {
   mouse: `Its way from where it is at the start pushes the stick. ${HIDDEN}`,
@@ -81,7 +81,7 @@ export class Panel {
     $("words").textContent = words;
     $("go").hidden = phase === "end";
     $("go").firstChild.data = phase === "after" ? "Go on " : "Fly ";
-    $("score").hidden = !result;
+    $("score").hidden = !result?.valid;
     if (result) this.result(result, own, training);
     $("advice").hidden = phase !== "after" || this.slow() < OFTEN;
     this.jobs();
@@ -90,7 +90,7 @@ export class Panel {
 
   result({ rms, unit, score, valid, why, best, file }, task, training) {
     const so = best === null ? "" : `, best so far ${best.toPrecision(3)} ${unit}`;
-    $("score").replaceChildren(element("b", score), ` of 100. Typical distance to the marker ${rms.toPrecision(3)} ${unit}${so}.`);
+    if (valid) $("score").replaceChildren(element("b", score), ` of 100. Typical distance to the marker ${rms.toPrecision(3)} ${unit}${so}.`);
     // After a reload it is in the list already.
     if (this.recorded.some(own => own.file === file)) return;
     this.recorded.push({ file, task: task.name, rms, training, valid, why });
@@ -108,7 +108,7 @@ export class Panel {
     $("rows").replaceChildren(...this.recorded.map(({ file, rms, training, valid, why }) => {
       const row = document.createElement("tr");
       row.className = valid ? "" : "invalid";
-      for (const text of [file, rms.toPrecision(3), !valid ? why : training ? "training" : "counts"]) row.insertCell().textContent = text;
+      for (const text of [file, valid ? rms.toPrecision(3) : "", !valid ? why : training ? "training" : "counts"]) row.insertCell().textContent = text;
       return row;
     }));
   }
@@ -165,6 +165,14 @@ export class Panel {
     if (words && !stays) this.told = setTimeout(() => this.trouble(""), 8000);
   }
 
+  // The program has ended.
+  over() {
+    this.show(null);
+    $("stop").hidden = true;
+    $("count").hidden = true;
+    $("left").textContent = "";
+  }
+
   left(seconds) { $("left").textContent = `${Math.max(seconds, 0).toFixed(1)} s`; }
 
   // The chosen stick is not there: its name, or nothing.
@@ -199,7 +207,7 @@ export class Panel {
     $("calibration").hidden = !device.pad || sticks.lost;
     if ($("calibration").hidden) return;
     const ways = map.length > 1 ? ["Right", "Forward"] : ["Forward"];
-    const count = device.pad().axes.length;
+    const count = Math.max(device.pad().axes.length, ...map.map(own => own.axis + 1));
     $("axes").replaceChildren(...map.map((own, k) => this.axis(ways[k], own, count, sticks)).reverse());
     $("dead").value = Math.round(100 * device.dead);
     $("dead").onchange = () => {
@@ -233,7 +241,12 @@ export class Panel {
     row.querySelector("span").textContent = way;
     menu.replaceChildren(...Array.from({ length: count }, (_, k) => new Option(`axis ${k + 1}`, k)));
     menu.value = own.axis;
-    menu.onchange = () => { own.axis = Number(menu.value); sticks.keep(); };
+    // Another axis has a middle and ends of its own.
+    menu.onchange = () => {
+      Object.assign(own, { axis: Number(menu.value), centre: 0, range: [1, 1] });
+      $("measured").value = "Set its middle, and measure its ends.";
+      sticks.keep();
+    };
     turned.checked = own.invert;
     turned.onchange = () => { own.invert = turned.checked; sticks.keep(); };
     return row;

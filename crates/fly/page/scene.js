@@ -78,23 +78,11 @@ export class Scene {
     g.font = `${Math.max(12, Math.min(16, height / 45))}px system-ui, sans-serif`;
     if (!state?.x.length || !this.task) return this.sky();
     if (!this.start || state.t === 0) this.start = state.x;
-    this.rested ||= state.t === 0;
-    this.learn(state);
-    state = { ...state, tilt: state.tilt.map((tilt, k) => tilt * (this.lean[k] ?? 1)) };
     if (this.task.display === "compensatory") this.compensatory(state);
     else if (this.task.display === "pursuit") this.pursuit(state);
     else if (this.vehicle.view === "above") this.both(state);
     else this.side(state);
     this.hand(state.stick);
-  }
-
-  // Which way a vehicle leans that goes forward: some count a nose down as positive, some a nose up. Its first move tells.
-  learn({ t, x, tilt }) {
-    if (!this.rested || t === 0) return;
-    x.forEach((place, k) => {
-      const moved = place - this.start[k];
-      if (!this.lean[k] && Math.abs(moved) > 0.002 * this.reach && Math.abs(tilt[k]) > 0.01) this.lean[k] = Math.sign(moved * tilt[k]);
-    });
   }
 
   sky(horizon = this.height) {

@@ -106,6 +106,8 @@ pub struct Craft {
     pub positions: Vec<Signal>,
     /// The angle that is drawn for each axis; none where there is none.
     pub tilts: Vec<Signal>,
+    /// For each of them 1 where it grows as the vehicle leans forward, -1 where it falls: some count a nose up as positive.
+    pub lean: Vec<f64>,
     /// What else is recorded.
     pub others: Vec<Signal>,
     /// Where it begins.
@@ -210,6 +212,7 @@ impl Craft {
             origin,
             sticks: sticks.iter().map(|k| stick(inputs[*k])).collect(),
             positions: places.iter().map(|k| signal(outputs[*k])).collect(),
+            lean: vec![1.0; places.len()],
             tilts: angles.map(|own| signal(own)).take(places.len()).collect(),
             others: others.map(|(_, own)| signal(own)).collect(),
             origin_positions: Vec::new(),
@@ -259,9 +262,9 @@ impl Craft {
         }
     }
 
-    /// Lets it fly for a moment, to see its rest, and which stop leads forward.
+    /// Lets it fly for a moment, to see which stop leads forward, and which way it leans then.
     fn look(&mut self, axis: usize) -> Result<(), CraftError> {
-        let moved = |end: usize| -> Result<f64, CraftError> {
+        let moved = |end: usize| -> Result<(f64, f64), CraftError> {
             let mut flying = self.begin()?;
             let mut hand = vec![0.0; self.axes()];
             hand[axis] = [-1.0, 1.0][end];
@@ -271,9 +274,10 @@ impl Craft {
                     .map_err(|source| self.failed(source))?;
             }
             let position = flying.positions().map_err(|source| self.failed(source))?[axis];
-            Ok(position)
+            let tilts = flying.tilts().map_err(|source| self.failed(source))?;
+            Ok((position, tilts.get(axis).copied().unwrap_or(0.0)))
         };
-        let [down, up] = [moved(0)?, moved(1)?];
+        let [(down, tilt_down), (up, tilt_up)] = [moved(0)?, moved(1)?];
         if up == down || !(up - down).is_finite() {
             return Err(CraftError::Unmoved {
                 vehicle: self.name.clone(),
@@ -283,6 +287,9 @@ impl Craft {
         }
         if up < down {
             self.sticks[axis].stops.reverse();
+        }
+        if (up - down) * (tilt_up - tilt_down) < 0.0 {
+            self.lean[axis] = -1.0;
         }
         Ok(())
     }
@@ -353,6 +360,7 @@ pub struct Flying {
     inputs: Vec<u32>,
     positions: Vec<u32>,
     tilts: Vec<u32>,
+    lean: Vec<f64>,
     others: Vec<u32>,
 }
 
@@ -379,6 +387,7 @@ impl Flying {
             inputs,
             positions: handles(&craft.positions),
             tilts: handles(&craft.tilts),
+            lean: craft.lean.clone(),
             others: handles(&craft.others),
             component,
         })
@@ -414,12 +423,14 @@ impl Flying {
         }
     }
 
-    /// How it tilts.
+    /// How far it leans forward.
     ///
     /// # Errors
     /// When the vehicle fails.
     pub fn tilts(&mut self) -> Result<Vec<f64>, ComponentError> {
-        self.reals(&self.tilts.clone())
+        let tilts = self.reals(&self.tilts.clone())?;
+        let pairs = tilts.iter().zip(&self.lean);
+        Ok(pairs.map(|(tilt, lean)| tilt * lean).collect())
     }
 
     /// What else is recorded.

@@ -7,7 +7,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// The longest time without a word of the page in a run that counts.
-const GAP: Duration = Duration::from_millis(50);
+pub const GAP: Duration = Duration::from_millis(50);
 /// The part of frames that may be dropped in a run that counts.
 const DROPPED: f64 = 0.01;
 /// A frame that takes so many usual ones has dropped some.
@@ -99,6 +99,8 @@ struct Latest {
     shown: Vec<Shown>,
     round_trips: Vec<f64>,
     is_lost: bool,
+    /// Whether what came in during the run makes it one that does not count.
+    is_spoilt: bool,
     joystick: Option<Joystick>,
 }
 
@@ -164,6 +166,7 @@ impl Hand {
             shown: Vec::new(),
             round_trips: Vec::new(),
             is_lost: false,
+            is_spoilt: false,
             joystick: None,
         };
         Self {
@@ -176,11 +179,18 @@ impl Hand {
         self.latest.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether the chosen device has gone during the run.
+    /// Whether the run does not count, whatever follows: the device, the focus or the page has gone, or nothing came for a
+    /// while.
+    pub fn is_spoilt(&self) -> bool {
+        let latest = self.latest();
+        let since = latest.begun.map(|begun| begun.max(latest.arrived));
+        latest.is_spoilt || latest.is_lost || since.is_some_and(|since| since.elapsed() > GAP)
+    }
+
+    /// Whether the chosen device is not there.
     pub fn is_without_device(&self) -> bool {
         let latest = self.latest();
-        let last = latest.frames.last();
-        last.is_some_and(|frame| frame.input.device == Device::None)
+        latest.input.n > 0 && latest.input.device == Device::None
     }
 
     /// What the hand holds where the page says that it holds this: a joystick that the server reads goes before it.
@@ -220,6 +230,9 @@ impl Hand {
         }
         if let Some(begun) = latest.begun {
             let time = latest.arrived.duration_since(begun).as_secs_f64();
+            let before = latest.frames.last().map_or(0.0, |frame| frame.time);
+            latest.is_spoilt |=
+                !input.seen || input.device == Device::None || time - before > GAP.as_secs_f64();
             latest.frames.push(Frame {
                 time,
                 input: input.clone(),
@@ -331,6 +344,7 @@ impl Hand {
         let mut latest = self.latest();
         latest.begun = Some(begun);
         latest.is_lost = false;
+        latest.is_spoilt = false;
         latest.frames.clear();
         latest.shown.clear();
         latest.round_trips.clear();
@@ -387,9 +401,10 @@ impl Heard {
             .fold(0.0, f64::max)
     }
 
-    /// What the hand held.
+    /// What the hand held, before it was lost.
     pub fn device(&self) -> Option<(Device, &str)> {
-        let last = self.frames.last()?;
+        let held = |frame: &&Frame| frame.input.device != Device::None;
+        let last = self.frames.iter().rfind(held).or(self.frames.last())?;
         Some((last.input.device, &last.input.name))
     }
 

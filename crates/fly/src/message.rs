@@ -108,6 +108,11 @@ pub enum ToPage {
         /// What.
         words: String,
     },
+    /// The program ends.
+    Over {
+        /// What to do.
+        words: String,
+    },
     /// Another page has the stick.
     Taken {
         /// What to do.

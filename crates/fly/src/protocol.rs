@@ -10,6 +10,10 @@ use std::path::Path;
 const RATE: f64 = 20.0;
 /// Rows per second of sines: a whole number of them, 2048, in a period.
 const SINES_RATE: f64 = 25.0;
+/// Fewest rows of a run, after its run-in.
+const FEWEST: f64 = 10.0;
+/// Longest name of a task: a part of names of files.
+const LONGEST_NAME: usize = 64;
 /// What settles before the sines are looked at \[s\].
 const RUN_IN: f64 = 8.0;
 
@@ -179,7 +183,16 @@ impl Protocol {
                 }
             },
             seed: whole(root, "seed", 0.0)?.map_or(usual.seed, |seed| seed as u64),
-            consent: root.string("consent")?.map_or(usual.consent, str::to_owned),
+            consent: match root.string("consent")? {
+                Some(words) if words.trim().is_empty() => {
+                    return Err(fault(
+                        root,
+                        "consent",
+                        "is empty: it says what a person agrees to",
+                    ));
+                }
+                words => words.map_or(usual.consent, str::to_owned),
+            },
         })
     }
 
@@ -314,6 +327,13 @@ fn task(table: TomlTable<'_>, shape: Shape<'_>) -> Result<Task, ProtocolError> {
         let why = "is no part of full stick: above 0, and at most 1";
         return Err(fault(table, "disturbance", why));
     }
+    if table.string("kind")? == Some("step") && disturbance.is_some() {
+        return Err(fault(table, "disturbance", "belongs to kind = \"sines\""));
+    }
+    if table.string("kind")? == Some("sines") && target.is_some_and(|rms| rms <= 0.0) {
+        let why = "is the rms of sines, above 0; leave it out where nothing is to be followed";
+        return Err(fault(table, "target", why));
+    }
     let usual = match table.required("kind", table.string("kind")?)? {
         "step" => step(shape, table.required("target", target)?),
         "sines" if target.is_none() && disturbance.is_none() => {
@@ -337,12 +357,13 @@ fn task(table: TomlTable<'_>, shape: Shape<'_>) -> Result<Task, ProtocolError> {
         .string("name")?
         .map_or(usual.name.clone(), str::to_owned);
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
-    if name.is_empty() || name.starts_with(['.', '-']) || !name.chars().all(is_plain) {
-        return Err(fault(
-            table,
-            "name",
-            "names files: letters, digits, - and _ alone",
-        ));
+    if name.is_empty()
+        || name.len() > LONGEST_NAME
+        || name.starts_with(['.', '-'])
+        || !name.chars().all(is_plain)
+    {
+        let why = format!("names files: up to {LONGEST_NAME} letters, digits, - and _ alone");
+        return Err(fault(table, "name", why));
     }
     let run_in = table.number("run_in")?.unwrap_or(usual.run_in);
     let after_run_in = usual.seconds - usual.run_in;
@@ -378,6 +399,15 @@ fn task(table: TomlTable<'_>, shape: Shape<'_>) -> Result<Task, ProtocolError> {
             "rate",
             "does not divide 1000, the steps per second",
         ));
+    }
+    if rate * (seconds - run_in) < FEWEST {
+        let field = if table.has("seconds") {
+            "seconds"
+        } else {
+            "rate"
+        };
+        let why = format!("leaves fewer than {FEWEST} rows to a run");
+        return Err(fault(table, field, why));
     }
     Ok(Task {
         name,

@@ -3,7 +3,7 @@
 use crate::beside::Beside;
 use crate::craft::{Craft, CraftError, Flying, STEP, STEPS};
 use crate::distribution::Distribution;
-use crate::hand::{Hand, Heard};
+use crate::hand::{GAP, Hand, Heard};
 use crate::task::Task;
 use std::time::{Duration, Instant};
 
@@ -95,6 +95,10 @@ pub struct Flown {
     pub seconds: f64,
     /// Whether the stick was deflected when it began.
     pub is_early: bool,
+    /// Whether it never was.
+    pub is_still: bool,
+    /// Whether it ended before its time.
+    pub is_short: bool,
     /// Why it ended before its time, if it did.
     pub ended: Option<String>,
 }
@@ -107,11 +111,18 @@ impl Flown {
         let heard = || self.heard.fault(self.seconds);
         let early = || "the stick was moved before the start".to_owned();
         let early = || self.is_early.then(early);
+        let short = || {
+            format!(
+                "nothing came from the page for {:.0} ms",
+                1e3 * GAP.as_secs_f64()
+            )
+        };
         self.ended
             .clone()
             .or_else(heard)
             .or_else(early)
             .or_else(|| (late > LATE).then(slow))
+            .or_else(|| self.is_short.then(short))
     }
 }
 
@@ -231,6 +242,7 @@ pub fn fly(
         late: Vec::new(),
         to_state: Vec::new(),
         is_early: false,
+        is_still: true,
         squares: (0.0, 0),
         squares_beside: 0.0,
         craft,
@@ -244,7 +256,7 @@ pub fn fly(
     let (time, ended) = run.go(&mut flying, begun, hand, beside, listener);
     let heard = hand.end();
     let (sum, count) = run.squares;
-    let mean = |sum: f64| (sum / count.max(1) as f64).sqrt();
+    let mean = |sum: f64| (sum / count as f64).sqrt();
     Ok(Flown {
         flight: run.flight,
         log: run.log,
@@ -255,6 +267,8 @@ pub fn fly(
         rms_beside: has_beside.then(|| mean(run.squares_beside)),
         seconds: time,
         is_early: run.is_early,
+        is_still: run.is_still,
+        is_short: time < task.seconds,
         ended,
     })
 }
@@ -266,6 +280,7 @@ struct Run<'r> {
     late: Vec<f64>,
     to_state: Vec<f64>,
     is_early: bool,
+    is_still: bool,
     squares: (f64, usize),
     squares_beside: f64,
     craft: &'r Craft,
@@ -300,6 +315,7 @@ impl Run<'_> {
                 );
             }
             let (n, at, arrived) = hand.read(&mut held);
+            self.is_still &= held.iter().all(|held| *held == 0.0);
             self.is_early |= k == 0 && held.iter().any(|held| held.abs() > EARLY);
             let acting = Acting::at(time, &held, self.craft, self.task, self.sign, &self.origin);
             let seen = match see(flying) {
@@ -352,7 +368,7 @@ impl Run<'_> {
                     return (time, Some(why));
                 }
                 // What follows would not count.
-                if hand.is_without_device() {
+                if hand.is_spoilt() {
                     return (time, None);
                 }
             }

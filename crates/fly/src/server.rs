@@ -203,7 +203,12 @@ async fn page(
     Query(asked): Query<Asked>,
     headers: HeaderMap,
 ) -> Response {
-    match shared.is_ours(&headers) && shared.knows(&asked) {
+    if !shared.is_ours(&headers) {
+        return refused(
+            "Another name for this computer: open the address that pilotage fly has printed.",
+        );
+    }
+    match shared.knows(&asked) {
         true => embedded("", &headers),
         false => refused(
             "The address has no token, or an old one: take the one that pilotage fly has printed.",

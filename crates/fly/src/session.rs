@@ -219,6 +219,10 @@ impl Session {
     /// Runs until its end is requested.
     pub fn run(mut self) {
         let _ = self.all();
+        let words = "The program has ended. Start it again, and open the address that it shows.";
+        self.board.say(&ToPage::Over {
+            words: words.to_owned(),
+        });
     }
 
     fn all(&mut self) -> Result<(), Quit> {
@@ -464,7 +468,8 @@ impl Session {
             );
             let end = Instant::now() + Duration::from_secs(1);
             while Instant::now() < end {
-                if let Some(FromPage::Stop) = self.next(Some(next))? {
+                let is_stopped = matches!(self.next(Some(next))?, Some(FromPage::Stop));
+                if is_stopped || self.hand.is_without_device() {
                     self.say(PhaseKind::Ready, Some(next), task.words.clone(), None, None);
                     self.wait_for_go(Some(next))?;
                     return self.fly(next);
@@ -525,7 +530,7 @@ impl Session {
         (growing, log): (Growing, Growing),
         flown: &Flown,
     ) -> bool {
-        let why = self.fault(flown);
+        let why = self.fault(next, flown);
         let is_valid = why.is_none();
         let below = match next.purpose {
             _ if !is_valid => Some(INVALID),
@@ -606,14 +611,17 @@ impl Session {
     }
 
     /// Why a run does not count, if it does not.
-    fn fault(&self, flown: &Flown) -> Option<String> {
+    fn fault(&self, next: Next, flown: &Flown) -> Option<String> {
         let held = flown.heard.device().map(|(device, _)| device);
         let is_other = |held: Device| self.device.is_some_and(|chosen| chosen != held);
         let other = held.filter(|held| is_other(*held)).map(|held| {
             let chosen = self.device.unwrap_or(Device::None);
             format!("the hand held a {held}, and what was chosen is a {chosen}")
         });
-        flown.fault().or(other)
+        // Beside a model, a hand that rests lets it fly alone.
+        let is_still = flown.is_still && next.purpose != Purpose::Against;
+        let still = is_still.then(|| "the stick did not move".to_owned());
+        flown.fault().or(other).or(still)
     }
 
     fn score(&self, task: &Task, sign: f64, rms: f64) -> u32 {
@@ -690,7 +698,7 @@ impl Session {
             ("purpose", purpose.to_owned()),
             (
                 "valid",
-                self.fault(flown)
+                self.fault(next, flown)
                     .map_or_else(|| "yes".to_owned(), |why| format!("no: {why}")),
             ),
             ("device", device),
@@ -706,7 +714,10 @@ impl Session {
             ),
             (
                 "rms",
-                format!("{:.4} {}", flown.rms, self.craft.positions[0].unit),
+                match flown.rms.is_finite() {
+                    true => format!("{:.4} {}", flown.rms, self.craft.positions[0].unit),
+                    false => "none".to_owned(),
+                },
             ),
             ("frames of the display [ms]", heard.display().to_string()),
             (

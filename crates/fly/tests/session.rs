@@ -132,7 +132,7 @@ fn begin() -> Value {
     json!({ "type": "begin", "subject": "T1", "consent": true, "device": "gamepad" })
 }
 
-/// Flies until runs are over: a hand that leans on error and rate, at 60 frames a second.
+/// Flies until so many runs are over: a hand that leans on error and rate, at 60 frames a second.
 async fn fly(socket: &mut Socket, runs: usize) -> Vec<Value> {
     let mut results = Vec::new();
     let (mut n, mut state) = (0, json!({ "x": [0.0], "target": [0.0], "t": 0.0 }));
@@ -187,7 +187,12 @@ async fn a_hand_flies_a_session_and_its_runs_are_kept() {
     assert_eq!(hello["vehicle"]["axes"][0]["unit"], "m");
     assert_eq!(hello["protocol"]["tasks"][0]["title"], "4 m");
     say(&mut socket, begin()).await;
-    let results = fly(&mut socket, 2).await;
+    let mut results = fly(&mut socket, 2).await;
+    // On a busy machine frames come late, and a run is flown again.
+    while !results.iter().any(|result| result["valid"] == true) {
+        assert!(results.len() < 20, "{results:?}");
+        results.extend(fly(&mut socket, 1).await);
+    }
     for result in &results {
         // On a busy machine frames may be late, and the run says so.
         let file = folder.path().join(result["file"].as_str().unwrap());
@@ -215,10 +220,13 @@ async fn a_hand_flies_a_session_and_its_runs_are_kept() {
             .skip(1))
         .map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect())
         .collect();
-        assert_eq!(rows.len(), 31);
-        assert_eq!((rows[0][0], rows[30][0]), (0.0, 1.5));
         assert!(rows.iter().all(|row| row[1] == 4.0));
-        assert!(rows[30][2] > 0.05, "it has moved forward: {:?}", rows[30]);
+        // One that can no longer count has ended.
+        if result["valid"].as_bool().unwrap() {
+            assert_eq!(rows.len(), 31);
+            assert_eq!((rows[0][0], rows[30][0]), (0.0, 1.5));
+            assert!(rows[30][2] > 0.05, "it has moved forward: {:?}", rows[30]);
+        }
         let name = file.file_stem().unwrap().to_string_lossy().into_owned();
         let log = std::fs::read(folder.path().join(format!("full-rate/{name}.parquet"))).unwrap();
         assert_eq!(
@@ -239,14 +247,9 @@ async fn a_socket_that_breaks_costs_one_run() {
     say(&mut socket, begin()).await;
     until(&mut socket, "phase", |phase| phase["phase"] == "ready").await;
     say(&mut socket, json!({ "type": "go" })).await;
-    until(&mut socket, "state", |state| {
-        state["t"].as_f64() > Some(0.3)
-    })
-    .await;
+    until(&mut socket, "phase", |phase| phase["phase"] == "fly").await;
     drop(socket);
     let mut socket = open(&address, &token).await;
-    let phase = until(&mut socket, "phase", |_| true).await;
-    assert_eq!(phase["phase"], "fly", "{phase}");
     let after = until(&mut socket, "phase", |phase| phase["phase"] == "after").await;
     assert_eq!(after["result"]["valid"], false);
     assert!(

@@ -533,8 +533,10 @@ fn real(value: &DeValue<'_>) -> Option<f64> {
     match value {
         DeValue::Float(number) => number.as_str().parse().ok(),
         DeValue::Integer(number) => i64::from_str_radix(number.as_str(), number.radix())
-            .ok()
-            .map(|number| number as f64),
+            .map(|number| number as f64)
+            // More than 64 bits.
+            .or_else(|_| number.as_str().parse())
+            .ok(),
         _ => None,
     }
 }

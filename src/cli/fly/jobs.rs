@@ -448,7 +448,9 @@ fn one(words: &[OsString], folder: &Path, say: &dyn Fn(String)) -> Result<Ended,
         }
         if told.elapsed() > BETWEEN {
             told = Instant::now();
-            say(line.trim().chars().take(LINE).collect());
+            // Numbers of the solver are for the terminal.
+            let words = line.split(':').next().unwrap_or_default();
+            say(words.trim().chars().take(LINE).collect());
         }
     }
     let status = child.wait().map_err(|error| error.to_string())?;

@@ -207,10 +207,11 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             ended = serving => ended?,
             () = until => {}
         }
-        drop(done);
-        // A run that goes on ends, and is kept as one that does not count.
+        // A run that goes on ends, and is kept as one that does not count; the pages hear that it is over.
         let _ = quit.send(Command::Quit);
-        let _ = session.join();
+        let _ = tokio::task::spawn_blocking(move || session.join()).await;
+        tokio::time::sleep(Duration::from_millis(100)).await;
+        drop(done);
         Ok::<(), std::io::Error>(())
     });
     served.map_err(|error| {
@@ -289,6 +290,11 @@ impl Args {
             said => said.iter().map(String::as_str).collect(),
         };
         let number = |word: &&str| word.strip_prefix('-').unwrap_or(word).parse::<u8>().ok();
+        if let Some(word) = said.iter().find(|word| number(word).is_none()) {
+            let message = format!("--stick-axes: `{word}` is no number of an axis");
+            return Err(Failure::new(message)
+                .hint("from 0 to 255, with a minus for one that is turned round: 0,-1"));
+        }
         let numbers: Option<Vec<usize>> = said
             .iter()
             .map(|word| number(word).map(usize::from))
@@ -376,6 +382,12 @@ impl Args {
 
     fn tell(&self, address: &str) {
         let opened = !self.no_browser && open(address);
+        // Every address of this computer is none that another one could open.
+        let every = self.bind.filter(IpAddr::is_unspecified);
+        let address = match every.and_then(|_| own_address()) {
+            Some(own) => &address.replacen(&every.map(host).unwrap_or_default(), &host(own), 1),
+            None => address,
+        };
         let words = if opened {
             "the page opens in the browser:"
         } else {
@@ -391,6 +403,24 @@ impl Args {
             self.output.display()
         ));
     }
+}
+
+/// As an address of the web has it.
+fn host(address: IpAddr) -> String {
+    match address {
+        IpAddr::V4(own) => own.to_string(),
+        IpAddr::V6(own) => format!("[{own}]"),
+    }
+}
+
+/// This computer's address on its network, by which way packets to elsewhere would leave; none is sent.
+fn own_address() -> Option<IpAddr> {
+    // An address for documentation (RFC 5737).
+    const ELSEWHERE: (Ipv4Addr, u16) = (Ipv4Addr::new(192, 0, 2, 1), 9);
+    let socket = std::net::UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
+    socket.connect(ELSEWHERE).ok()?;
+    let own = socket.local_addr().ok()?.ip();
+    (!own.is_unspecified()).then_some(own)
 }
 
 /// Shows where the vehicle is in FlightGear, until the end.

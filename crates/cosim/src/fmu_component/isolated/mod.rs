@@ -371,7 +371,7 @@ fn check_memory(child: &Child, limits: Limits) -> Result<(), Gone> {
 fn call(child: &Child) -> String {
     let going = child.page().going();
     let Some(going) = going.first() else {
-        return "it, between two calls,".to_owned();
+        return "the FMU, between two calls,".to_owned();
     };
     let time = going.time.map(|time| format!(" at {time} s"));
     format!("{}{}", call_name(going.call), time.unwrap_or_default())
