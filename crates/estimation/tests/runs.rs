@@ -2,6 +2,7 @@
 //! speaks against a fit.
 
 use pilotage_estimation::evaluate::evaluate;
+use pilotage_estimation::validation::validated;
 use pilotage_estimation::{Fit, Posed, ProblemFile, fit, part};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -113,6 +114,34 @@ fn a_run_that_is_fitted_twice_is_refused() {
     );
     assert!(twice("use = \"validation\"\n").is_ok());
     assert!(twice("subject = \"B\"\n").is_ok());
+}
+
+/// What a problem fixes holds in the runs that are not fitted too, whatever the model file says.
+#[test]
+fn a_fixed_parameter_holds_in_validation_runs() {
+    let tank = DECAY
+        .replace("flow - rate * x", "flow + push - rate * x")
+        .replace("[states]", "push = { start = 9, unit = \"1/h\" }\n[states]");
+    let data = table("time [h],x", hours(), |t| 0.5 + 1.5 * (-0.8 * t).exp());
+    let folder = folder(&[("tank.toml", &tank), ("run.csv", &data), ("own.csv", &data)]);
+    let own = "\"tank.push\" = { value = \"0.4 * part\" }\npart = { start = 1, fixed = true }\n";
+    for line in ["\"tank.push\" = { start = 0.4, fixed = true }\n", own] {
+        let text = format!(
+            "{PROBLEM}{line}{}[[run]]\nfile = \"own.csv\"\nuse = \"validation\"\n",
+            run("run.csv")
+        );
+        let file = ProblemFile::parse(&text, &folder.path().join("problem.toml")).expect("read");
+        let posed = Posed::new(&file, &part::open).expect("posed");
+        let found = fit(&posed, &mut |_| ControlFlow::Continue(()));
+        let judged = validated(&file, &found, &part::open, &|| ControlFlow::Continue(()));
+        let judged = judged.expect("judged");
+        for (own, fitted) in judged[0].run.predicted[0]
+            .iter()
+            .zip(&found.runs[0].predicted[0])
+        {
+            assert!((own - fitted).abs() < 1e-4, "{own} is not {fitted}");
+        }
+    }
 }
 
 /// ẋ = flow - 0.8 x in hours, with a flow of 1 from 2 h on, begun an hour before the first row: the solution by hand.

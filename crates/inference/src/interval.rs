@@ -8,6 +8,9 @@ pub const LEVEL: f64 = 0.95;
 /// Degrees of freedom beyond which Student's t is the normal distribution to three digits.
 const MANY: f64 = 1e4;
 
+/// A standard deviation, per value, that is none.
+const ROUNDING: f64 = 1e-9;
+
 /// What an interval says of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Class {
@@ -21,6 +24,8 @@ pub enum Class {
     OnBound,
     /// It is no finite number at the estimate.
     Undefined,
+    /// Active constraints hold it, or nothing that was sought changes it: the data give it no deviation.
+    Held,
 }
 
 impl Class {
@@ -32,6 +37,7 @@ impl Class {
             Self::Flat => "flat",
             Self::OnBound => "on-bound",
             Self::Undefined => "undefined",
+            Self::Held => "held",
         }
     }
 }
@@ -90,6 +96,22 @@ impl Interval {
             _ => Class::OneSided,
         };
         own(low, high, class)
+    }
+}
+
+impl Interval {
+    /// The same of an estimate with this value, which is held where rounding errors are all of its deviation.
+    pub fn or_held(self, value: f64) -> Self {
+        let is_held = self.class == Class::Finite && self.sd <= ROUNDING * value.abs();
+        match is_held {
+            true => Self {
+                sd: f64::NAN,
+                low: f64::NAN,
+                high: f64::NAN,
+                class: Class::Held,
+            },
+            false => self,
+        }
     }
 }
 

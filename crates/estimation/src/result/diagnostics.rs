@@ -91,7 +91,10 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
             .filter(|own| fit.status == Status::Converged && *own < FLAT)
             .map(Diagnostic::Flat),
     );
-    all.extend(fit.describing.contradicted().map(Diagnostic::Contradicted));
+    // A stick at its stops is no linear one, and its describing function is another.
+    if posed.unlimited.is_none() {
+        all.extend(fit.describing.contradicted().map(Diagnostic::Contradicted));
+    }
     all.extend(of_inputs(fit));
     let measured = 0..posed.file.measured.len();
     all.extend(measured.filter_map(|k| unbounded(posed, fit, k)));

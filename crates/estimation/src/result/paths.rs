@@ -54,13 +54,20 @@ impl<'p> PilotPaths<'p> {
         let at = |[input, signal]: [usize; 2]| {
             LOOKED_AT.map(|omega| linear.transfer(signal, input, Complex::new(0.0, omega)))
         };
+        let size = |[input, signal]: [usize; 2]| {
+            let own = at([input, signal]);
+            own.iter().map(|own| own.norm()).fold(0.0, f64::max)
+        };
         let (mut pairs, mut ends): (Vec<[usize; 2]>, Vec<[String; 2]>) = Default::default();
         for signal in 0..opened.signals.len() {
             let begin = pairs.len();
+            let all = (0..opened.inputs.len()).map(|input| size([input, signal]));
+            let largest = all.filter(|size| size.is_finite()).fold(0.0, f64::max);
             for input in 0..opened.inputs.len() {
                 let own = at([input, signal]);
-                if own.iter().any(|own| !own.is_finite()) || own.iter().all(|own| own.norm() == 0.0)
-                {
+                // Beside the others it is rounding errors.
+                let is_there = size([input, signal]) > NEGLIGIBLE * largest;
+                if own.iter().any(|own| !own.is_finite()) || !is_there {
                     continue;
                 }
                 // What acts on a pilot by a difference, as a target and a position by the error, is one path.

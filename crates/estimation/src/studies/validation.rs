@@ -111,9 +111,10 @@ fn fixed(file: &ProblemFile, fit: &Fit) -> ProblemFile {
     for run in &mut file.runs {
         run.fits = true;
     }
+    // What was not sought stays as it was.
     let is_name = |line: &Sought| !line.name.value.ends_with(".*");
     file.parameters
-        .retain(|line| is_name(line) && line.value.is_some());
+        .retain(|line| line.fixed || (is_name(line) && line.value.is_some()));
     for found in fit.parameters.iter().filter(|found| !found.is_tied) {
         if let Some((measured, what)) = sensor(&file, &found.name) {
             let formula = Calibration::Formula(Formula::of_number(found.mean()));

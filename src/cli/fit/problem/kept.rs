@@ -14,6 +14,8 @@ pub fn table(fit: &Fit, prefix: &str) -> Option<String> {
             let name = found.name.strip_prefix(prefix)?;
             Some((name, found.values[0].1, *all.first()?))
         })
+        // What is held has none.
+        .filter(|(.., own)| !own.sd.is_nan())
         .collect();
     if told.is_empty() {
         return None;

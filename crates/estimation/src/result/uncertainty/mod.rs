@@ -231,7 +231,7 @@ impl Sure<'_> {
             Some(_) => self.released(at),
             None => self.deviation(at),
         };
-        let own = Interval::new(value, sd, degrees, range, bound);
+        let own = Interval::new(value, sd, degrees, range, bound).or_held(value);
         let slope = if unknown.log {
             unknown.found(value)
         } else {
@@ -320,7 +320,7 @@ impl Sure<'_> {
 /// An interval without a range, from a standard deviation and its degrees of freedom.
 fn open_interval(value: f64, (sd, degrees): (f64, f64)) -> Interval {
     let open = [f64::NEG_INFINITY, f64::INFINITY];
-    Interval::new(value, sd, degrees, open, None)
+    Interval::new(value, sd, degrees, open, None).or_held(value)
 }
 
 fn deviation<J: std::borrow::Borrow<Joint>>(
