@@ -105,7 +105,7 @@ pub fn well_determined<'i>(all: impl Iterator<Item = (f64, &'i Interval)>) -> St
         well += usize::from(interval.sd < WELL_DETERMINED * value.abs());
     }
     format!(
-        "{well} of {count} parameters are well determined: the standard deviation of their intervals is below {:.0} % of the \
+        "{well} of {count} parameters are well determined, by a standard deviation of their intervals below {:.0} % of the \
          value.",
         100.0 * WELL_DETERMINED
     )

@@ -547,6 +547,27 @@ fn a_vehicle_that_is_no_body_is_told() {
     assert!(of(unflyable).contains(&"vehicle-unstable"));
 }
 
+/// Sines are followed late, so that positions and targets of one time are hardly alike.
+#[test]
+fn a_wrong_unit_or_sign_is_told_behind_a_delay() {
+    let told = |factor: f64| {
+        let sines = |t: f64| -> f64 {
+            let lines = [6.0, 13.0, 27.0, 41.0].map(|n| std::f64::consts::TAU * n / 81.92);
+            lines.iter().map(|w| (w * (t + 7.0)).sin()).sum()
+        };
+        let late = |trial: &mut Trial| {
+            trial.time = (0..400).map(|k| 0.05 * f64::from(k)).collect();
+            trial.target = trial.time.iter().map(|t| sines(*t)).collect();
+            let position = |t: &f64| factor * (sines(t - 0.8) - sines(-0.8));
+            trial.position = trial.time.iter().map(position).collect();
+            trial.stick = None;
+        };
+        let trials = changed(late)[..1].to_vec();
+        codes_of(&trials).contains(&"wrong-scale")
+    };
+    assert!(told(3.28) && told(-1.0) && !told(1.0));
+}
+
 #[test]
 fn a_flight_that_stands_there_twice_is_told() {
     let mut trials = changed(|_| ());

@@ -1,7 +1,7 @@
 //! The covariance of θ, what follows from it, and how a pilot file keeps it.
 
 use crate::pilot_file::PilotFileError;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use pilotage_inference::{Interval, Method};
 use pilotage_text::document::{TomlTable, number};
 
@@ -21,30 +21,48 @@ pub struct Spread {
 
 impl Spread {
     /// The intervals of numbers that follow from θ, such as margins or poles, and have these values there (delta method,
-    /// by central differences of `of`).
+    /// by central differences of `of`). Differences go along the axes of the ellipsoid, not along each component: where a
+    /// pole runs away, components are unsure by far more than what they are together, and their parts would not cancel.
     pub fn derived(
         &self,
         theta: &[f64],
         values: &[f64],
         of: impl Fn(&[f64]) -> Vec<f64>,
     ) -> Vec<Interval> {
-        let steps = self.covariance.diagonal().map(|v| STEP * v.sqrt());
-        let mut slopes = DMatrix::zeros(values.len(), theta.len());
-        for (k, step) in steps.iter().enumerate().filter(|(_, step)| **step > 0.0) {
+        let mut variances = DVector::zeros(values.len());
+        for axis in self.axes() {
             let moved = |by: f64| {
-                let mut theta = theta.to_vec();
-                theta[k] += by;
-                DVector::from_vec(of(&theta))
+                let moved = DVector::from_column_slice(theta) + by * &axis;
+                DVector::from_vec(of(moved.as_slice()))
             };
-            slopes.set_column(k, &((moved(*step) - moved(-step)) / (2.0 * step)));
+            let slopes = (moved(STEP) - moved(-STEP)) / (2.0 * STEP);
+            variances += slopes.component_mul(&slopes);
         }
-        let interval = |(i, value): (usize, &f64)| {
-            let gradient = slopes.row(i).transpose();
-            let variance = gradient.dot(&(&self.covariance * &gradient)).max(0.0);
+        let interval = |(value, variance): (&f64, &f64)| {
             let open = [f64::NEG_INFINITY, f64::INFINITY];
             Interval::new(*value, variance.sqrt(), self.least_degrees(), open, None)
         };
-        values.iter().enumerate().map(interval).collect()
+        values.iter().zip(&variances).map(interval).collect()
+    }
+
+    /// The axes of the ellipsoid of one standard deviation: `Σ a aᵀ` over them is the covariance.
+    fn axes(&self) -> Vec<DVector<f64>> {
+        let sd = self.covariance.diagonal().map(f64::sqrt);
+        let n = sd.len();
+        let correlation = DMatrix::from_fn(n, n, |i, j| match sd[i] * sd[j] > 0.0 {
+            true => self.covariance[(i, j)] / (sd[i] * sd[j]),
+            false => 0.0,
+        });
+        let eigen = SymmetricEigen::new(correlation);
+        let pairs = eigen
+            .eigenvalues
+            .iter()
+            .zip(eigen.eigenvectors.column_iter());
+        let is_there = |own: &(&f64, _)| *own.0 > 0.0;
+        pairs
+            .filter(is_there)
+            .map(|(value, vector)| value.sqrt() * vector.component_mul(&sd))
+            .collect()
     }
 
     /// Degrees of freedom of what depends on all components.
@@ -174,4 +192,33 @@ fn trouble(covariance: &DMatrix<f64>) -> Option<&'static str> {
     }
     let least = correlations.symmetric_eigenvalues().min();
     (least < -1e-6).then_some("is not positive semidefinite")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two components that are unsure by five times their size, and whose ratio is sure to a hundredth.
+    #[test]
+    fn what_components_are_together_is_surer_than_they_are() {
+        let half = 0.5_f64.sqrt();
+        let along = 5e7 * DVector::from_vec(vec![half, half]);
+        let across = 1e5 * DVector::from_vec(vec![half, -half]);
+        let covariance = &along * along.transpose() + &across * across.transpose();
+        let spread = Spread {
+            method: Method::Plain,
+            covariance,
+            degrees: vec![1e9; 2],
+        };
+        let ratio = |theta: &[f64]| vec![theta[0] / theta[1], theta[0]];
+        let theta = [1e7, 1e7];
+        let found = spread.derived(&theta, &ratio(&theta), ratio);
+        let expected = [2.0 * half * 1e5 / 1e7, half * (5e7_f64.hypot(1e5))];
+        for (own, expected) in found.iter().zip(expected) {
+            assert!(
+                (own.sd / expected - 1.0).abs() < 1e-4,
+                "{own:?}, {expected}"
+            );
+        }
+    }
 }

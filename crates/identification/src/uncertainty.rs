@@ -8,6 +8,11 @@ use pilotage_inference::{Direction, Noise};
 use pilotage_sqp::Iterate;
 use pilotage_text::counted;
 
+/// Step along a direction that the data leave open, per size of a parameter.
+const ALONG: f64 = 1e-3;
+/// What follows from θ changes along it where twice the parameters would change it by more than this part.
+const TOUCHED: f64 = 0.01;
+
 /// How sure a fit is of θ, linearised at the solution.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Uncertainty {
@@ -74,7 +79,7 @@ impl Uncertainty {
         self.open.is_empty().then_some(&self.spread)
     }
 
-    /// [`Spread::derived`]; all are flat where the data leave a direction open.
+    /// [`Spread::derived`]; flat are those that change along a direction that the data leave open.
     pub fn derived(
         &self,
         theta: &[f64],
@@ -83,10 +88,40 @@ impl Uncertainty {
     ) -> Vec<Interval> {
         let open = [f64::NEG_INFINITY, f64::INFINITY];
         let flat = |value: &f64| Interval::new(*value, f64::INFINITY, f64::INFINITY, open, None);
-        match self.told() {
-            Some(spread) => spread.derived(theta, values, of),
-            None => values.iter().map(flat).collect(),
+        let mut changes = vec![0.0_f64; values.len()];
+        for Direction(parts) in &self.open {
+            // By as much as the component that changes most, per its size.
+            let relative = parts
+                .iter()
+                .zip(theta)
+                .map(|(part, own)| (part / own).abs());
+            let size = relative.filter(|own| own.is_finite()).fold(0.0, f64::max);
+            let moved = |by: f64| {
+                let moved = parts
+                    .iter()
+                    .zip(theta)
+                    .map(|(part, own)| own + by * part / size);
+                of(&moved.collect::<Vec<_>>())
+            };
+            let pairs = moved(ALONG).into_iter().zip(moved(-ALONG));
+            for (change, (a, b)) in changes.iter_mut().zip(pairs) {
+                let own = ((a - b) / (2.0 * ALONG)).abs();
+                *change = if own.is_nan() {
+                    f64::INFINITY
+                } else {
+                    change.max(own)
+                };
+            }
         }
+        let intervals = self.spread.derived(theta, values, of);
+        let all = values.iter().zip(&changes).zip(intervals);
+        all.map(
+            |((value, change), own)| match *change > TOUCHED * value.abs() {
+                true => flat(value),
+                false => own,
+            },
+        )
+        .collect()
     }
 
     /// What one must know of it, in words.

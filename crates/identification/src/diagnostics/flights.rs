@@ -11,8 +11,12 @@ use std::collections::hash_map::Entry;
 
 /// A run whose positions differ by less does not move [m].
 const STILL: f64 = 1e-6;
-/// A run is driven when its target is at least this part of its largest error away from its start.
+/// A run is driven when its target is at least this part of its largest error away from its start; largest but for a few.
 const DRIVEN: f64 = 0.5;
+const NEARLY_ALL: f64 = 0.98;
+/// Delays by which positions follow targets \[s\], and how many are looked at.
+const LONGEST_DELAY: f64 = 1.5;
+const DELAYS: u32 = 15;
 /// Correlation of positions with targets from which the slope between them means something.
 const FOLLOWS: f64 = 0.7;
 /// Slopes of positions over targets that humans fly; little at first. Beyond them are other units: feet are 3.28.
@@ -87,9 +91,16 @@ fn movement(trials: &[Trial]) -> Option<Diagnostic> {
     let largest =
         |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |m: f64, v| m.max(v.abs()));
     let of_run = |trial: &Trial| {
-        let errors = trial.target.iter().zip(&trial.position).map(|(w, z)| w - z);
-        let error = largest(&mut errors.filter(|e| e.is_finite()));
-        (trial.forcing(), error)
+        let errors = trial
+            .target
+            .iter()
+            .zip(&trial.position)
+            .map(|(w, z)| (w - z).abs());
+        let mut errors: Vec<f64> = errors.filter(|e| e.is_finite()).collect();
+        errors.sort_by(f64::total_cmp);
+        // But for single outliers.
+        let last = (NEARLY_ALL * errors.len() as f64) as usize;
+        (trial.forcing(), errors.get(last).copied().unwrap_or(0.0))
     };
     let all: Vec<(f64, f64)> = trials.iter().map(of_run).collect();
     let is_driven = |&(forcing, error): &(f64, f64)| forcing >= DRIVEN * error && forcing > STILL;
@@ -103,23 +114,36 @@ fn movement(trials: &[Trial]) -> Option<Diagnostic> {
     (!all.iter().any(is_driven)).then_some(none)
 }
 
-/// Slope of positions over targets, both from where the runs begin, where it is no human's.
+/// Slope of positions over targets as long ago as they are most like, both from where the runs begin, where it is no
+/// human's. A slope below zero means something where no delay makes them alike.
 fn wrong_scale(trials: &[Trial]) -> Option<f64> {
+    let all =
+        (0..=DELAYS).map(|k| followed(trials, LONGEST_DELAY * f64::from(k) / f64::from(DELAYS)));
+    let all: Vec<[f64; 2]> = all.collect();
+    let best = |sign: f64| {
+        let all = all.iter().filter(move |own| sign * own[0] > FOLLOWS);
+        all.max_by(|a, b| (sign * a[0]).total_cmp(&(sign * b[0])))
+    };
+    let [_, slope] = *best(1.0).or_else(|| best(-1.0))?;
+    (!SLOPES.contains(&slope)).then_some(slope)
+}
+
+/// Correlation of positions with targets so long before \[s\], and the slope between them.
+fn followed(trials: &[Trial], delay: f64) -> [f64; 2] {
     let (mut product, mut targets, mut positions) = (0.0, 0.0, 0.0);
     for trial in trials {
         let origin = trial.origin();
-        for (target, z) in trial.target.iter().zip(&trial.position) {
+        let step = median_step(&trial.time).unwrap_or(f64::INFINITY);
+        let late = (delay / step).round() as usize;
+        let pairs = trial.target.iter().zip(trial.position.iter().skip(late));
+        for (target, z) in pairs.filter(|(_, z)| z.is_finite()) {
             let (target, z) = (target - origin, z - origin);
-            if z.is_finite() {
-                product += target * z;
-                targets += target * target;
-                positions += z * z;
-            }
+            product += target * z;
+            targets += target * target;
+            positions += z * z;
         }
     }
-    let correlation = product / (targets * positions).sqrt();
-    let factor = product / targets;
-    (correlation.abs() > FOLLOWS && !SLOPES.contains(&factor)).then_some(factor)
+    [product / (targets * positions).sqrt(), product / targets]
 }
 
 fn time_scale(trials: &[Trial]) -> Option<Diagnostic> {

@@ -143,6 +143,8 @@ fn chosen(said: &str, names: &[(String, Option<String>)]) -> Result<Vec<usize>, 
         return Ok((0..names.len()).collect());
     }
     let mut found = Vec::new();
+    // As tables write them.
+    let said = said.replace('θ', "theta");
     for name in said.split(',').map(str::trim) {
         let is_meant = |k: &usize| names[*k].0 == name || full_name(&names[*k]) == name;
         let own: Vec<usize> = (0..names.len()).filter(is_meant).collect();
