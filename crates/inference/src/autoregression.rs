@@ -16,8 +16,9 @@ use crate::restricted::{LARGEST, Likelihood, golden, of_whitened};
 use nalgebra::DMatrix;
 use std::borrow::Cow;
 
-/// Highest order.
-const MOST: usize = 8;
+/// Highest order. White noise that lies over what a loop swings with has no finite one, and the criterion may have a lower
+/// minimum beyond a first one.
+const MOST: usize = 32;
 /// Rows of a run for each order.
 const ROWS: usize = 10;
 /// Part of the mean distance of samples below which they count as that far apart: values of one time are not the same.
@@ -161,12 +162,12 @@ impl Autoregression {
 
     /// The process in residuals that are evenly apart.
     fn even(segments: &[Segment]) -> Self {
-        let shortest = segments
+        let longest = segments
             .iter()
             .map(|own| own.rows.nrows())
             .max()
             .unwrap_or(0);
-        let most = MOST.min(shortest / ROWS);
+        let most = MOST.min(longest / ROWS);
         let likelihood = Likelihood::new(segments, most);
         let residuals = |own: &Segment| {
             own.rows
