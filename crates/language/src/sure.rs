@@ -43,6 +43,12 @@ pub fn check(
         let byte = table.content("parameters", Some(k)).byte(0);
         return Ok(Some((byte, Fault::Uncertainty(words))));
     }
+    let is_again = |k: &usize| names[..*k].iter().any(|own| own.0 == names[*k].0);
+    if let Some(k) = (0..names.len()).find(is_again) {
+        let words = format!("`{}` stands twice among its parameters", names[k].0);
+        let byte = table.content("parameters", Some(k)).byte(0);
+        return Ok(Some((byte, Fault::Uncertainty(words))));
+    }
     let count = names.len();
     let degrees = table.numbers("degrees_of_freedom")?.unwrap_or_default();
     let is_positive = degrees.iter().all(|own| *own > 0.0);

@@ -434,7 +434,8 @@ fn expressed(
         .collect();
     let found = |(name, node): &(String, Node)| {
         let values: Vec<f64> = of_runs.iter().map(|values| values[node.index()]).collect();
-        let is_one = values.windows(2).all(|pair| pair[0] == pair[1]);
+        let is_same = |a: f64, b: f64| a == b || (a.is_nan() && b.is_nan());
+        let is_one = values.windows(2).all(|pair| is_same(pair[0], pair[1]));
         let labelled = posed
             .data
             .iter()
