@@ -48,7 +48,6 @@ export class Scene {
     this.g = canvas.getContext("2d");
     this.left = patch ? 44 : 20;
     this.camera = this.start = null;
-    this.lean = [];
     this.dark = matchMedia("(prefers-color-scheme: dark)");
   }
 

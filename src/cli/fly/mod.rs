@@ -289,24 +289,22 @@ impl Args {
             [] => usual.to_vec(),
             said => said.iter().map(String::as_str).collect(),
         };
-        let number = |word: &&str| word.strip_prefix('-').unwrap_or(word).parse::<u8>().ok();
-        if let Some(word) = said.iter().find(|word| number(word).is_none()) {
-            let message = format!("--stick-axes: `{word}` is no number of an axis");
-            return Err(Failure::new(message)
-                .hint("from 0 to 255, with a minus for one that is turned round: 0,-1"));
-        }
-        let numbers: Option<Vec<usize>> = said
-            .iter()
-            .map(|word| number(word).map(usize::from))
-            .collect();
-        let numbers = numbers.filter(|numbers| numbers.len() == axes);
-        let numbers = numbers.ok_or_else(|| {
+        let number = |word: &&str| {
+            let number = word.strip_prefix('-').unwrap_or(word).parse::<u8>();
+            number.map(usize::from).map_err(|_| {
+                let message = format!("--stick-axes: `{word}` is no number of an axis");
+                Failure::new(message)
+                    .hint("from 0 to 255, with a minus for one that is turned round: 0,-1")
+            })
+        };
+        let numbers: Vec<usize> = said.iter().map(number).collect::<Result<_, _>>()?;
+        if numbers.len() != axes {
             let message = format!(
                 "--stick-axes {}: the vehicle wants {axes} of them",
                 said.join(",")
             );
-            Failure::new(message).hint("numbers from 0, with commas between them")
-        })?;
+            return Err(Failure::new(message).hint("numbers from 0, with commas between them"));
+        }
         let inverted = said.iter().map(|word| word.starts_with('-')).collect();
         let listened = joystick::listen(path, Reading::new(numbers, inverted), hand.clone());
         let (_, note) = listened.map_err(|error| {
