@@ -4,7 +4,12 @@ use crate::jet::{Jet, Number};
 use crate::matrix::{Matrix, dot};
 use crate::solve::solved;
 use crate::transition::Transition;
+use num_dual::DualSVec64;
 use pilotage_expression::{Graph, Node, Tape};
+
+/// Derivatives that one pass of the filter takes with it. Both widths, none and these, are compiled here, where the
+/// loops are optimised, and not where they are called.
+pub const SLOPES: usize = 4;
 
 /// Transitions that are kept: samples are a few different times apart.
 const KEPT: usize = 4;
@@ -149,15 +154,31 @@ impl Filter {
     ///
     /// # Panics
     /// Where there are not as many variables as the equations have.
-    pub fn run<T: Number<N>, const N: usize>(
+    pub fn run(
         &self,
         record: &Record<'_>,
-        initial: &[Jet<N>],
-        rest: &[Jet<N>],
+        initial: &[f64],
+        rest: &[f64],
         parts: usize,
-    ) -> Course<N> {
+    ) -> Course<0> {
         let recorded = |at: &Seen| record.measured[at.signal][at.sample];
-        self.learning::<T, N>(record, (initial, rest), parts, &mut &recorded)
+        let from = (&constants(initial)[..], &constants(rest)[..]);
+        self.learning::<f64, 0>(record, from, parts, &mut &recorded)
+    }
+
+    /// The same with derivatives.
+    ///
+    /// # Panics
+    /// As [`Filter::run`].
+    pub fn differentiated(
+        &self,
+        record: &Record<'_>,
+        initial: &[Jet<SLOPES>],
+        rest: &[Jet<SLOPES>],
+        parts: usize,
+    ) -> Course<SLOPES> {
+        let recorded = |at: &Seen| record.measured[at.signal][at.sample];
+        self.learning::<DualSVec64<SLOPES>, SLOPES>(record, (initial, rest), parts, &mut &recorded)
     }
 
     /// Values that could have been recorded where a record has some: each is drawn from what is predicted by those before
@@ -168,10 +189,10 @@ impl Filter {
     pub fn simulated(
         &self,
         record: &Record<'_>,
-        initial: &[Jet<0>],
-        rest: &[Jet<0>],
+        initial: &[f64],
+        rest: &[f64],
         parts: usize,
-        mut gauss: impl FnMut() -> f64,
+        gauss: &mut dyn FnMut() -> f64,
     ) -> Vec<Vec<f64>> {
         let missing = record.measured.iter().map(|own| vec![f64::NAN; own.len()]);
         let mut drawn: Vec<Vec<f64>> = missing.collect();
@@ -180,7 +201,8 @@ impl Filter {
             drawn[at.signal][at.sample] = value;
             value
         };
-        self.learning::<f64, 0>(record, (initial, rest), parts, &mut draw);
+        let from = (&constants(initial)[..], &constants(rest)[..]);
+        self.learning::<f64, 0>(record, from, parts, &mut draw);
         drawn
     }
 
@@ -388,6 +410,10 @@ fn square<const N: usize>(entries: &[Jet<N>], size: usize) -> Matrix<N> {
         (0..size).for_each(|j| *own.at(i, j) = entries[i * size + j]);
     }
     own
+}
+
+fn constants(values: &[f64]) -> Vec<Jet<0>> {
+    values.iter().map(|own| Jet::constant(*own)).collect()
 }
 
 fn computed<T: Number<N>, const N: usize>(tape: &Tape, variables: &[Jet<N>]) -> Vec<Jet<N>> {

@@ -104,7 +104,7 @@ impl<const N: usize> SubAssign for Jet<N> {
 }
 
 /// Number types in which tapes compute, as jets of `N` directions.
-pub trait Number<const N: usize>: DualNum<Primitive = f64> + Copy {
+pub(crate) trait Number<const N: usize>: DualNum<Primitive = f64> + Copy {
     /// The number that a jet is.
     fn of(jet: Jet<N>) -> Self;
     /// The jet that a number is.

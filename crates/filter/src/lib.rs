@@ -10,7 +10,7 @@
 //!
 //! ```
 //! use pilotage_expression::Graph;
-//! use pilotage_filter::{Equations, Filter, Jet, Record};
+//! use pilotage_filter::{Equations, Filter, Record};
 //!
 //! // A random walk of density q, measured with unit variance: variables are time, the state, q.
 //! let mut graph = Graph::default();
@@ -24,7 +24,7 @@
 //!     outputs: &[(nodes[1], one)],
 //! });
 //! let record = Record { time: &[0.0, 2.0], inputs: &[vec![], vec![]], measured: &[vec![f64::NAN, 3.0]] };
-//! let course = filter.run::<f64, 0>(&record, &[Jet::constant(0.0)], &[Jet::constant(0.5)], 1);
+//! let course = filter.run(&record, &[0.0], &[0.5], 1);
 //! // The variance of the state has grown by 0.5 · 2, and the sensor adds 1.
 //! let found = &course.innovations[0];
 //! assert_eq!((found.error.value, found.variance.value), (3.0, 2.0));
@@ -44,7 +44,7 @@ mod solve;
 mod tests;
 pub mod transition;
 
-pub use filter::{Course, Equations, Filter, Innovation, Record};
-pub use jet::{Jet, Number};
+pub use filter::{Course, Equations, Filter, Innovation, Record, SLOPES};
+pub use jet::Jet;
 pub use matrix::Matrix;
 pub use transition::Transition;

@@ -176,12 +176,7 @@ fn the_likelihood_is_that_of_the_textbook() {
         inputs: &inputs,
         measured: &measured,
     };
-    let course = filter.run::<f64, 0>(
-        &record,
-        &BEGIN.map(Jet::constant),
-        &THETA.map(Jet::constant),
-        1,
-    );
+    let course = filter.run(&record, &BEGIN, &THETA, 1);
     let own: f64 = course.innovations.iter().map(Innovation::surprise).sum();
     let expected = textbook(&time, &inputs, &measured);
     assert!(
@@ -189,12 +184,7 @@ fn the_likelihood_is_that_of_the_textbook() {
         "{own} {expected}"
     );
     // More parts change nothing: the system is linear.
-    let parts = filter.run::<f64, 0>(
-        &record,
-        &BEGIN.map(Jet::constant),
-        &THETA.map(Jet::constant),
-        3,
-    );
+    let parts = filter.run(&record, &BEGIN, &THETA, 3);
     let more: f64 = parts.innovations.iter().map(Innovation::surprise).sum();
     assert!((own - more).abs() < 1e-9 * own.abs(), "{own} {more}");
 }
@@ -205,7 +195,6 @@ fn what_is_drawn_has_the_innovations_it_was_drawn_with() {
     let (time, inputs, measured) = data();
     for equations in [equations(), nonlinear()] {
         let filter = filter(&equations);
-        let (begin, theta) = (BEGIN.map(Jet::constant), THETA.map(Jet::constant));
         let record = |measured| Record {
             time: &time,
             inputs: &inputs,
@@ -213,14 +202,14 @@ fn what_is_drawn_has_the_innovations_it_was_drawn_with() {
         };
         let mut random = ChaCha8Rng::seed_from_u64(11);
         let mut numbers = Vec::<f64>::new();
-        let drawn = filter.simulated(&record(&measured), &begin, &theta, 2, || {
+        let drawn = filter.simulated(&record(&measured), &BEGIN, &THETA, 2, &mut || {
             numbers.push(StandardNormal.sample(&mut random));
             numbers[numbers.len() - 1]
         });
         let pairs = drawn.iter().flatten().zip(measured.iter().flatten());
         assert!(pairs.clone().all(|(a, b)| a.is_finite() == b.is_finite()));
         assert!(pairs.filter(|(a, b)| a == b).count() == 0);
-        let course = filter.run::<f64, 0>(&record(&drawn), &begin, &theta, 2);
+        let course = filter.run(&record(&drawn), &BEGIN, &THETA, 2);
         assert_eq!(course.innovations.len(), numbers.len());
         for (own, number) in course.innovations.iter().zip(&numbers) {
             let z = own.standardised();
@@ -242,9 +231,8 @@ fn derivatives_are_those_of_differences() {
         };
         let at = [THETA[0], THETA[1], THETA[2], BEGIN[1]];
         let sum = |at: [f64; 4]| -> f64 {
-            let begin = [BEGIN[0], at[3], BEGIN[2]].map(Jet::constant);
-            let rest = [at[0], at[1], at[2]].map(Jet::constant);
-            let course = filter.run::<f64, 0>(&record, &begin, &rest, 2);
+            let begin = [BEGIN[0], at[3], BEGIN[2]];
+            let course = filter.run(&record, &begin, &at[..3], 2);
             course.innovations.iter().map(Innovation::surprise).sum()
         };
         let jet = |k: usize| Jet {
@@ -253,7 +241,7 @@ fn derivatives_are_those_of_differences() {
         };
         let begin = [Jet::constant(BEGIN[0]), jet(3), Jet::constant(BEGIN[2])];
         let rest = [jet(0), jet(1), jet(2)];
-        let course = filter.run::<DualSVec64<4>, 4>(&record, &begin, &rest, 2);
+        let course = filter.differentiated(&record, &begin, &rest, 2);
         for k in 0..4 {
             let own: f64 = course.innovations.iter().map(|i| slope(i, k)).sum();
             let moved = |by: f64| {
@@ -357,12 +345,7 @@ fn between_samples_mean_and_covariance_follow_their_differential_equations() {
         measured: &measured,
     };
     let off = |parts: usize| {
-        let course = filter.run::<f64, 0>(
-            &record,
-            &BEGIN.map(Jet::constant),
-            &THETA.map(Jet::constant),
-            parts,
-        );
+        let course = filter.run(&record, &BEGIN, &THETA, parts);
         let own = course.innovations[0];
         [
             (own.error.value - error).abs(),

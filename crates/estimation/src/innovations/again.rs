@@ -6,7 +6,6 @@ use super::program::Program;
 use super::{Predicted, SCORED, linearised};
 use crate::posed::Posed;
 use crate::search::solved::Linearised;
-use pilotage_filter::Jet;
 use pilotage_refits::refit::Point;
 use pilotage_refits::{Coordinate, Data, Fixed, Found, Refit, Resample, Watch};
 use pilotage_sqp::{Iterate, Iteration, Solution, SparseQp, SqpOptions, Status, solve};
@@ -158,14 +157,11 @@ impl<'p> Again<'p> {
     /// What could have been recorded of all runs, if the optimum were true: for each signal and run.
     fn simulated(&self, gauss: &mut dyn FnMut() -> f64) -> Vec<Vec<Vec<f64>>> {
         let unknowns = self.unknowns();
-        let theta: Vec<Jet<0>> = unknowns[..self.posed.shared]
-            .iter()
-            .map(|own| Jet::constant(*own))
-            .collect();
+        let theta = &unknowns[..self.posed.shared];
         let mut all = vec![Vec::new(); self.posed.told.recorded.len()];
         for j in 0..self.posed.runs.len() {
             let initial = self.likelihood.initial(j, &unknowns);
-            let drawn = self.likelihood.simulated(j, &initial, &theta, gauss);
+            let drawn = self.likelihood.simulated(j, &initial, theta, gauss);
             all.iter_mut()
                 .zip(drawn)
                 .for_each(|(own, values)| own.push(values));

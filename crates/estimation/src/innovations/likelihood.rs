@@ -3,13 +3,9 @@
 use crate::posed::unknowns::Unknown;
 use crate::posed::{Posed, Stands};
 use nalgebra::{DMatrix, DVector};
-use num_dual::DualSVec64;
-use pilotage_filter::{Course, Filter, Innovation, Jet, Number, Record};
+use pilotage_filter::{Course, Filter, Innovation, Jet, Record, SLOPES};
 use rayon::prelude::*;
 use std::ops::Range;
-
-/// Derivatives that one pass of the filter takes with it.
-const WIDTH: usize = 4;
 
 /// Parts of an interval beyond which no more are tried.
 pub(super) const MOST_PARTS: usize = 64;
@@ -85,43 +81,30 @@ impl<'p> Likelihood<'p> {
     }
 
     /// A run, filtered, with derivatives by a part of its unknowns, shared ones first.
-    fn course<T: Number<N>, const N: usize>(
-        &self,
-        j: usize,
-        unknowns: &[f64],
-        first: usize,
-    ) -> Course<N> {
-        let posed = self.posed;
+    fn differentiated(&self, j: usize, unknowns: &[f64], first: usize) -> Course<SLOPES> {
         let jet = |value: f64, place: Option<usize>| Jet {
             value,
             slopes: std::array::from_fn(|k| f64::from(u8::from(place == Some(first + k)))),
         };
+        let shared = self.posed.shared;
         let free = self.free(j);
         let place = |state: usize| free.iter().position(|own| *own == state);
         let states = self.initial(j, unknowns).into_iter().enumerate();
-        let states = states.map(|(k, x)| jet(x, place(k).map(|own| posed.shared + own)));
-        let theta = unknowns[..posed.shared].iter().enumerate();
+        let states = states.map(|(k, x)| jet(x, place(k).map(|own| shared + own)));
+        let theta = unknowns[..shared].iter().enumerate();
         let theta = theta.map(|(k, value)| jet(*value, Some(k)));
-        let (states, theta): (Vec<Jet<N>>, Vec<Jet<N>>) = (states.collect(), theta.collect());
-        self.along::<T, N>(j, &states, &theta)
+        let (states, theta): (Vec<_>, Vec<_>) = (states.collect(), theta.collect());
+        let measured = self.measured(j);
+        let record = self.record(j, &measured);
+        self.filter
+            .differentiated(&record, &states, &theta, self.parts)
     }
 
     /// A run, filtered from where its states begin.
     pub fn from(&self, j: usize, initial: &[f64], theta: &[f64]) -> Course<0> {
-        let of =
-            |values: &[f64]| -> Vec<Jet<0>> { values.iter().map(|v| Jet::constant(*v)).collect() };
-        self.along::<f64, 0>(j, &of(initial), &of(theta))
-    }
-
-    fn along<T: Number<N>, const N: usize>(
-        &self,
-        j: usize,
-        states: &[Jet<N>],
-        theta: &[Jet<N>],
-    ) -> Course<N> {
         let measured = self.measured(j);
         let record = self.record(j, &measured);
-        self.filter.run::<T, N>(&record, states, theta, self.parts)
+        self.filter.run(&record, initial, theta, self.parts)
     }
 
     /// What was recorded of a run, by signals.
@@ -147,19 +130,19 @@ impl<'p> Likelihood<'p> {
         &self,
         j: usize,
         initial: &[f64],
-        theta: &[Jet<0>],
+        theta: &[f64],
         gauss: &mut dyn FnMut() -> f64,
     ) -> Vec<Vec<f64>> {
         let measured = self.measured(j);
-        let states: Vec<Jet<0>> = initial.iter().map(|x| Jet::constant(*x)).collect();
         let record = self.record(j, &measured);
         self.filter
-            .simulated(&record, &states, theta, self.parts, gauss)
+            .simulated(&record, initial, theta, self.parts, gauss)
     }
 
     /// A run, filtered.
     pub fn filtered(&self, j: usize, unknowns: &[f64]) -> Course<0> {
-        self.course::<f64, 0>(j, unknowns, 0)
+        let theta = &unknowns[..self.posed.shared];
+        self.from(j, &self.initial(j, unknowns), theta)
     }
 
     /// `Σ weight (ln s + e²/s)` of all runs; not a number outside of the domain.
@@ -192,13 +175,13 @@ impl<'p> Likelihood<'p> {
         let width = |j: usize| self.posed.shared + self.free(j).len();
         let runs = 0..self.posed.runs.len();
         let passes = runs.clone().filter(|j| self.counts(*j)).flat_map(|j| {
-            let firsts = (0..width(j).max(1)).step_by(WIDTH);
+            let firsts = (0..width(j).max(1)).step_by(SLOPES);
             firsts.map(move |first| (j, first))
         });
         let passes: Vec<(usize, usize)> = passes.collect();
-        let courses: Vec<Course<WIDTH>> = passes
+        let courses: Vec<Course<SLOPES>> = passes
             .par_iter()
-            .map(|(j, first)| self.course::<DualSVec64<WIDTH>, WIDTH>(*j, unknowns, *first))
+            .map(|(j, first)| self.differentiated(*j, unknowns, *first))
             .collect();
         let mut all: Vec<RunRows> = runs.map(|j| RunRows::empty(width(j))).collect();
         for ((j, first), course) in passes.iter().zip(&courses) {
@@ -280,8 +263,8 @@ impl RunRows {
         }
     }
 
-    fn new<const N: usize>(course: &Course<N>, unknowns: usize) -> Self {
-        let plain = |own: &Innovation<N>| Innovation {
+    fn new(course: &Course<SLOPES>, unknowns: usize) -> Self {
+        let plain = |own: &Innovation<SLOPES>| Innovation {
             signal: own.signal,
             sample: own.sample,
             error: Jet::constant(own.error.value),
@@ -297,8 +280,8 @@ impl RunRows {
     }
 
     /// Takes the derivatives of a pass over.
-    fn fill<const N: usize>(&mut self, course: &Course<N>, first: usize) {
-        let last = self.errors.ncols().min(first + N);
+    fn fill(&mut self, course: &Course<SLOPES>, first: usize) {
+        let last = self.errors.ncols().min(first + SLOPES);
         for (i, own) in course.innovations.iter().enumerate() {
             for k in first..last {
                 self.errors[(i, k)] = own.error.slopes[k - first];
