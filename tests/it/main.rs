@@ -7,6 +7,7 @@
 #[macro_use]
 extern crate pilotage_timed;
 
+mod ahead_of_tools;
 mod arrows;
 mod bad_files;
 mod bad_fmus;
@@ -52,7 +53,6 @@ mod problems;
 mod random_collocation;
 mod recovery;
 mod refits;
-mod schemes;
 mod selection;
 mod shipped;
 mod sqp_problems;

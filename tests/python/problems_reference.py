@@ -42,12 +42,18 @@ UNITS = {
 } | dict.fromkeys(["s", "A", "V", "mg/dm3", "1"], 1.0)
 
 
+STAGES = [np.array(DOP853.A[k, :k], complex) for k in range(12)]
+WEIGHTS = np.array(DOP853.B, complex)
+
+
 def step(right, x, h):
     """One step of Dormand and Prince's method of order 8."""
     slopes = np.zeros((12, *x.shape), complex)
-    for k in range(12):
-        slopes[k] = right(x + h * np.tensordot(DOP853.A[k, :k], slopes[:k], 1))
-    return x + h * np.tensordot(DOP853.B, slopes, 1)
+    flat = slopes.reshape(12, -1)
+    slopes[0] = right(x)
+    for k in range(1, 12):
+        slopes[k] = right(x + h * (STAGES[k] @ flat[:k]).reshape(x.shape))
+    return x + h * (WEIGHTS @ flat).reshape(x.shape)
 
 
 def fixed(right, x, span, longest):

@@ -17,6 +17,7 @@
 //! | [`clock`] | communication points, counted |
 //! | [`algorithms`] | Jacobi, Gauss-Seidel and strong coupling; extrapolation; step-size control |
 //! | [`master`] | initialization and the stepping loop |
+//! | [`finite`] | which signals of a run are NaN or infinite |
 //! | [`mod@linearize`] | the linear system about where the components stand, and its loops |
 //! | [`recorder`] | where the rows go |
 //! | [`report`] | what a run did, and how far its coupling is to be trusted |
@@ -27,6 +28,7 @@ pub mod algorithms;
 pub mod clock;
 pub mod component;
 pub mod description;
+pub mod finite;
 pub mod fmu_component;
 pub mod linearize;
 pub mod master;
@@ -44,6 +46,7 @@ pub use component::{
     Variable,
 };
 pub use description::{DescriptionError, SystemDescription};
+pub use finite::{Finite, NotFinite, NotFiniteSignal};
 pub use fmu_component::isolated::{Isolated, Limits, Program};
 pub use fmu_component::{FmuComponent, ModelExchangeComponent};
 pub use linearize::{Linearization, LinearizeError, Loop, linearize};

@@ -5,6 +5,7 @@ use super::component::{
     ValueKind, Variable,
 };
 use pilotage_linear::StateSpace;
+use pilotage_models::AnyModel;
 use pilotage_sdk::simulation::Snapshot;
 use pilotage_sdk::structure::{Structure, Unknown};
 use pilotage_sdk::{Equations, Simulation, Table, variable};
@@ -57,6 +58,11 @@ pub struct NativeComponent<E> {
     simulation: Simulation<E>,
     variables: Vec<Variable>,
     saved: Vec<Option<Snapshot>>,
+}
+
+/// A built-in model or one of a model file. It is compiled here, where steps are optimised, and not where it is wired.
+pub fn of_model(model: AnyModel) -> Box<dyn Component> {
+    Box::new(NativeComponent::new(model))
 }
 
 impl<E: Equations> NativeComponent<E> {

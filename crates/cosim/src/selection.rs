@@ -150,10 +150,9 @@ fn fits(pattern: &str, name: &str) -> bool {
 }
 
 /// Records chosen signals at every `every`-th row, the first one included, and at the last.
-#[derive(Debug)]
-pub struct Thinned<R> {
+pub struct Thinned<'r> {
     /// Where the chosen values go.
-    pub inner: R,
+    inner: &'r mut dyn Recorder,
     selection: Option<Selection>,
     /// Slot in the run's row and conversion of each chosen signal; empty without a selection.
     slots: Vec<(usize, Conversion)>,
@@ -170,12 +169,12 @@ pub struct Thinned<R> {
     pub rows: u64,
 }
 
-impl<R> Thinned<R> {
+impl<'r> Thinned<'r> {
     /// All signals where nothing is selected.
     ///
     /// # Panics
     /// If `every` is 0.
-    pub fn new(inner: R, selection: Option<Selection>, every: u64) -> Self {
+    pub fn new(inner: &'r mut dyn Recorder, selection: Option<Selection>, every: u64) -> Self {
         assert!(every > 0, "every 0th row cannot be recorded");
         Self {
             inner,
@@ -192,7 +191,7 @@ impl<R> Thinned<R> {
     }
 }
 
-impl<R: Recorder> Thinned<R> {
+impl Thinned<'_> {
     fn record(&mut self, time: f64, values: &[f64]) -> io::Result<()> {
         self.rows += 1;
         if self.selection.is_none() {
@@ -205,7 +204,7 @@ impl<R: Recorder> Thinned<R> {
     }
 }
 
-impl<R: Recorder> Recorder for Thinned<R> {
+impl Recorder for Thinned<'_> {
     fn begin(&mut self, signals: &[Signal]) -> io::Result<()> {
         self.last = vec![f64::NAN; signals.len()];
         let Some(selection) = &self.selection else {

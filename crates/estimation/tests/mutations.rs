@@ -4,14 +4,15 @@
 use pilotage_estimation::{Posed, ProblemFile, fit, part};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 /// Mutations of all files together.
 const MUTATIONS: usize = 10_000;
 
-/// How many of those that pass are fitted.
-const MOST_FITS: usize = 200;
+/// Of each problem one mutation of so many is fitted, if it can be.
+const FIT_EVERY: usize = 20;
 
 /// What is put in the place of a number or a word.
 const WORDS: [&str; 28] = [
@@ -152,28 +153,28 @@ fn mutations_of_problems_neither_panic_nor_hang() {
     let problems = problems();
     let random = ChaCha8Rng::seed_from_u64(7);
     let mut mutation = Mutation { random };
-    let (mut posed, mut fitted) = (0, 0);
-    for k in 0..MUTATIONS {
+    let mutated = (0..MUTATIONS).map(|k| {
         let (path, text) = &problems[k % problems.len()];
-        let text = mutation.of(text);
-        let Ok(mut file) = ProblemFile::parse(&text, path) else {
-            continue;
-        };
+        (path, mutation.of(text), k / problems.len() % FIT_EVERY == 0)
+    });
+    let mutated: Vec<(&PathBuf, String, bool)> = mutated.collect();
+    let of_one = |(path, text, is_fitted): &(&PathBuf, String, bool)| {
+        let mut file = ProblemFile::parse(text, path).ok()?;
         file.options.starts = 1;
         file.options.max_iterations = 3;
-        let Ok(problem) = Posed::new(&file, &part::open) else {
-            continue;
-        };
-        posed += 1;
-        if posed % 5 == 0 && fitted < MOST_FITS {
-            fitted += 1;
+        let problem = Posed::new(&file, &part::open).ok()?;
+        if *is_fitted {
             // At most 12 refinements follow the first solve.
             let found = fit(&problem, &mut |_| ControlFlow::Continue(()));
             assert!(found.iterations <= 3 * 13, "{} of {text}", found.iterations);
         }
-    }
+        Some(*is_fitted)
+    };
+    let posed: Vec<bool> = mutated.par_iter().filter_map(of_one).collect();
+    let fitted = posed.iter().filter(|is_fitted| **is_fitted).count();
     assert!(
-        posed >= 500 && fitted >= 100,
-        "{posed} posed, {fitted} fitted"
+        posed.len() >= 500 && fitted >= 100,
+        "{} posed, {fitted} fitted",
+        posed.len()
     );
 }

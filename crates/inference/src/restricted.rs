@@ -15,20 +15,15 @@ const ROUNDS: usize = 3;
 pub struct Likelihood<'s> {
     segments: &'s [Segment],
     most: usize,
-    /// For each segment, `Σ_t x_(t-i) x_(t-j)ᵀ` for i ≤ j over the rows from `most` on.
+    /// For each segment and i ≤ j what `a_i a_j` multiplies in `Σ_t w_t w_tᵀ` with `w_t = Σ_i a_i x_(t-i)`, over the rows
+    /// from `most` on: `Σ_t x_(t-i) x_(t-j)ᵀ`, and where i ≠ j its transpose too.
     products: Vec<Vec<DMatrix<f64>>>,
 }
 
 impl<'s> Likelihood<'s> {
     pub fn new(segments: &'s [Segment], most: usize) -> Self {
-        let of = |own: &Segment| {
-            let count = own.rows.nrows().saturating_sub(most);
-            let rows = |lag: usize| own.rows.rows((most - lag) * usize::from(count > 0), count);
-            let pairs = (0..=most).flat_map(|i| (i..=most).map(move |j| (i, j)));
-            pairs.map(|(i, j)| rows(i).tr_mul(&rows(j))).collect()
-        };
         Self {
-            products: segments.iter().map(of).collect(),
+            products: segments.iter().map(|own| products(own, most)).collect(),
             segments,
             most,
         }
@@ -36,27 +31,23 @@ impl<'s> Likelihood<'s> {
 
     /// −2 log of it, but for constants, and the variance of the innovations.
     pub fn value(&self, partial: &[f64]) -> (f64, f64) {
+        restricted(self.segments, self.whitened(partial).into_iter())
+    }
+
+    /// For each segment the products of its whitened rows, and the logarithm of the determinant of its covariance.
+    fn whitened(&self, partial: &[f64]) -> Vec<(DMatrix<f64>, f64)> {
         let process = Autoregression::new(partial);
-        let whitened = self
-            .segments
-            .iter()
-            .zip(&self.products)
-            .map(|(own, products)| {
-                let mut gram = self.interior(&process, products);
-                let mut sum = 0.0;
-                for t in 0..self.most.min(own.rows.nrows()) {
-                    let order = t.min(partial.len());
-                    sum += add_row(
-                        &mut gram,
-                        own,
-                        t,
-                        &process.predictors[order],
-                        process.left[order],
-                    );
-                }
-                (gram, sum)
-            });
-        restricted(self.segments, whitened)
+        let of = |(own, products): (&Segment, &Vec<DMatrix<f64>>)| {
+            let mut gram = self.interior(&process, products);
+            let mut sum = 0.0;
+            for t in 0..self.most.min(own.rows.nrows()) {
+                let order = t.min(partial.len());
+                let (predictor, left) = (&process.predictors[order], process.left[order]);
+                sum += add_row(&mut gram, own, t, predictor, left);
+            }
+            (gram, sum)
+        };
+        self.segments.iter().zip(&self.products).map(of).collect()
     }
 
     /// Whitened products of the rows from `most` on.
@@ -68,37 +59,93 @@ impl<'s> Likelihood<'s> {
         };
         let size = products[0].nrows();
         let mut gram = DMatrix::zeros(size, size);
-        let pairs = (0..=self.most).flat_map(|i| (i..=self.most).map(move |j| (i, j)));
-        for ((i, j), product) in pairs.zip(products) {
+        for ((i, j), product) in pairs(self.most).zip(products) {
             let factor = a(i) * a(j);
-            if factor != 0.0 && i == j {
-                gram += factor * product;
-            } else if factor != 0.0 {
-                gram += factor * (product + product.transpose());
+            if factor != 0.0 {
+                gram.iter_mut()
+                    .zip(product)
+                    .for_each(|(sum, own)| *sum += factor * own);
             }
         }
         gram
     }
 
+    /// −2 log of it as a function of one of the partial autocorrelations `p`. Whitened products are of second degree in it:
+    /// predictors are of first degree, and of the variance that is left before its order it is the factor `1/(1 - p²)`.
+    fn along(&self, partial: &[f64], k: usize) -> impl Fn(f64) -> f64 + '_ {
+        let [before, middle, after] = [-0.5, 0.0, 0.5].map(|p| {
+            let mut other = partial.to_vec();
+            other[k] = p;
+            self.whitened(&other)
+        });
+        let order = partial.len();
+        let of = |((b, m), a): ((&DMatrix<f64>, &(DMatrix<f64>, f64)), &DMatrix<f64>)| {
+            let (m, sum) = m;
+            (m.clone(), a - b, (a + b - 2.0 * m) * 2.0, *sum)
+        };
+        let grams = before.iter().map(|own| &own.0).zip(&middle);
+        let grams = grams.zip(after.iter().map(|own| &own.0)).map(of);
+        let grams: Vec<_> = grams.collect();
+        move |p: f64| {
+            let at = grams.iter().zip(self.segments);
+            let at = at.map(|((constant, first, second, sum), own)| {
+                let early = (0..self.most.min(own.rows.nrows())).filter(|t| *t.min(&order) <= k);
+                let sum = sum - early.count() as f64 * (1.0 - p * p).ln();
+                (constant + p * first + p * p * second, sum)
+            });
+            restricted(self.segments, at).0
+        }
+    }
+
     /// The partial autocorrelations that make it largest, near these: one after the other along their inverse
     /// hyperbolic tangents, by golden sections.
     pub fn maximised(&self, mut partial: Vec<f64>) -> Vec<f64> {
+        let within = |u: f64| u.tanh().clamp(-LARGEST, LARGEST);
         let mut reach = 1.5;
         for _ in 0..ROUNDS {
             for k in 0..partial.len() {
                 let middle = partial[k].atanh();
-                let at = |u: f64| {
-                    let mut other = partial.clone();
-                    other[k] = u.tanh().clamp(-LARGEST, LARGEST);
-                    self.value(&other).0
-                };
-                let best = golden(at, middle - reach, middle + reach);
-                partial[k] = best.tanh().clamp(-LARGEST, LARGEST);
+                let value = self.along(&partial, k);
+                partial[k] = within(golden(|u| value(within(u)), middle - reach, middle + reach));
             }
             reach *= 0.3;
         }
         partial
     }
+}
+
+/// Pairs of lags i ≤ j up to the largest.
+fn pairs(most: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..=most).flat_map(move |i| (i..=most).map(move |j| (i, j)))
+}
+
+/// Products of the rows of a segment at all [`pairs`] of lags. Those at `i + 1, j + 1` have other ends than those at `i, j`,
+/// and the same rows else.
+fn products(of: &Segment, most: usize) -> Vec<DMatrix<f64>> {
+    let (rows, size) = (&of.rows, of.rows.ncols());
+    let count = rows.nrows().saturating_sub(most);
+    if count == 0 {
+        return vec![DMatrix::zeros(size, size); pairs(most).count()];
+    }
+    let lagged = |lag: usize| rows.rows(most - lag, count);
+    let mut diagonals: Vec<DMatrix<f64>> =
+        (0..=most).map(|j| lagged(0).tr_mul(&lagged(j))).collect();
+    let mut all = Vec::new();
+    for i in 0..=most {
+        for (apart, product) in diagonals[..=most - i].iter_mut().enumerate() {
+            let j = i + apart;
+            if i > 0 {
+                let product_of = |t: usize| rows.row(t - i).transpose() * rows.row(t - j);
+                *product += product_of(most);
+                *product -= product_of(rows.nrows());
+            }
+            all.push(match apart {
+                0 => product.clone(),
+                _ => &*product + product.transpose(),
+            });
+        }
+    }
+    all
 }
 
 /// Adds a whitened row to products of them; returns the logarithm of its variance.
@@ -230,6 +277,17 @@ mod tests {
         let expected = 12.0 * s2.ln() + sigma.determinant().ln() + h.determinant().ln();
         assert!((variance - s2).abs() < 1e-10 * s2, "{variance} {s2}");
         assert!((value - expected).abs() < 1e-8, "{value} {expected}");
+        // Along each of the two it is the same.
+        let likelihood = Likelihood::new(&segments, 4);
+        for k in 0..2 {
+            for p in [-0.9, 0.3, 0.98] {
+                let mut partial = [a / (1.0 - b), b];
+                partial[k] = p;
+                let (whole, _) = likelihood.value(&partial);
+                let along = likelihood.along(&[a / (1.0 - b), b], k)(p);
+                assert!((whole - along).abs() < 1e-9, "{whole} {along}");
+            }
+        }
         // Row by row it is the same.
         let process = Autoregression::new(&[a / (1.0 - b), b]);
         let step = |_: &Segment, t: usize| {

@@ -2,13 +2,11 @@
 
 mod coupling;
 pub mod ending;
-mod finite;
 mod report;
 mod summary;
 mod watch;
 
 use self::coupling::CouplingArgs;
-use self::finite::Finite;
 use self::summary::Summary;
 use self::watch::{Told, Watch};
 use super::number::{number, positive};
@@ -19,8 +17,8 @@ use super::system::{self, Built};
 use super::{Failure, Outcome, guard, interrupt, terminal};
 use crate::atomic_file::{self, GrowingFile};
 use crate::cosim::{
-    Clock, Components, CsvRecorder, Ending, MasterError, Selection, System, SystemDescription,
-    Thinned,
+    Clock, Components, CsvRecorder, Ending, Finite, MasterError, Selection, System,
+    SystemDescription, Thinned,
 };
 use crate::error_chain::error_chain;
 use clap::Parser;
@@ -138,8 +136,10 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 
     let file = open(&args.output)?;
     let part = file.part().to_owned();
-    let recorder = Thinned::new(Finite::new(CsvRecorder::new(file)), selection, every);
-    let mut watch = Watch::new(recorder, args.progress, &clock);
+    let mut csv = CsvRecorder::new(file);
+    let mut finite = Finite::new(&mut csv);
+    let mut thinned = Thinned::new(&mut finite, selection, every);
+    let mut watch = Watch::new(&mut thinned, args.progress, &clock);
     pilotage_process::record(&format!("{}{}", guard::ROWS, part.display()));
     let run = crate::cosim::run_open(
         system,
@@ -154,20 +154,15 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         Ok(run) => run,
         Err(error) => {
             watch.end("failed", args.start_time, None);
-            return Err(explain(error, &description, watch.inner, &part));
+            return Err(explain(error, &description, csv, &part));
         }
     };
     let ending = ending::Words::with_rows(&run);
     watch.end(ending.status, run.time, Some(report::to_json(&run.report)));
     let seconds = watch.elapsed().as_secs_f64();
-    let Thinned {
-        inner: recorder,
-        signals,
-        rows,
-        ..
-    } = watch.inner;
-    let (recorder, not_finite) = recorder.finish();
-    save(recorder, &args.output)?;
+    let Thinned { signals, rows, .. } = thinned;
+    let not_finite = finite.finish();
+    save(csv, &args.output)?;
     let summary = Summary {
         args: &args,
         files: &files,
@@ -333,7 +328,7 @@ fn save(recorder: CsvRecorder<GrowingFile>, path: &Path) -> Result<(), Failure> 
 fn explain(
     error: MasterError,
     description: &SystemDescription,
-    recorder: Thinned<Finite<CsvRecorder<GrowingFile>>>,
+    recorder: CsvRecorder<GrowingFile>,
     part: &Path,
 ) -> Failure {
     let is_write_error = matches!(error, MasterError::Record { .. });
@@ -346,7 +341,7 @@ fn explain(
             part.display()
         )),
         false => {
-            if let Ok(file) = recorder.inner.inner.finish() {
+            if let Ok(file) = recorder.finish() {
                 file.discard();
             }
             failure

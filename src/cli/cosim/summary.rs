@@ -1,16 +1,15 @@
 //! What a run has done, for people and for scripts.
 
 use super::ending::Words;
-use super::finite::NotFinite;
 use super::{Args, report};
 use crate::cli::Failure;
 use crate::cli::made::{made, with_sums};
 use crate::cosim::recorder::Signal;
-use crate::cosim::{Algorithm, Run};
+use crate::cosim::{Algorithm, NotFinite, NotFiniteSignal, Run};
 use crate::report::{Simulation, significant, simulation_page};
 use crate::series::{Series, SeriesError};
 use pilotage_text::counted;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// A run and what belongs to it.
@@ -32,6 +31,11 @@ pub struct Summary<'a> {
     pub notes: Vec<String>,
     /// What of the result is no finite number.
     pub not_finite: &'a NotFinite,
+}
+
+fn not_finite(signal: &NotFiniteSignal) -> Value {
+    // JSON has no such numbers.
+    json!({ "signal": signal.name, "time": signal.time, "value": signal.value.to_string(), "rows": signal.rows })
 }
 
 impl Summary<'_> {
@@ -59,7 +63,7 @@ impl Summary<'_> {
             "unrecorded": self.run.unrecorded,
             "conversions": conversions,
             "notes": self.notes,
-            "not_finite": self.not_finite.to_json(),
+            "not_finite": self.not_finite.0.iter().map(not_finite).collect::<Value>(),
             "output": self.args.output.display().to_string(),
         })
     }

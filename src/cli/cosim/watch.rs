@@ -27,9 +27,8 @@ const BETWEEN: Duration = Duration::from_millis(200);
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// A recorder that tells how far the run is, and ends it on Ctrl-C.
-pub struct Watch<R> {
-    /// Where the rows go.
-    pub inner: R,
+pub struct Watch<'r> {
+    inner: &'r mut dyn Recorder,
     told: Told,
     bar: ProgressBar,
     begin: f64,
@@ -75,9 +74,9 @@ impl Pace {
     }
 }
 
-impl<R> Watch<R> {
+impl<'r> Watch<'r> {
     /// Starts the clock.
-    pub fn new(inner: R, told: Told, clock: &Clock) -> Self {
+    pub fn new(inner: &'r mut dyn Recorder, told: Told, clock: &Clock) -> Self {
         let now = Instant::now();
         Self {
             inner,
@@ -145,7 +144,7 @@ impl<R> Watch<R> {
     }
 }
 
-impl<R: Recorder> Recorder for Watch<R> {
+impl Recorder for Watch<'_> {
     fn begin(&mut self, signals: &[Signal]) -> io::Result<()> {
         self.tell_json("begin", self.begin, None);
         self.inner.begin(signals)

@@ -137,7 +137,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         terminal::note(&note);
     }
     // Nothing is recorded: no row is ever the last of so many.
-    let mut recorder = Thinned::new(SeriesRecorder::default(), None, u64::MAX);
+    let mut series = SeriesRecorder::default();
+    let mut recorder = Thinned::new(&mut series, None, u64::MAX);
     let (run, linearization) = linearize(system, &clock, None, Algorithm::Jacobi, &mut recorder)
         .map_err(|error| system::explain(error, &description))?;
     // An FMU may have left it.

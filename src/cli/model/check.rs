@@ -2,9 +2,9 @@
 
 use super::super::linearize::files;
 use super::super::{Failure, Outcome, format, terminal};
-use crate::cosim::{Component, NativeComponent};
+use crate::cosim::native_component;
 use crate::linear::{Mode, StateSpace};
-use crate::models::{Role, TextModel, Variable};
+use crate::models::{AnyModel, Role, TextModel, Variable};
 use crate::report::significant;
 use pilotage_sdk::Simulation;
 use serde_json::{Value, json};
@@ -43,7 +43,8 @@ impl Checked {
         let mut rates = vec![0.0; simulation.table().n_states()];
         simulation.derivatives(&mut rates);
         let trouble = simulation.trouble();
-        let linear = match NativeComponent::new(model.clone()).linearize(0.0) {
+        let linear = match native_component::of_model(AnyModel::Text(model.clone())).linearize(0.0)
+        {
             Ok(linear) if trouble.is_none() => linear.system,
             Err(error) if trouble.is_none() => return Err(Failure::new(error.to_string())),
             _ => StateSpace::empty(),

@@ -5,9 +5,9 @@ use super::super::number::{number, positive};
 use super::super::overwrite::{self, OutputKind, Overwrite};
 use super::super::{Failure, Outcome, terminal};
 use super::open::{ModelArgs, settable};
-use crate::cosim::{Component, NativeComponent};
+use crate::cosim::native_component;
 use crate::linear::Mode;
-use crate::models::TextModel;
+use crate::models::{AnyModel, TextModel};
 use crate::report::{StepFigure, significant, step_page};
 use crate::series::{Column, Series};
 use crate::suggestion::{did_you_mean, suggestion};
@@ -166,7 +166,7 @@ fn steps(model: &TextModel, args: &StepArgs) -> Result<Vec<usize>, Failure> {
 
 /// How long the responses are shown [s]: until the slowest mode that decays has done so.
 fn shown(model: &TextModel, args: &StepArgs) -> Result<f64, Failure> {
-    let mut component = NativeComponent::new(model.clone());
+    let mut component = native_component::of_model(AnyModel::Text(model.clone()));
     for (name, value) in &args.set {
         let index = found(model, settable(model, name).as_ref())?;
         let index = u32::try_from(index).unwrap_or(u32::MAX);

@@ -5,12 +5,12 @@ use super::super::model::open;
 use super::super::recognise::{self, FileKind};
 use super::isolation::Isolation;
 use crate::cosim::description::{InstanceDescription, InstanceSource, Interface};
-use crate::cosim::{Component, NativeComponent, fmu_component};
+use crate::cosim::{Component, fmu_component, native_component};
 use crate::document::{self, Document};
 use crate::fmi;
 use crate::identification::PilotFile;
 use crate::models::model::Model;
-use crate::models::{COEFFICIENTS, library};
+use crate::models::{AnyModel, COEFFICIENTS, library};
 use crate::suggestion::{did_you_mean, suggestion};
 use crate::vehicle;
 use std::path::{Path, PathBuf};
@@ -56,7 +56,9 @@ fn built_in(
     }
     let order = instance.order.as_ref();
     let model = open::named(name, order.map(|order| order.value as usize))?;
-    Ok(Resolved::Model(Box::new(NativeComponent::new(model))))
+    Ok(Resolved::Model(native_component::of_model(AnyModel::Text(
+        model,
+    ))))
 }
 
 /// A name that is not that of a built-in model, with the model or the file that may be meant.
@@ -128,8 +130,10 @@ fn model(
     recognise::expect([&file.to_owned()], &kinds, words)?;
     expect_there(file)?;
     match recognise::is_toml(file) {
-        true if recognise::is_model(file) => Ok(Box::new(NativeComponent::new(open::read(file)?))),
-        true => Ok(Box::new(NativeComponent::new(native(file)?))),
+        true if recognise::is_model(file) => Ok(native_component::of_model(AnyModel::Text(
+            open::read(file)?,
+        ))),
+        true => Ok(native_component::of_model(AnyModel::BuiltIn(native(file)?))),
         false => {
             let kind = instance.interface.map(kind);
             if isolation.is_of(&instance.name) {

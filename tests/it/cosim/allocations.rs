@@ -102,8 +102,13 @@ fn more_steps_allocate_no_more() {
                 |steps| allocations(steps, coupling, follow, &mut CsvRecorder::new(Dropping));
             assert_eq!(into_csv(10), into_csv(1000), "{coupling:?}");
             let thinned = |steps| {
-                let csv = CsvRecorder::new(Dropping);
-                allocations(steps, coupling, follow, &mut Thinned::new(csv, None, 3))
+                let mut csv = CsvRecorder::new(Dropping);
+                allocations(
+                    steps,
+                    coupling,
+                    follow,
+                    &mut Thinned::new(&mut csv, None, 3),
+                )
             };
             assert_eq!(thinned(10), thinned(1000), "{coupling:?}");
         }

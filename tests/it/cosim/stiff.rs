@@ -110,10 +110,11 @@ fn local_errors(theta: &[f64], limit: f64, target: f64, stop: f64) -> LocalError
     let states: Vec<String> = vehicle.into_iter().chain(own).collect();
     let selection = Selection::new(&mut system, &[&states[..], &["seen?.y".into()]].concat());
     let clock = Clock::new(0.0, stop, H).unwrap();
-    let mut recorder = Thinned::new(SeriesRecorder::default(), Some(selection.unwrap()), 1);
-    let run = run(system, &clock, None, Algorithm::Strong, &mut recorder).unwrap();
+    let mut recorder = SeriesRecorder::default();
+    let mut recorded = Thinned::new(&mut recorder, Some(selection.unwrap()), 1);
+    let run = run(system, &clock, None, Algorithm::Strong, &mut recorded).unwrap();
     assert!(matches!(run.ending, Ending::Completed), "{:?}", run.ending);
-    let series = recorder.inner.series;
+    let series = recorder.series;
     let at = |name: &str, k: usize| series.column(name).unwrap().values[k];
     let mut pilot = Loop {
         theta: theta.to_vec(),

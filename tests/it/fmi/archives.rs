@@ -265,6 +265,27 @@ fn damaged_data_are_named() {
     );
 }
 
+/// Sources may be hundreds of files, which nothing reads while the FMU runs (FMI 3.0.2, section 2.5).
+#[test]
+fn sources_and_documentation_are_not_unpacked() {
+    let archive = foreign::archive(&[
+        (DESCRIPTION, foreign::DESCRIPTION.as_bytes()),
+        ("documentation/index.html", b"<p>"),
+        ("resources/sources/a", b"1"),
+        ("sources/model.c", b"int x;"),
+        ("extra/b", b"2"),
+    ]);
+    let mut archive = opened(&archive, Limits::default()).unwrap();
+    let unpacked = archive.unpack().unwrap();
+    let is_there = |name: &str| unpacked.path().join(name).exists();
+    assert!(
+        [DESCRIPTION, "resources/sources/a", "extra/b"]
+            .iter()
+            .all(|name| is_there(name))
+    );
+    assert!(!is_there("documentation") && !is_there("sources"));
+}
+
 #[test]
 fn an_fmu_of_version_1_is_named_so() {
     let xml = foreign::DESCRIPTION.replace("fmiVersion=\"2.0\"", "fmiVersion=\"1.0\"");

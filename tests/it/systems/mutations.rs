@@ -2,8 +2,8 @@
 
 use crate::command::exported;
 use crate::mutation::Mutator;
-use pilotage::cosim::{NativeComponent, System, SystemDescription};
-use pilotage::models::{Model, Quadcopter};
+use pilotage::cosim::{System, SystemDescription, native_component};
+use pilotage::models::{AnyModel, Model, Quadcopter};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use std::path::Path;
@@ -43,7 +43,7 @@ fn wired(description: &SystemDescription) -> bool {
             "pilot" => Model::pilot(&[0.3, 1.2, 1.0, -0.006, -0.03, -0.04], 1.0),
             _ => Model::quadcopter(&Quadcopter::default()),
         };
-        let component = Box::new(NativeComponent::new(model));
+        let component = native_component::of_model(AnyModel::BuiltIn(model));
         system.add(&instance.name, component).unwrap();
     }
     let wired = description.wire(&mut system);

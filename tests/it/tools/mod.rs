@@ -13,7 +13,7 @@ mod modes;
 mod other_tools;
 mod pack;
 mod pages;
-mod python;
+pub mod python;
 mod references;
 mod regression;
 mod remnant;

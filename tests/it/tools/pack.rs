@@ -296,7 +296,11 @@ fn an_example_copied_elsewhere_is_packed() {
         folder.write(&format!("mine/{file}"), text);
     }
     let target = folder.path("target");
-    let variables = [("CARGO_TARGET_DIR", target.to_str().unwrap())];
+    let variables = [
+        ("CARGO_TARGET_DIR", target.to_str().unwrap()),
+        // Nothing of it runs long.
+        ("CARGO_PROFILE_RELEASE_OPT_LEVEL", "0"),
+    ];
     let ended = folder.pilotage_with(&["pack", "mine", "-o", "mine.fmu"], &variables);
     assert_eq!(ended.code, 0, "{ended:?}");
     let own = example("vehicle-fmu");

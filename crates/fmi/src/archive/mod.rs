@@ -21,6 +21,9 @@ use zip::ZipArchive;
 /// Name of the description in the archive.
 pub const DESCRIPTION: &str = "modelDescription.xml";
 
+/// Folders that are not for an FMU that runs (FMI 2.0.4, section 2.3; FMI 3.0.2, section 2.5).
+const AT_REST: [&str; 2] = ["documentation", "sources"];
+
 /// How large an FMU may be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
@@ -158,7 +161,8 @@ impl Archive {
         self.entries.len()
     }
 
-    /// Unpacks everything into a new temporary folder, which lives as long as what is returned.
+    /// Unpacks what an FMU may look for while it runs into a new temporary folder, which lives as long as what is returned:
+    /// everything but `sources` and `documentation`, of which some tools write hundreds of files.
     ///
     /// # Errors
     /// If an entry is damaged, or the folder cannot be written.
@@ -170,6 +174,10 @@ impl Archive {
         let folder = Unpacked::create().map_err(write_error(&std::env::temp_dir()))?;
         for index in 0..self.entries.len() {
             let entry = &self.entries[index];
+            let first = entry.name.split('/').next().unwrap_or_default();
+            if AT_REST.contains(&first) {
+                continue;
+            }
             let target = folder.path().join(&entry.name);
             let parent = match entry.is_folder {
                 true => Some(target.as_path()),

@@ -11,9 +11,9 @@ const PER_HAND: usize = 3;
 const STARTLE: f64 = 0.04;
 
 /// Human and vehicle in closed loop, integrated by the classical Runge–Kutta method with a fixed step.
-pub struct Loop<'a, V> {
+pub struct Loop<'a> {
     hands: &'a Hands,
-    vehicle: &'a V,
+    vehicle: &'a dyn Vehicle,
     targets: &'a [Signal],
     step: f64,
     /// Steps so far.
@@ -28,11 +28,11 @@ pub struct Loop<'a, V> {
     remnants: Vec<f64>,
 }
 
-impl<'a, V: Vehicle> Loop<'a, V> {
+impl<'a> Loop<'a> {
     /// At rest, the target just appearing.
     pub fn new(
         hands: &'a Hands,
-        vehicle: &'a V,
+        vehicle: &'a dyn Vehicle,
         targets: &'a [Signal],
         step: f64,
         random: &mut ChaCha8Rng,

@@ -75,11 +75,7 @@ impl Flights {
     /// # Errors
     /// When a parameter is out of its range, human and vehicle are unstable, or a run does not stay within 100 times
     /// its target.
-    pub fn fly(
-        &self,
-        human: &Human,
-        vehicle: &impl Vehicle,
-    ) -> Result<Vec<Flight>, SyntheticError> {
+    pub fn fly(&self, human: &Human, vehicle: &dyn Vehicle) -> Result<Vec<Flight>, SyntheticError> {
         let axes = vec![*human; vehicle.axes()];
         self.fly_hands(
             &Hands {
@@ -100,7 +96,7 @@ impl Flights {
     pub fn fly_hands(
         &self,
         hands: &Hands,
-        vehicle: &impl Vehicle,
+        vehicle: &dyn Vehicle,
     ) -> Result<Vec<Flight>, SyntheticError> {
         assert_eq!(hands.axes.len(), vehicle.axes(), "a hand for each axis");
         self.check(vehicle.axes())?;
@@ -156,7 +152,7 @@ impl Flights {
 
     /// The runs with their targets. Those that move have random streams of their own, so that they are the same
     /// whoever flies.
-    fn planned(&self, vehicle: &impl Vehicle) -> Vec<Run> {
+    fn planned(&self, vehicle: &dyn Vehicle) -> Vec<Run> {
         let axes = vehicle.axes();
         let Some(moving) = &self.moving else {
             let runs = self
@@ -195,7 +191,7 @@ impl Flights {
     }
 
     /// One run from rest.
-    fn fly_one<V: Vehicle>(&self, hands: &Hands, vehicle: &V, run: &mut Run) -> Series {
+    fn fly_one(&self, hands: &Hands, vehicle: &dyn Vehicle, run: &mut Run) -> Series {
         let largest = (0.5 / vehicle.fastest()).clamp(MIN_STEP, MAX_STEP);
         let substeps = (1.0 / (self.rate * largest)).ceil() as usize;
         let step = 1.0 / (self.rate * substeps as f64);
@@ -216,7 +212,7 @@ impl Flights {
 }
 
 /// Refuses a run in which human and vehicle swing up.
-fn check_bounded(run: &Run, vehicle: &impl Vehicle, series: &Series) -> Result<(), SyntheticError> {
+fn check_bounded(run: &Run, vehicle: &dyn Vehicle, series: &Series) -> Result<(), SyntheticError> {
     for (axis, (name, target)) in ["position", "position2"]
         .into_iter()
         .zip(&run.targets)

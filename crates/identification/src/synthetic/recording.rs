@@ -17,7 +17,7 @@ pub struct Recording {
 
 impl Recording {
     /// The table: target, position and stick of each axis, then the others.
-    pub fn series(&self, vehicle: &impl Vehicle, targets: &[Signal], time: Vec<f64>) -> Series {
+    pub fn series(&self, vehicle: &dyn Vehicle, targets: &[Signal], time: Vec<f64>) -> Series {
         let mut columns = Vec::new();
         for (axis, target) in targets.iter().enumerate() {
             let (unit, digits) = (vehicle.unit(axis), digits(target));

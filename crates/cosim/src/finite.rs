@@ -1,25 +1,22 @@
 //! What of a result is no finite number.
 
-use crate::cosim::Recorder;
-use crate::cosim::recorder::Signal;
-use serde_json::{Value, json};
+use super::recorder::{Recorder, Signal};
 use std::io;
 
 /// How many signals are named.
 const NAMED: usize = 10;
 
 /// A recorder that notes which signals are NaN or infinite.
-pub struct Finite<R> {
-    /// Where the rows go.
-    pub inner: R,
+pub struct Finite<'r> {
+    inner: &'r mut dyn Recorder,
     names: Vec<String>,
     /// Of each signal the first value that is no finite number, with its time, and in how many rows there is one.
     seen: Vec<Option<(f64, f64, u64)>>,
 }
 
-impl<R> Finite<R> {
+impl<'r> Finite<'r> {
     /// Of rows that go there.
-    pub fn new(inner: R) -> Self {
+    pub fn new(inner: &'r mut dyn Recorder) -> Self {
         Self {
             inner,
             names: Vec::new(),
@@ -27,15 +24,23 @@ impl<R> Finite<R> {
         }
     }
 
-    /// The recorder, and what was seen.
-    pub fn finish(self) -> (R, NotFinite) {
+    /// What was seen.
+    pub fn finish(self) -> NotFinite {
         let seen = self.names.into_iter().zip(self.seen);
-        let seen = seen.filter_map(|(name, seen)| Some((name, seen?)));
-        (self.inner, NotFinite(seen.collect()))
+        let seen = seen.filter_map(|(name, seen)| {
+            let (time, value, rows) = seen?;
+            Some(NotFiniteSignal {
+                name,
+                time,
+                value,
+                rows,
+            })
+        });
+        NotFinite(seen.collect())
     }
 }
 
-impl<R: Recorder> Recorder for Finite<R> {
+impl Recorder for Finite<'_> {
     fn begin(&mut self, signals: &[Signal]) -> io::Result<()> {
         self.names = signals.iter().map(|signal| signal.name.clone()).collect();
         self.seen = vec![None; signals.len()];
@@ -68,9 +73,22 @@ impl<R: Recorder> Recorder for Finite<R> {
     }
 }
 
-/// Signals that are not finite: first time, first value, rows.
+/// A signal that is NaN or infinite in some rows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NotFiniteSignal {
+    /// `instance.variable`.
+    pub name: String,
+    /// When it is so first \[s\].
+    pub time: f64,
+    /// What it is then.
+    pub value: f64,
+    /// In how many rows.
+    pub rows: u64,
+}
+
+/// Signals that are NaN or infinite.
 #[derive(Debug, Default)]
-pub struct NotFinite(Vec<(String, (f64, f64, u64))>);
+pub struct NotFinite(pub Vec<NotFiniteSignal>);
 
 impl NotFinite {
     /// Whether all of the result is finite.
@@ -80,9 +98,12 @@ impl NotFinite {
 
     /// A line for each signal.
     pub fn words(&self) -> Vec<String> {
-        let line = |(name, (time, value, rows)): &(String, (f64, f64, u64))| {
+        let line = |own: &NotFiniteSignal| {
+            let NotFiniteSignal {
+                name, value, rows, ..
+            } = own;
             // Times are counted: 3 · 0.1 s.
-            let time = (time * 1e9).round() / 1e9;
+            let time = (own.time * 1e9).round() / 1e9;
             match rows {
                 1 => format!("`{name}` is {value} at {time} s"),
                 _ => {
@@ -95,11 +116,5 @@ impl NotFinite {
             lines.push(format!("{more} more signals are not finite"));
         }
         lines
-    }
-
-    /// The same for scripts.
-    pub fn to_json(&self) -> Value {
-        let entry = |(name, (time, value, rows)): &(String, (f64, f64, u64))| json!({ "signal": name, "time": time, "value": value.to_string(), "rows": rows });
-        self.0.iter().map(entry).collect()
     }
 }

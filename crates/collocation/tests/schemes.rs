@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2xX, Vector2};
-use pilotage::transcription::tableau::{Element, Row, Scheme, Tableau, Value};
+use pilotage_collocation::tableau::{Element, Row, Scheme, Tableau, Value};
 
 /// An ODE of two states.
 trait Ode {
