@@ -121,3 +121,9 @@ pub fn exported() -> Folder {
     assert_eq!(folder.pilotage(&["export", "quadcopter"]).code, 0);
     folder
 }
+
+/// Runs what waits for processes, which would keep the threads from those that compute.
+pub fn waiting<R: Send>(run: impl FnOnce() -> R + Send) -> R {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(8);
+    pool.build().expect("eight threads").install(run)
+}

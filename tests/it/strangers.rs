@@ -1,7 +1,7 @@
 //! FMUs that crash, exit, hang or change what is not theirs: how each command ends, and what it says. The table is
 //! strangers.txt, the FMU foreign/hostile.c.
 
-use crate::command::{Folder, example};
+use crate::command::{Folder, example, waiting};
 use crate::foreign;
 use rayon::prelude::*;
 use std::io::Read;
@@ -96,7 +96,7 @@ fn endings() {
     let rows: Vec<&str> = (include_str!("strangers.txt").lines())
         .filter(|line| !line.is_empty() && !line.starts_with('#'))
         .collect();
-    let wrong: Vec<String> = rows.par_iter().filter_map(|row| misses(row)).collect();
+    let wrong: Vec<String> = waiting(|| rows.par_iter().filter_map(|row| misses(row)).collect());
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     assert!(rows.len() >= 60, "{} rows", rows.len());
 }
@@ -256,7 +256,7 @@ fn signals_leave_nothing_behind() {
             let wait = (3 + 37 * number as u64) % 211;
             left_by(command, fmu, signal, wait)
         });
-    let wrong: Vec<String> = wrong.collect();
+    let wrong: Vec<String> = waiting(|| wrong.collect());
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 

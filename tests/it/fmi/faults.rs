@@ -2,7 +2,7 @@
 //! `pilotage validate` must have. Faults of the description are in `findings.rs`.
 
 use super::findings::pairs;
-use crate::command::Folder;
+use crate::command::{Folder, waiting};
 use crate::foreign::{self, archive};
 use pilotage::fmi::platform;
 use rayon::prelude::*;
@@ -194,16 +194,15 @@ fn each_fault_is_found() {
 
 /// Each fault gives the expected finding, and the exit code fits its severity.
 fn check(cases: &[(&str, Vec<u8>, &str)]) {
-    let wrong: Vec<String> = (cases.par_iter())
-        .filter_map(|(what, content, expected)| {
-            let (code, findings) = validated(content);
-            let is_error = findings.iter().any(|f| f.starts_with("error"));
-            let is_found = findings.iter().any(|f| f.starts_with(expected));
-            let is_right = is_found && code == i32::from(is_error);
-            let found = findings.join("\n  ");
-            (!is_right).then(|| format!("{what}: code {code}, expected {expected}\n  {found}"))
-        })
-        .collect();
+    let wrong = cases.par_iter().filter_map(|(what, content, expected)| {
+        let (code, findings) = validated(content);
+        let is_error = findings.iter().any(|f| f.starts_with("error"));
+        let is_found = findings.iter().any(|f| f.starts_with(expected));
+        let is_right = is_found && code == i32::from(is_error);
+        let found = findings.join("\n  ");
+        (!is_right).then(|| format!("{what}: code {code}, expected {expected}\n  {found}"))
+    });
+    let wrong: Vec<String> = waiting(|| wrong.collect());
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
