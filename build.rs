@@ -1,9 +1,9 @@
-//! Builds the shared library of exported FMUs, which this crate then embeds (`src/export/binary.rs`):
-//! an installed `pilotage` exports FMUs by itself, without a compiler or a file beside it.
+//! Builds the shared library of exported FMUs, which this crate then embeds (`src/export/binary.rs`): an installed
+//! `pilotage` exports FMUs without a compiler or further files.
 //!
-//! It is a nested `cargo build` of the workspace's package `pilotage-fmu`, in a target folder of its
-//! own so that the two cargos do not wait for each other's lock. It needs no network where the outer
-//! build needs none: `Cargo.lock` is the same, and it is locked.
+//! This is a nested `cargo build` of the workspace's package `pilotage-fmu`, in a separate target folder so that the
+//! two cargo processes do not wait for each other's lock. It needs no network if the outer build needs none: both use
+//! the same `Cargo.lock`, and it is locked.
 
 #[path = "src/export/old_glibc.rs"]
 mod old_glibc;
@@ -62,7 +62,7 @@ fn build(folder: &Path, target: &str, flags: &[String]) {
         .args(["--locked", "--target", target, "--target-dir"])
         .arg(folder)
         .current_dir(variable("CARGO_MANIFEST_DIR"))
-        // Lints are the outer build's business; a wrapper would only make two builds out of one.
+        // Lints belong to the outer build; a wrapper would only cause a second build.
         .env_remove("RUSTC_WORKSPACE_WRAPPER")
         .env_remove("CLIPPY_ARGS")
         .env("CARGO_ENCODED_RUSTFLAGS", flags.join("\x1f"));
@@ -76,8 +76,8 @@ fn build(folder: &Path, target: &str, flags: &[String]) {
     }
 }
 
-/// The outer build's flags, without those that would keep the library from running elsewhere: an FMU
-/// travels to other machines. The folders of this machine's sources stay out of it too.
+/// The outer build's flags, without those that would keep the library from running on other machines, since FMUs are
+/// distributed. Paths of this machine's sources are removed from the library too.
 fn portable_flags() -> Vec<String> {
     let flags = env::var("CARGO_ENCODED_RUSTFLAGS").unwrap_or_default();
     let unportable = |flag: &str| {
@@ -108,8 +108,8 @@ fn portable_flags() -> Vec<String> {
     kept
 }
 
-/// FMUs travel to older systems too. Where the linker's files are not as expected, they run on systems like
-/// this one.
+/// Flags for libraries that run on older systems too. If the linker's files are not as expected, FMUs only run on
+/// systems like this one.
 fn flags_for_old_systems(out: &Path, target: &str) -> Vec<String> {
     if !(old_glibc::IS_HERE && target == old_glibc::TARGET) {
         return Vec::new();
@@ -130,7 +130,7 @@ fn file_name() -> &'static str {
     }
 }
 
-/// An environment variable of build scripts.
+/// Value of an environment variable of build scripts.
 fn variable(name: &str) -> String {
     env::var(name).unwrap_or_else(|_| fail(&format!("cargo did not set {name}")))
 }

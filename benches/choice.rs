@@ -1,11 +1,11 @@
-//! How often `pilotage compare` takes a model that is too large, or too small: data of a known truth, chosen from many
-//! times.
+//! How often `pilotage compare` selects a model that is too large or too small: data of a known model, with the
+//! selection repeated many times.
 //!
 //!     cargo bench --bench choice              # 200 sets a row, docs/uncertainty.md
 //!     cargo bench --bench choice -- 50        # fewer
 //!
-//! The truth is one lag or two; the models are one lag and two. The noise on what is recorded is white, or an AR(1)
-//! process as coloured as the residuals of flights.
+//! The true model has one lag or two; the candidates have one lag and two. The noise on the recorded signal is white,
+//! or an AR(1) process as coloured as the residuals of flights.
 
 use pilotage::estimation::comparison::compare;
 use pilotage::estimation::{ProblemFile, part};
@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Whether two lags are taken by runs left out, by AICc and by BIC.
+/// Whether two lags are selected by leaving out runs, by AICc and by BIC.
 fn chosen(lags: usize, colour: f64, runs: usize, seed: u64) -> Result<[bool; 3], String> {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     for k in 0..runs {
@@ -95,7 +95,7 @@ fn problem(folder: &Path, model: usize, runs: usize) -> Result<ProblemFile, Stri
     ProblemFile::parse(&text, &folder.join("problem.toml")).map_err(|e| e.to_string())
 }
 
-/// A step through one lag of 1.5 1/s, or a second one of 10 1/s behind, with noise.
+/// Step response of one lag of 1.5 1/s, or of this lag followed by one of 10 1/s, with noise.
 fn run(lags: usize, colour: f64, seed: u64) -> String {
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
     let mut noise = LEVEL * draw(&mut generator);

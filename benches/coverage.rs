@@ -1,13 +1,13 @@
-//! How often 95 % intervals hold the truth: data of a known truth, fitted many times.
+//! How often 95 % intervals contain the true value: data of a known model, fitted many times.
 //!
 //!     cargo bench --bench coverage            # 300 sets a row, docs/uncertainty.md
 //!     cargo bench --bench coverage -- 50      # fewer
 //!     cargo bench --bench coverage -- "| 6 |" # rows whose first cells have this text
 //!
-//! Each row is a model, a number of runs and a kind of noise; each column a method, and what is taken unless one is
-//! named. A cell counts over sets and parameters; its error is some 1 % at 300 sets. Sets whose
-//! variance came out negative are left out. The noise is recorded on top of the
-//! signal, or is the human's own: then it goes through the loop, and colours what is recorded as flights are.
+//! Each row is a model, a number of runs and a kind of noise; each column is a method, the last one the default. A cell
+//! counts over sets and parameters; its error is about 1 % at 300 sets. Sets with a negative variance estimate are left
+//! out. The noise is added to the recorded signal, or is the human's: it then passes through the loop and colours the
+//! recording as in flights.
 
 use pilotage::estimation::refits::uncertainty_by;
 use pilotage::estimation::uncertainty::Uncertainty;
@@ -22,28 +22,28 @@ use std::io::IsTerminal;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// What is fitted.
+/// A model and its data.
 struct Case {
     name: &'static str,
     model: &'static str,
-    /// All of the problem but its runs.
+    /// The problem without its runs.
     problem: &'static str,
-    /// The truth by name; of one for each run the first.
+    /// The true values by name; the first one of a parameter with one value per run.
     truth: &'static [(&'static str, f64)],
     samples: usize,
     step: f64,
-    /// The derivatives, from time, states, the human's noise and the run.
+    /// The derivatives as a function of time, states, the human's noise and the run.
     rates: fn(f64, &[f64; 2], f64, usize) -> [f64; 2],
     initial: [f64; 2],
-    /// The state that is measured.
+    /// Index of the measured state.
     place: usize,
     target: fn(f64, usize) -> f64,
     /// Gain and offset of the sensor.
     sensor: [f64; 2],
     level: f64,
-    /// The noise is the human's.
+    /// Whether the noise is the human's.
     is_remnant: bool,
-    /// Part of the values whose noise is ten times as large.
+    /// Fraction of the values whose noise is ten times as large.
     outliers: f64,
 }
 
@@ -78,7 +78,7 @@ const FREE: Case = Case {
     ..DECAY
 };
 
-/// A pilot with a lag on an integrator, after three sines.
+/// A pilot with a lag controls an integrator; the target is a sum of three sines.
 const LOOP: Case = Case {
     name: "tracking loop",
     model: "[model]\nname = \"m\"\n[inputs]\ntarget = {}\n[parameters]\ngain = { start = 1.5, min = 0 }\nlag = { start = 0.3, \
@@ -98,7 +98,7 @@ const LOOP: Case = Case {
     ..DECAY
 };
 
-/// The sensor and its noise level are sought too.
+/// The sensor and its noise level are estimated too.
 const SENSOR: Case = Case {
     name: "tracking loop; gain, offset and noise level of the sensor",
     problem: "[inputs]\n\"m.target\" = \"target\"\n[[measured]]\nsignal = \"m.x\"\ncolumn = \"y\"\ngain = \"free\"\n\
@@ -121,7 +121,7 @@ const REMNANT: Case = Case {
     ..LOOP
 };
 
-/// After steps instead of sines.
+/// With steps as target instead of sines.
 const STEPS: Case = Case {
     name: "tracking loop, steps, human's noise",
     rates: |t, x, noise, run| {
@@ -132,7 +132,7 @@ const STEPS: Case = Case {
     ..REMNANT
 };
 
-/// The sensor is sought, the noise is the human's.
+/// The sensor is estimated; the noise is the human's.
 const BOTH: Case = Case {
     name: "tracking loop; gain and offset of the sensor, human's noise",
     problem: "[inputs]\n\"m.target\" = \"target\"\n[[measured]]\nsignal = \"m.x\"\ncolumn = \"y\"\ngain = \"free\"\n\
@@ -155,7 +155,7 @@ const OWN: Case = Case {
     ..DECAY
 };
 
-/// Three sines.
+/// Sum of three sines.
 fn sines(t: f64, run: usize) -> f64 {
     let sines = [(0.4, 0.0), (0.9, 1.3), (1.7, 2.1)];
     let sines = sines
@@ -170,7 +170,7 @@ fn steps(t: f64, run: usize) -> f64 {
     LEVELS[(((t + 1e-9) / 5.0) as usize + run) % 6]
 }
 
-/// Straight lines between the samples, as the fit has them.
+/// Linear between the samples, as in the fit.
 fn between_samples(target: fn(f64, usize) -> f64, t: f64, run: usize) -> f64 {
     let sample = (t / LOOP.step + 1e-9).floor();
     let part = t / LOOP.step - sample;
@@ -178,7 +178,7 @@ fn between_samples(target: fn(f64, usize) -> f64, t: f64, run: usize) -> f64 {
     (1.0 - part) * at(sample) + part * at(sample + 1.0)
 }
 
-/// Numbers of unit variance, each correlated with the one before.
+/// Numbers of unit variance, each correlated with the previous one.
 fn noise(random: &mut ChaCha8Rng, count: usize, correlation: f64) -> Vec<f64> {
     let mut gauss = || -> f64 { StandardNormal.sample(random) };
     let mut last = gauss();
@@ -191,7 +191,7 @@ fn noise(random: &mut ChaCha8Rng, count: usize, correlation: f64) -> Vec<f64> {
     all
 }
 
-/// A run as a CSV file: Runge and Kutta's method, four steps between samples.
+/// A run as a CSV file: Runge–Kutta method, four steps between samples.
 fn recorded(case: &Case, run: usize, random: &mut ChaCha8Rng, correlation: f64) -> String {
     let mut noise = noise(random, case.samples, correlation);
     for own in &mut noise {
@@ -225,8 +225,8 @@ fn recorded(case: &Case, run: usize, random: &mut ChaCha8Rng, correlation: f64) 
     text
 }
 
-/// For each method, and the one that is taken unless it is named, how many intervals of a set hold the truth and how many
-/// there are.
+/// For each method, and for the default: number of intervals of a set that contain the true value, and number of all
+/// intervals.
 fn held(case: &Case, runs: usize, correlation: f64, seed: u64) -> Vec<(usize, usize)> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let folder = tempfile::tempdir().expect("a folder");
@@ -252,7 +252,7 @@ fn held(case: &Case, runs: usize, correlation: f64, seed: u64) -> Vec<(usize, us
         .collect()
 }
 
-/// How many intervals hold the truth, and how many there are.
+/// Number of intervals that contain the true value, and number of all intervals.
 fn counted(case: &Case, found: &Fit, sure: &Uncertainty) -> (usize, usize) {
     let mut counts = (0, 0);
     for (parameter, intervals) in found.parameters.iter().zip(&sure.intervals) {

@@ -1,5 +1,5 @@
-//! What reading tables costs: flights as `fit` reads them, and tables as `cosim --input` does. Run with
-//! `cargo bench --bench csv`; the largest table takes 300 MB on the disk.
+//! Cost of reading tables: flights as in `fit`, and tables as in `cosim --input`. Run with `cargo bench --bench csv`;
+//! the largest table takes 300 MB on the disk.
 
 use pilotage::cosim::Source;
 use pilotage::identification::Trial;
@@ -17,7 +17,7 @@ const TABLES: [u32; 3] = [100_000, 1_000_000, 10_000_000];
 fn main() -> io::Result<()> {
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("rows.csv");
-    // The peak never falls: the smallest first.
+    // The peak never decreases: the smallest comes first.
     println!("file         rows        MB   seconds   ns a row   peak of the process [MB]");
     for rows in FLIGHTS {
         write(&path, "target [m],position [m],stick [1]", rows)?;
@@ -66,7 +66,7 @@ fn measure(what: &str, rows: u32, path: &Path, read: impl FnOnce(&Path)) -> io::
     Ok(())
 }
 
-/// The most memory that the process has had [MB], where the system tells it.
+/// Peak memory of the process [MB], if the system reports it.
 fn peak_memory() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;

@@ -1,6 +1,6 @@
-//! How regular the steps of a vehicle are that somebody flies: 60 s on an idle machine, and 60 s beside as many busy threads
-//! as there are processors. Meanwhile a joystick moves 100 times a second, as the program itself reads it: how long it takes
-//! from there to a step.
+//! Regularity of the steps of a vehicle that a person flies: 60 s on an idle machine, and 60 s beside as many busy
+//! threads as there are processors. Meanwhile a joystick, read as by the program, moves 100 times a second, and the
+//! time from its movement to a step is measured.
 
 use pilotage_cosim::NativeComponent;
 use pilotage_fly::craft::{Craft, Names};
@@ -26,7 +26,7 @@ impl Listener for Nobody {
 }
 
 fn main() {
-    // Cargo asks what tests there are.
+    // Cargo asks for the list of tests.
     if std::env::args().any(|argument| argument == "--list") {
         return;
     }
@@ -84,7 +84,7 @@ fn main() {
     }
 }
 
-/// A pipe in the place of a joystick, whose axis 0 moves as long as that goes on.
+/// A pipe in place of a joystick; its axis 0 moves while `goes_on` is set.
 fn moved(hand: &Arc<Hand>, goes_on: &Arc<AtomicBool>) -> std::thread::JoinHandle<()> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("js0");

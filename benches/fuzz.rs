@@ -1,9 +1,9 @@
-//! Mutated descriptions and archives for as long as wanted:
+//! Mutated descriptions and archives, for a given time:
 //!
 //!     cargo bench --bench fuzz -- --seconds 600 [--seed N]
 //!
 //! An input that panics, or that takes longer than a second, is written to `target/fuzz/` and ends the run with an
-//! error. The kept corpus is `tests/corpus/`.
+//! error. The permanent corpus is `tests/corpus/`.
 
 #[path = "../tests/it/mutation.rs"]
 mod mutation;
@@ -16,7 +16,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Longest time of the processor that an input may take.
+/// Maximum processor time of an input.
 const LIMIT: Duration = Duration::from_secs(1);
 
 fn argument(name: &str) -> Option<u64> {
@@ -39,7 +39,7 @@ fn main() {
         let (_, bytes) = &corpus[k % corpus.len()];
         let (_, other) = &corpus[(k / corpus.len()) % corpus.len()];
         let mut bytes = bytes.clone();
-        // Archives are slower, files being written.
+        // Archives are slower, since files are written.
         let kind = if k % 10 == 0 {
             "archive"
         } else {
@@ -75,21 +75,21 @@ fn main() {
     println!("{:.0?} in all, the slowest {slowest:.1?}", begun.elapsed());
 }
 
-/// Time that the processor has spent on this program: others may keep it busy.
+/// Processor time of this program, which other load does not affect.
 #[cfg(unix)]
 fn processor_time() -> Duration {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     Duration::new(time.tv_sec as u64, time.tv_nsec as u32)
 }
 
-/// Elsewhere, the time on the wall.
+/// On other systems, the wall time.
 #[cfg(not(unix))]
 fn processor_time() -> Duration {
     static BEGUN: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
     BEGUN.get_or_init(Instant::now).elapsed()
 }
 
-/// Writes an input that found a fault, and ends.
+/// Writes an input that revealed a fault, and exits.
 fn keep(bytes: &[u8], kind: &str, what: &str) -> ! {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/fuzz");
     std::fs::create_dir_all(&folder).unwrap();

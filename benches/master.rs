@@ -1,6 +1,6 @@
-//! What the master costs for each communication step: pilot and quadcopter as exported FMUs, coupled by
-//! the master and by a bare loop over the same functions; and what it costs more to be watched, and to be isolated. Run
-//! with `cargo bench --bench master`.
+//! Overhead of the master per communication step: pilot and quadcopter as exported FMUs, coupled by the master and by a
+//! bare loop over the same functions; and the additional cost of watching and of isolation. Run with
+//! `cargo bench --bench master`.
 
 use libloading::Library;
 use pilotage::cosim::recorder::Signal;
@@ -60,7 +60,7 @@ fn main() {
         let mut fmu = Fmu::open(file).expect("the FMU opens");
         fmu.load().expect("the FMU loads")
     });
-    // In turn, so that whatever else the machine does falls on all of them; the least counts.
+    // In turn, so that other load on the machine affects all of them; the minimum counts.
     let mut least = [f64::INFINITY; 5];
     for _ in 0..REPETITIONS {
         let times = [
@@ -77,7 +77,7 @@ fn main() {
             *least = least.min(time);
         }
     }
-    // The library takes notes from here on.
+    // From here on the library notes its calls.
     let page = Page::create().expect("a page");
     pilotage_process::attach(page.path()).expect("it is one");
     let watched = (0..REPETITIONS).map(|_| coupled(inside(&libraries), &mut Nothing));
@@ -112,7 +112,7 @@ fn file() -> File {
     tempfile::tempfile().expect("a temporary file")
 }
 
-/// Takes rows and drops them.
+/// Discards all rows.
 struct Nothing;
 
 impl Recorder for Nothing {
@@ -136,7 +136,7 @@ fn inside(libraries: &[fmu::Library; 2]) -> Both {
     })
 }
 
-/// An instance in a process of its own.
+/// An instance in a separate process.
 fn outside(file: &Path) -> Box<dyn pilotage::cosim::Component> {
     let program = Program {
         path: std::env::current_exe().expect("it is known"),
@@ -146,13 +146,13 @@ fn outside(file: &Path) -> Box<dyn pilotage::cosim::Component> {
     Box::new(isolated.expect("the FMU instantiates"))
 }
 
-/// The vehicle isolated.
+/// The pilot in this process, the vehicle isolated.
 fn one_isolated(libraries: &[fmu::Library; 2], files: &[PathBuf; 2]) -> Both {
     let [pilot, _] = inside(libraries);
     [pilot, outside(&files[1])]
 }
 
-/// Microseconds per step, coupled by the master. Initialization is within, and small.
+/// Microseconds per step, coupled by the master, including initialization, which is small.
 fn coupled(components: Both, recorder: &mut dyn Recorder) -> f64 {
     let mut system = System::new();
     for (component, name) in components.into_iter().zip(["pilot", "quadcopter"]) {

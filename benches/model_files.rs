@@ -1,5 +1,5 @@
-//! What it costs that a model is text, or an FMU: the export of a ten-line model, a step of its FMU and an iteration of a
-//! fit, beside the same equations compiled in; and the fit of the shipped flights with the quadcopter's own FMU as
+//! Cost of a model as text or as an FMU: the export of a ten-line model, a step of its FMU and an iteration of a fit,
+//! compared with the same equations compiled in; and the fit of the shipped flights with the quadcopter's own FMU as
 //! vehicle:
 //!
 //! ```text
@@ -29,7 +29,7 @@ mod shipped;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
-/// The ten lines that are exported.
+/// The ten-line model that is exported.
 const CROSSOVER: &str = r#"[model]
 name = "crossover"
 [inputs]
@@ -49,7 +49,7 @@ const H: f64 = 0.01;
 const ROUNDS: usize = 7;
 
 fn main() -> Result<(), Failure> {
-    // One core, so that the figures do not hang on how many there are.
+    // One core, so that the figures do not depend on the number of cores.
     rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .build_global()?;
@@ -84,7 +84,7 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-/// A fit's time, iterations and largest relative difference of a parameter, beside another one.
+/// Prints a fit's time, iterations and largest relative difference of a parameter from another fit.
 fn told(vehicle: &str, (seconds, fit): &(f64, Fit), (least, file): &(f64, Fit)) {
     let pairs = fit.parameters.iter().zip(&file.parameters);
     let errors = pairs.map(|(own, other)| (own.mean() / other.mean() - 1.0).abs());
@@ -97,7 +97,7 @@ fn told(vehicle: &str, (seconds, fit): &(f64, Fit), (least, file): &(f64, Fit)) 
     );
 }
 
-/// The least time of some fits with a vehicle, and what they found.
+/// The fastest of several fits with a vehicle, with its time.
 fn fitted(folder: &Path, vehicle: &str) -> Result<(f64, Fit), Failure> {
     let path = folder.join("problem.toml");
     std::fs::write(&path, shipped::problem(vehicle))?;
@@ -113,7 +113,7 @@ fn fitted(folder: &Path, vehicle: &str) -> Result<(f64, Fit), Failure> {
     best.ok_or_else(|| "no fit".into())
 }
 
-/// The whole process, in the median [s].
+/// Median time of the whole process [s].
 fn export(folder: &Path) -> Result<f64, Failure> {
     std::fs::write(folder.join("crossover.toml"), CROSSOVER)?;
     let mut times = Vec::new();
@@ -132,7 +132,7 @@ fn export(folder: &Path) -> Result<f64, Failure> {
     Ok(times[EXPORTS / 2])
 }
 
-/// A step of each FMU, by turns; the least of some rounds [s].
+/// Time of a step of each FMU, alternating; the minimum of several rounds [s].
 fn steps(folder: &Path) -> Result<[f64; 2], Failure> {
     let files: [PathBuf; 2] = ["compiled.fmu", "text.fmu"].map(|name| folder.join(name));
     let compiled = Model::quadcopter(&Quadcopter::default());
@@ -165,7 +165,7 @@ fn steps(folder: &Path) -> Result<[f64; 2], Failure> {
     Ok(least)
 }
 
-/// Steps with a stick that moves, and all outputs read.
+/// Time of steps with a moving stick and all outputs read [s].
 fn flown(component: &mut dyn Component, begin: usize) -> Result<f64, Failure> {
     let handle = |name: &str| {
         let mut variables = component.variables().iter();
@@ -190,7 +190,7 @@ fn text(name: &str) -> Result<TextModel, Failure> {
     Ok(TextModel::parse(model.text, name)?)
 }
 
-/// Seconds of an iteration and their number, of pilot and vehicle compiled in and as model files.
+/// Seconds per iteration and number of iterations, for pilot and vehicle compiled in and as model files.
 fn iterations() -> Result<[(f64, usize); 2], Failure> {
     let pilot = Pilot::default();
     let vehicle = Model::quadcopter(&Quadcopter::default());
@@ -213,7 +213,7 @@ fn iterations() -> Result<[(f64, usize); 2], Failure> {
     Ok(least)
 }
 
-/// The closed loop, with θ as its parameters.
+/// The closed loop with θ as its parameters.
 fn joint(
     vehicle: Expressions,
     pilot: Expressions,
@@ -232,7 +232,7 @@ fn joint(
     Ok(Arc::new(Differentiated::new(&system)))
 }
 
-/// A fit of the shipped flights at rest: seconds of an iteration, and how many it took.
+/// A fit of the shipped flights from rest: seconds per iteration, and number of iterations.
 fn solved(model: &Arc<Differentiated>, trials: &TrialSet) -> (f64, usize) {
     let start = [2.0, 4.0, 3.0, 0.02, 0.2, 0.1];
     let runs: Vec<Run> = (trials.fit.iter())

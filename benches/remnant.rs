@@ -1,10 +1,11 @@
-//! What a human's remnant does to parameters: bias, scatter and intervals by what is compared.
+//! Effect of a human's remnant on the estimated parameters: bias, scatter and intervals, by the signals compared.
 //!
 //!     cargo bench --bench remnant              # 24 flights a row, docs/uncertainty.md
 //!     cargo bench --bench remnant -- 8         # fewer
 //!
-//! Each flight is 60 s after a sum of sines at 20 Hz: a pilot of known gain, lead and delay, whose hand adds coloured noise
-//! to the stick of a vehicle like K/s². The pilot's delay is exact here, and Padé's approximation in the fits.
+//! Each flight follows a sum of sines for 60 s at 20 Hz: a pilot with known gain, lead and delay, whose hand adds
+//! coloured noise to the stick, controls a vehicle like K/s². The pilot's delay is exact here, and a Padé approximation
+//! in the fits.
 
 use pilotage::estimation::{Fit, Posed, ProblemFile, fit, part};
 use rand_chacha::ChaCha8Rng;
@@ -18,16 +19,16 @@ use std::path::Path;
 
 const DURATION: f64 = 60.0;
 const SAMPLE: f64 = 0.05;
-/// Steps of a simulation between two samples.
+/// Simulation steps between two samples.
 const PARTS: usize = 50;
 
-/// The pilot: stick per metre, seconds, and rad/s.
+/// The pilot: gain [stick per metre], times [s], and frequency [rad/s].
 const GAIN: f64 = 0.125;
 const LEAD: f64 = 1.0;
 const DELAY: f64 = 0.2;
 const OMEGA: f64 = 10.0;
 const ZETA: f64 = 0.7;
-/// Acceleration by full stick [m/s²].
+/// Acceleration at full stick [m/s²].
 const POWER: f64 = 10.0;
 /// Correlation time of the remnant [s].
 const COLOUR: f64 = 0.5;
@@ -35,7 +36,7 @@ const COLOUR: f64 = 0.5;
 const POSITION_SD: f64 = 0.01;
 const STICK_SD: f64 = 0.002;
 
-/// What is compared, and the problem but for its run.
+/// Signals compared, and the problem without its run.
 const COMPARED: [(&str, &str); 4] = [
     ("response", RESPONSE),
     ("stick, driven by the recording", DIRECT),
@@ -158,7 +159,7 @@ fn main() {
     }
 }
 
-/// Gain, lead, delay and their intervals; the crossover that they make.
+/// Gain, lead, delay, whether their intervals contain the true values, and the resulting crossover.
 struct Found {
     values: [f64; 3],
     held: [bool; 3],
@@ -252,7 +253,7 @@ fn told(fit: &Fit) -> Option<Found> {
     })
 }
 
-/// Where the gain of the open loop is 1, by bisection: it falls.
+/// Frequency at which the gain of the open loop is 1, by bisection: the gain decreases.
 fn crossover([gain, lead, _]: [f64; 3]) -> f64 {
     let above = |w: f64| {
         let arm = (1.0 - (w / OMEGA).powi(2)).hypot(2.0 * ZETA * w / OMEGA);
@@ -281,7 +282,7 @@ fn target(t: f64, phases: &[f64]) -> f64 {
     primes.iter().zip(phases).map(sine).sum()
 }
 
-/// A recorded flight. The remnant has a share of the power that the stick has without.
+/// A recorded flight. `share` is the power of the remnant relative to that of the stick without it.
 fn flight(share: f64, seed: u64) -> String {
     let (_, calm) = flown(0.0, seed);
     let mean = calm.iter().map(|row| row[1]).sum::<f64>() / calm.len() as f64;
@@ -307,7 +308,7 @@ fn flown(remnant: f64, seed: u64) -> (Vec<f64>, Vec<[f64; 2]>) {
     let (mut n, mut x) = (0.0, [0.0; 4]);
     let (mut errors, mut targets, mut rows) = (Vec::new(), Vec::new(), Vec::new());
     for step in 0..=(DURATION / h).round() as usize {
-        // On straight lines between samples, as the fits have it.
+        // Linear between samples, as in the fits.
         let (sample, part) = (step / PARTS, (step % PARTS) as f64 / PARTS as f64);
         let at = |k: usize| target(SAMPLE * k as f64, &phases);
         let goal = (1.0 - part) * at(sample) + part * at(sample + 1);
@@ -324,7 +325,7 @@ fn flown(remnant: f64, seed: u64) -> (Vec<f64>, Vec<[f64; 2]>) {
     (targets, rows)
 }
 
-/// Arm, its speed, position and speed after a step, by Heun's method.
+/// Arm, its speed, position and speed after a step of Heun's method.
 fn stepped(x: [f64; 4], wish: [f64; 2], n: f64, h: f64) -> [f64; 4] {
     let rates = |x: [f64; 4], wish: f64| {
         let pull = OMEGA * OMEGA * (wish - x[0]) - 2.0 * ZETA * OMEGA * x[1];

@@ -1,5 +1,5 @@
-//! How time and memory of a fit grow with the number of runs and of samples; each size in a process of
-//! its own, whose peak memory is told.
+//! Growth of time and memory of a fit with the number of runs and of samples; each size runs in a separate process,
+//! whose peak memory is printed.
 //!
 //! ```text
 //! cargo bench --bench scale                         the default fit, all starts counted
@@ -18,9 +18,9 @@ use std::error::Error;
 use std::ops::ControlFlow;
 use std::process::{Command, Stdio};
 
-/// Runs, half of them to each target.
+/// Numbers of runs, half of them to each target.
 const RUNS: [usize; 5] = [6, 18, 60, 200, 600];
-/// Samples per second [1/s], and the runs with which they vary.
+/// Samples per second [1/s], and the number of runs for which they vary.
 const RATES: [usize; 3] = [20, 40, 80];
 const RUNS_OF_RATES: usize = 60;
 
@@ -44,11 +44,11 @@ struct Args {
     bench: bool,
 }
 
-/// What one size cost.
+/// Cost of one size.
 struct Cost {
     unknowns: f64,
     seconds_per_iteration: f64,
-    /// Peak [MB]; none where the system does not tell it.
+    /// Peak [MB]; `None` if the system does not report it.
     memory: Option<f64>,
 }
 
@@ -102,7 +102,7 @@ fn measured(
     }))
 }
 
-/// Fits one size in a process of its own and prints a line.
+/// Fits one size in a separate process and prints a line.
 fn apart(
     runs: usize,
     rate: usize,
@@ -177,7 +177,7 @@ fn peak_memory() -> Option<f64> {
     Some(kilobytes / 1e3)
 }
 
-/// Exponents of time per iteration and of memory over the unknowns.
+/// Exponents of time per iteration and of memory as functions of the unknowns.
 fn growth(what: &str, costs: &[Cost]) -> String {
     let time = exponent(costs.iter().map(|c| (c.unknowns, c.seconds_per_iteration)));
     let known = costs.iter().filter_map(|c| Some((c.unknowns, c.memory?)));
@@ -185,7 +185,7 @@ fn growth(what: &str, costs: &[Cost]) -> String {
     format!("over {what}: time per iteration grows as n^{time:.2}, memory as n^{memory:.2}\n")
 }
 
-/// Slope of the line nearest to the points in logarithms; NaN for less than two.
+/// Slope of the regression line in logarithms; NaN for fewer than two points.
 fn exponent(points: impl Iterator<Item = (f64, f64)>) -> f64 {
     let points: Vec<(f64, f64)> = points.map(|(x, y)| (x.ln(), y.ln())).collect();
     let mean =

@@ -1,5 +1,5 @@
-//! What each collocation scheme costs, and by how much its discretisation alone falsifies θ: flights of
-//! the continuous-time model with a known θ, without noise, are fitted with every scheme.
+//! Cost of each collocation scheme, and the bias of θ due to its discretisation alone: flights of the continuous-time
+//! model with a known θ, without noise, are fitted with every scheme.
 //!
 //! ```text
 //! cargo bench --bench schemes                             prints the table of docs/schemes.md
@@ -15,7 +15,7 @@ use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-/// The pilot that flew: a lead of 2.75 s, and lags of some rad/s.
+/// θ of the flights: a lead of 2.75 s, and lags of some rad/s.
 const THETA: [f64; 6] = [12.0, 17.0, 8.0, -0.2, -0.55, -0.05];
 /// Targets [m].
 const TARGETS: [f64; 2] = [10.0, 20.0];
@@ -23,18 +23,18 @@ const TARGETS: [f64; 2] = [10.0, 20.0];
 const DURATION: f64 = 15.0;
 /// Samples per second [1/s].
 const RATE: f64 = 20.0;
-/// Integration step of the flights [s]: their error is far below every bias here.
+/// Integration step of the flights [s]: its error is far below every bias here.
 const STEP: f64 = 2.5e-4;
-/// How far from the truth the fits start, component by component.
+/// Start of the fits relative to the true θ, per component.
 const OFF: [f64; 6] = [1.05, 0.95, 1.03, 0.97, 1.05, 0.95];
-/// Fits of which the table tells the median time.
+/// Number of fits whose median time the table shows.
 const REPETITIONS: usize = 5;
 
 /// Lines between which `--write` puts the table.
 const BEGIN: &str = "<!-- table: cargo bench --bench schemes -- --write docs/schemes.md -->\n";
 const END: &str = "<!-- end of table -->\n";
 
-/// What the table compares.
+/// The schemes and meshes that the table compares.
 fn cases() -> Vec<(Scheme, Mesh)> {
     use Scheme::*;
     let on_samples = [
@@ -103,7 +103,7 @@ fn line(trials: &[Trial], scheme: Scheme, mesh: Mesh) -> Result<String, FitError
     let options = FitOptions {
         scheme,
         mesh,
-        // The flights begin where the first sample says, and what is asked for is the scheme's error alone.
+        // The flights start exactly at the first sample, and only the scheme's error is of interest.
         initial_position: InitialPosition::Known,
         stable_loop: false,
         start: Some(THETA.iter().zip(OFF).map(|(t, off)| t * off).collect()),
@@ -144,7 +144,7 @@ fn iterations(fit: &Fit) -> String {
     }
 }
 
-/// Two significant digits, where they say something.
+/// Two significant digits, if they are meaningful.
 fn percent(value: f64, sign: bool) -> String {
     let size = value.abs();
     if size > 1e3 {

@@ -1,4 +1,4 @@
-//! Times the fit of the shipped trials with every scheme, and what a covariance costs beside an iteration, on one core:
+//! Times the fit of the shipped trials with every scheme, and a covariance relative to an iteration, on one core:
 //!
 //! ```text
 //! cargo bench --bench solve
@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     covariances(Path::new(env!("CARGO_MANIFEST_DIR")))?;
     if let Some(file) = solution_file() {
-        // Near one optimum: every scheme from the default scheme's θ, as compare.py begins, at rest.
+        // Near one optimum: every scheme starts from the default scheme's θ, as in compare.py, at rest.
         let default = fits
             .iter()
             .find(|(scheme, _)| *scheme == FitOptions::default().scheme);
@@ -89,7 +89,7 @@ fn json(fit: &Fit) -> String {
     )
 }
 
-/// Of each problem of the examples the time of an iteration where the fit ended, and how many of these a covariance takes.
+/// For each example problem: time of an iteration at the end of the fit, and the cost of a covariance in iterations.
 fn covariances(root: &Path) -> Result<(), Box<dyn std::error::Error>> {
     const AGAIN: u32 = 20;
     let methods = Method::ALL.map(Method::as_str).join(", ");
@@ -105,7 +105,7 @@ fn covariances(root: &Path) -> Result<(), Box<dyn std::error::Error>> {
         let Some(solved) = found.solved.as_ref().filter(|_| posed.filter.is_none()) else {
             continue;
         };
-        // From beside the solution, so that there is something to do.
+        // Start beside the solution, so that iterations remain.
         let mut z = solved.solution.iterate.z.clone();
         let first = solved.problem.layout.theta;
         z[first..].iter_mut().for_each(|own| *own *= 1.02);

@@ -1,9 +1,9 @@
-//! A pilot flies the quadcopter to a target, coupled by the co-simulation master; without FMUs.
+//! A pilot flies the quadcopter to a target, coupled by the co-simulation master, without FMUs.
 //!
 //!     cargo run --release --example closed_loop
 //!
-//! The smaller the communication step, the closer the coupled models come to the joint ODE. At the
-//! step of 50 ms at which people are recorded, the choice of algorithm shows.
+//! The smaller the communication step, the closer the coupled models come to the joint ODE. At a step of 50 ms, as in
+//! recordings of humans, the choice of algorithm is visible.
 
 use pilotage::cosim::{Algorithm, Clock, NativeComponent, SeriesRecorder, System, run};
 use pilotage::identification::joint::Joint;
@@ -11,9 +11,9 @@ use pilotage::identification::{Trial, simulate};
 use pilotage::models::{Model, Pilot, Quadcopter};
 use std::error::Error;
 
-/// `-0.03 (1 + 2.5 s) / (1 + s/6)³`: a pilot who looks ahead by 2.5 s and lags by half a second.
+/// `-0.03 (1 + 2.5 s) / (1 + s/6)³`: a pilot with a lead of 2.5 s and lags of half a second in total.
 const THETA: [f64; 6] = [216.0, 108.0, 18.0, -6.48, -16.2, 0.0];
-/// Near enough that the stick stays off its stops: the joint ODE has none.
+/// Close enough that the stick stays off its stops: the joint ODE has none.
 const TARGET: f64 = 5.0;
 const DURATION: f64 = 15.0;
 
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Where the vehicle is at the end, coupled with the given communication step [s].
+/// Final position of the vehicle, coupled with the given communication step [s].
 fn coupled_position(step: f64, algorithm: Algorithm) -> Result<f64, Box<dyn Error>> {
     let mut system = System::new();
     let pilot = NativeComponent::new(Model::pilot(&THETA, f64::INFINITY));
@@ -50,7 +50,7 @@ fn coupled_position(step: f64, algorithm: Algorithm) -> Result<f64, Box<dyn Erro
     Ok(position.values[position.values.len() - 1])
 }
 
-/// Where it is when pilot and vehicle are integrated as one system.
+/// Final position of the vehicle if it is integrated with the pilot as one system.
 fn joint_position() -> Result<f64, Box<dyn Error>> {
     let rows: String = (0..=300)
         .map(|k| format!("{},{TARGET},0\n", 0.05 * f64::from(k)))

@@ -1,10 +1,10 @@
-//! From recorded flights to a pilot, through the library.
+//! Identifies a pilot from recorded flights, with the library.
 //!
 //!     cargo run --release --example identify -- examples/trials/trials.toml
 //!
-//! Fits the vehicle's response, then the stick alone, and flies both pilots alone, from rest. The first
-//! is the one that brings the vehicle nearest to where it was recorded; how much the second misses
-//! depends on the flights (in the paper's Fig. 2 it never reaches the target).
+//! Fits the vehicle's response, then the stick only, and simulates the flights of both pilots from rest. The first
+//! pilot brings the vehicle closest to its recorded positions; the error of the second depends on the flights (in the
+//! paper's Fig. 2 it never reaches the target).
 
 use pilotage::identification::joint::Joint;
 use pilotage::identification::statistics::rms;

@@ -1,10 +1,10 @@
-//! A vehicle of one's own, written once: fitted, flown by the master, and simulated.
+//! A user-defined vehicle, written once: fitted, driven by the master, and simulated.
 //!
 //!     cargo run --release --example own_model
 //!
-//! A rover on a line is driven by a pilot of second order towards moving targets. What is recorded, position
-//! and stick, gives back the pilot's four parameters and the rover's drag, although both signals are noisy. The
-//! same `Rover` then drives in a co-simulation; `pilotage pack` would make an FMU of it.
+//! A second-order pilot drives a rover on a line towards moving targets. A fit of the recorded position and stick
+//! recovers the pilot's four parameters and the rover's drag, although both signals are noisy. The same `Rover` then
+//! drives in a co-simulation; `pilotage pack` would make an FMU of it.
 
 use pilotage::cosim::{Algorithm, Clock, NativeComponent, SeriesRecorder, System, run};
 use pilotage::expression::Model;
@@ -44,7 +44,7 @@ impl Equations for Rover {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    // Pilot and rover as one system of equations: θ and the drag are sought.
+    // Pilot and rover as one system of equations: θ and the drag are estimated.
     let pilot = traced(&BuiltIn::pilot(&[0.0; 4], 1.0))?.with_values([("stick_limit", 1.0)])?;
     let rover = traced(&Rover)?.with_values([("thrust", 2.0)])?;
     let parts = [("pilot", pilot), ("rover", rover)];
@@ -56,7 +56,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let system = Model::join(&parts, &wires)?.observed(&names)?;
     let model = Arc::new(Differentiated::new(&system));
 
-    // Three runs; the noise has the standard deviations 2 cm and 1 % of the stick, which weigh them.
+    // Three runs; the noise has standard deviations of 2 cm and 1 % of the stick, which determine the weights.
     let runs: Vec<Run> = (1..=3).map(|k| recorded(&model, k)).collect();
     let start = TRUTH.map(|t| 0.7 * t);
     let states: Vec<_> = runs
@@ -65,7 +65,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .collect();
     let scales = Scales::of(&states, &start);
     let free = ParameterConstraints::default();
-    // The stick is measured, and once more bounded: it has stops.
+    // The stick is measured, and also bounded: it has stops.
     let bounds = [Bound::at_samples(-1.0, 1.0)];
     let problem = Collocation::new(model, free, Scheme::HermiteSimpson, runs, scales, &bounds);
     let z = problem.variables(&states, &start);
@@ -96,7 +96,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// A run to a target that moves, with noise that is the same on any machine.
+/// A run to a moving target, with noise that is the same on every machine.
 fn recorded(model: &Differentiated, number: usize) -> Run {
     let time: Vec<f64> = (0..SAMPLES).map(|i| STEP * i as f64).collect();
     let target = |t: f64| (0.3 * number as f64 * t).sin() + 0.3 * (1.1 * t).sin();
@@ -127,7 +127,7 @@ fn recorded(model: &Differentiated, number: usize) -> Run {
     run
 }
 
-/// Where the rover is after 20 s in the co-simulation master, its target 1 m ahead.
+/// Position of the rover after 20 s in the co-simulation master, with its target 1 m ahead.
 fn driven(found: &[f64]) -> Result<f64, Box<dyn Error>> {
     let mut system = System::new();
     let pilot = NativeComponent::new(BuiltIn::pilot(&found[..4], 1.0));

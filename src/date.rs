@@ -1,9 +1,9 @@
-//! What day it is, for pages.
+//! Dates and times, for pages and for descriptions of FMUs.
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-/// Now, as `2026-03-01 09:30 UTC`; the time in `SOURCE_DATE_EPOCH` [s since 1970] where that is set, so that
-/// files can be made again to the last byte (<https://reproducible-builds.org/specs/source-date-epoch/>).
+/// Current time as `2026-03-01 09:30 UTC`, or the time in `SOURCE_DATE_EPOCH` [s since 1970] if that is set, so that
+/// files can be reproduced byte for byte (<https://reproducible-builds.org/specs/source-date-epoch/>).
 pub fn now() -> String {
     let set = std::env::var("SOURCE_DATE_EPOCH").ok();
     let set = set.and_then(|seconds| Some(Duration::from_secs(seconds.trim().parse().ok()?)));
@@ -11,7 +11,7 @@ pub fn now() -> String {
     utc(since.unwrap_or_default().as_secs())
 }
 
-/// Date and time of a number of seconds since 1970.
+/// Formats seconds since 1970 as date and time.
 fn utc(seconds: u64) -> String {
     let (days, minutes) = (seconds / 86_400, seconds / 60 % 1440);
     let (year, month, day) = civil(days);
@@ -19,8 +19,16 @@ fn utc(seconds: u64) -> String {
     format!("{year}-{month:02}-{day:02} {hour:02}:{minute:02} UTC")
 }
 
-/// Year, month and day of a number of days since 1970 (H. Hinnant, "chrono-Compatible Low-Level Date
-/// Algorithms", `civil_from_days`): years begin in March, so that the leap day is their last.
+/// Formats seconds since 1970 as `YYYY-MM-DDThh:mm:ssZ`, the format of FMI; `None` after the year 9999.
+pub fn of_fmi(seconds: u64) -> Option<String> {
+    let (year, month, day) = civil(seconds / 86_400);
+    let (hour, minute, second) = (seconds / 3600 % 24, seconds / 60 % 60, seconds % 60);
+    (year <= 9999)
+        .then(|| format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z"))
+}
+
+/// Year, month and day from days since 1970 (H. Hinnant, "chrono-Compatible Low-Level Date Algorithms",
+/// `civil_from_days`). Years begin in March, so that the leap day is the last day of a year.
 fn civil(days: u64) -> (u64, u64, u64) {
     let days = days + 719_468;
     let (era, of_era) = (days / 146_097, days % 146_097);
@@ -36,7 +44,7 @@ fn civil(days: u64) -> (u64, u64, u64) {
 mod tests {
     use super::*;
 
-    /// Against `date -u -d @SECONDS`.
+    /// Reference: `date -u -d @SECONDS`.
     #[test]
     fn dates_are_those_of_the_calendar() {
         for (seconds, date) in [
@@ -49,5 +57,19 @@ mod tests {
         ] {
             assert_eq!(utc(seconds), date);
         }
+    }
+
+    /// Reference: `date --utc --date=@SECONDS`.
+    #[test]
+    fn dates_of_fmi() {
+        for (seconds, date) in [
+            (0, "1970-01-01T00:00:00Z"),
+            (951_782_399, "2000-02-28T23:59:59Z"),
+            (951_782_400, "2000-02-29T00:00:00Z"),
+            (253_402_300_799, "9999-12-31T23:59:59Z"),
+        ] {
+            assert_eq!(of_fmi(seconds).as_deref(), Some(date));
+        }
+        assert_eq!(of_fmi(253_402_300_800), None);
     }
 }

@@ -1,11 +1,10 @@
-//! **pilotage** identifies how a human pilot acts on a vehicle, and hands that pilot on as an FMU that
-//! any simulation tool can run.
+//! **pilotage** identifies how a human pilot controls a vehicle and exports the identified pilot as an FMU that any
+//! simulation tool can run.
 //!
-//! From recorded flights to a target it fits one pilot model θ for all runs, by constrained
-//! optimisation in the time domain: collocation with every state implicit, solved by a sparse SQP. It
-//! fits the vehicle's response, not the stick.
+//! It fits one pilot model θ to all recorded flights to a target by constrained optimisation in the time domain:
+//! collocation with all states implicit, solved by a sparse SQP. It fits the vehicle's response, not the stick.
 //!
-//! From the six shipped flights to a pilot, to FMUs of pilot and vehicle, to both flying together:
+//! This example fits a pilot to the six shipped flights, exports FMUs of pilot and vehicle, and co-simulates both:
 //!
 //! ```
 //! use pilotage::{Algorithm, Clock, Export, FitOptions, FmuComponent, Model};
@@ -37,10 +36,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! That is most of what a program needs; all else is in the crates of which these names are taken:
+//! These names cover what most programs need. Everything else is in the crates from which they are re-exported:
 //! `pilotage-identification` (trials, fit, diagnostics, vehicle files), `pilotage-cosim` (the master), `pilotage-fmi`
-//! (FMUs of other tools), `pilotage-linear` (poles and margins), `pilotage-sdk` (FMUs of models of your own), and
-//! beneath them `pilotage-collocation`, `pilotage-sqp` and `pilotage-ode`.
+//! (FMUs of other tools), `pilotage-linear` (poles and margins), `pilotage-sdk` (FMUs of user-written models), and the
+//! crates they build on: `pilotage-collocation`, `pilotage-sqp` and `pilotage-ode`.
 
 #[doc(inline)]
 pub use export::{Export, Provenance};
@@ -55,7 +54,7 @@ pub use pilotage_models::Model;
 
 pub mod export;
 
-// For the command, the tests and the benches: the parts by their short names.
+// Short names of the crates, for the command, the tests and the benches.
 #[doc(hidden)]
 pub mod atomic_file;
 #[doc(hidden)]
@@ -77,7 +76,7 @@ pub use {
     pilotage_text::{document, error_chain, suggestion},
 };
 
-/// Has the compiler read the examples of the guide.
+/// Compiles the examples of the guide as doctests.
 #[cfg(doctest)]
 #[doc = include_str!("../docs/fmu-models.md")]
 struct Guide;

@@ -1,4 +1,4 @@
-//! The `pilotage` command: parse, run, exit code.
+//! The `pilotage` command: parses the arguments, runs, returns the exit code.
 
 fn main() -> std::process::ExitCode {
     pilotage::cli::main()

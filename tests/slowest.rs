@@ -1,5 +1,5 @@
-//! The end of a run of all tests: which of `tests/it` and `tests/realtime` took longest, and which tools were missing. Cargo runs it
-//! after them, by its name.
+//! Printed at the end of a run of all tests: the slowest tests of `tests/it` and `tests/realtime`, and the missing
+//! tools. Cargo runs it last because of its name.
 
 use std::fs;
 
@@ -7,7 +7,7 @@ fn main() {
     if std::env::args().any(|argument| argument == "--list") {
         return;
     }
-    // There are none if no test of `tests/it` has run.
+    // There is no file if no test of `tests/it` has run.
     let path = concat!(env!("CARGO_TARGET_TMPDIR"), "/notes.txt");
     let notes = fs::read_to_string(path).unwrap_or_default();
     let mut times: Vec<(f64, &str)> = (notes.lines())

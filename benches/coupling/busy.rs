@@ -1,4 +1,4 @@
-//! From which cost of a step on it pays to let components step at the same time.
+//! Cost of a step from which it pays to step components in parallel.
 
 use pilotage::cosim::component::ComponentError;
 use pilotage::cosim::{
@@ -6,11 +6,11 @@ use pilotage::cosim::{
 };
 use std::time::{Duration, Instant};
 
-/// Components side by side, and what their steps take [µs].
+/// Number of parallel components, and costs of their steps [µs].
 const COMPONENTS: usize = 4;
 const COSTS: [f64; 8] = [0.5, 1.0, 2.0, 5.0, 10.0, 50.0, 200.0, 1000.0];
 
-/// Takes its time and does nothing.
+/// Spins for the cost of a step and computes nothing.
 struct Busy {
     cost: Duration,
     variables: [Variable; 1],
@@ -39,7 +39,7 @@ impl Component for Busy {
     }
 }
 
-/// Microseconds for a communication step of all components; the least of some runs.
+/// Microseconds for a communication step of all components; the minimum of several runs.
 fn step(cost: f64, parallel: bool) -> f64 {
     let steps = (5e4 / cost).clamp(50.0, 5000.0) as u64;
     let once = || {
@@ -65,7 +65,7 @@ fn step(cost: f64, parallel: bool) -> f64 {
     (0..5).map(|_| once()).fold(f64::INFINITY, f64::min)
 }
 
-/// Prints both ways for some costs, and from which on the parallel one is faster.
+/// Prints serial and parallel times for several costs, and the cost from which the parallel one is faster.
 pub fn print() {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     println!(

@@ -1,4 +1,4 @@
-//! The FMUs, compiled and packed here.
+//! Compiles and packs the FMUs.
 
 use std::fs::File;
 use std::io::Write;
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use zip::write::SimpleFileOptions;
 
-/// Controller and integrator with that many outputs each.
+/// Controller and integrator with `outputs` outputs each.
 pub fn make(folder: &Path, outputs: usize) -> [PathBuf; 2] {
     ["controller", "integrator"].map(|name| {
         let library = folder.join(format!("{name}.so"));
@@ -34,7 +34,7 @@ pub fn make(folder: &Path, outputs: usize) -> [PathBuf; 2] {
     })
 }
 
-/// The loop in C over these libraries, compiled at the first call.
+/// The loop in C over these libraries, compiled on the first call.
 pub fn bare_loop(folder: &Path) -> Command {
     let program = folder.join("loop");
     if !program.exists() {
@@ -55,7 +55,7 @@ pub fn bare_loop(folder: &Path) -> Command {
 
 fn pack(path: &Path, name: &str, library: &[u8], outputs: usize) {
     let mut zip = zip::ZipWriter::new(File::create(path).expect("a file"));
-    // The name of FMI 2.0, which all tools know, is the last.
+    // The last folder has the name of FMI 2.0, which all tools know.
     let folders = pilotage::fmi::platform::folders();
     let folder = folders.last().expect("a platform");
     let binary = format!("binaries/{folder}/{name}.so");

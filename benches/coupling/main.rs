@@ -1,7 +1,7 @@
-//! What the master costs beside FMUs that cost nothing: P controller and integrator in C, 10,000 steps,
-//! by a bare loop over their functions, by the master, by the whole command, and by a loop in fmpy, all in
-//! one run; and from which cost of a step on `--parallel` pays. Needs a C compiler (`cc`) and Python 3. Run with `cargo bench --bench coupling`; with
-//! `-- --long` it runs 10 million steps too and prints what memory that takes.
+//! Overhead of the master with FMUs that cost nothing: P controller and integrator in C, 10,000 steps, by a bare loop
+//! over their functions, by the master, by the whole command, and by a loop in fmpy, all in one run; and the cost of a
+//! step from which `--parallel` pays. Needs a C compiler (`cc`) and Python 3. Run with `cargo bench --bench coupling`;
+//! with `-- --long` it also runs 10 million steps and prints the memory that they take.
 
 mod busy;
 mod fmus;
@@ -27,7 +27,7 @@ const REPETITIONS: usize = 15;
 
 fn main() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    // One output each, and four.
+    // FMUs with one output each, and with four.
     let [few, many] = [1, 4].map(|n| fmus::make(folder.path(), n));
     let libraries = [&few, &many].map(|files| {
         files.each_ref().map(|file| {
@@ -37,7 +37,7 @@ fn main() {
     });
     let csv = || CsvRecorder::in_portions(tempfile::tempfile().expect("a file"), 1 << 18);
     let series = || SeriesRecorder::with_capacity(STEPS as usize + 1);
-    // In turn, so that whatever else the machine does falls on all of them; the least counts.
+    // In turn, so that other load on the machine affects all of them; the minimum counts.
     let mut least = [f64::INFINITY; 6];
     for _ in 0..REPETITIONS {
         let times = [
@@ -78,7 +78,7 @@ fn main() {
     }
 }
 
-/// Takes rows and drops them.
+/// Discards all rows.
 struct Nothing;
 
 impl Recorder for Nothing {
@@ -92,7 +92,7 @@ impl Recorder for Nothing {
     }
 }
 
-/// Microseconds per step by the master. Initialization is within, and small.
+/// Microseconds per step by the master, including initialization, which is small.
 fn coupled(libraries: &[fmu::Library; 2], coupling: Coupling, recorder: &mut dyn Recorder) -> f64 {
     let system = system(libraries);
     let clock = Clock::new(0.0, STEPS as f64 * H, H).expect("it divides");
@@ -103,7 +103,7 @@ fn coupled(libraries: &[fmu::Library; 2], coupling: Coupling, recorder: &mut dyn
     elapsed.as_secs_f64() * 1e6 / STEPS as f64
 }
 
-/// The same, until all rows are in the file, which is closed and so deleted after that.
+/// The same, until all rows are in the file, which is closed, and thereby deleted, only afterwards.
 fn into_csv(libraries: &[fmu::Library; 2], mut recorder: CsvRecorder<std::fs::File>) -> f64 {
     let stepping = coupled(libraries, Algorithm::Jacobi.into(), &mut recorder);
     let started = Instant::now();
@@ -128,7 +128,7 @@ fn system(libraries: &[fmu::Library; 2]) -> System {
     system
 }
 
-/// Microseconds that the whole command takes.
+/// Microseconds for the whole command.
 fn command(files: &[std::path::PathBuf; 2], folder: &Path) -> f64 {
     let started = Instant::now();
     let ended = Command::new(env!("CARGO_BIN_EXE_pilotage"))
@@ -178,7 +178,7 @@ fn steps() -> [String; 2] {
     [STEPS.to_string(), H.to_string()]
 }
 
-/// Runs a program that prints its time per step and what it came to, which must be right.
+/// Runs a program that prints its time per step and its result, which must be correct.
 fn printed(program: &mut Command) -> f64 {
     let ended = program.output().expect("it runs");
     assert!(
@@ -198,7 +198,7 @@ fn printed(program: &mut Command) -> f64 {
     time
 }
 
-/// Ten million steps: what they take of time, and of memory beyond a run of ten thousand.
+/// Ten million steps: their time, and their memory beyond that of a run of ten thousand.
 fn long(libraries: &[fmu::Library; 2]) {
     let resident = || -> f64 {
         let text = std::fs::read_to_string("/proc/self/statm").unwrap_or_default();

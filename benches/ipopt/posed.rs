@@ -1,6 +1,6 @@
-//! Our side of the race on problem files: from the start values of the file, without other starts and without a
-//! refinement of the mesh. The answer has what that of a data set has, and the names of states and parameters in the
-//! order of the unknowns.
+//! pilotage's side of the comparison on problem files: from the start values of the file, without other starts and
+//! without mesh refinement. The answer contains the fields of that for a data set, and the names of states and
+//! parameters in the order of the unknowns.
 
 use super::{Clock, Failure, number};
 use pilotage::estimation::file::Mesh;
@@ -66,7 +66,7 @@ pub fn answer(path: &Path, request: &Value) -> Result<Value, Failure> {
     Ok(answer)
 }
 
-/// A solve, and its iterations on the coarse mesh and on the fine one.
+/// A solve, and its numbers of iterations on the coarse mesh and on the fine one.
 fn run(
     posed: &Posed<'_>,
     from: (Collocation, Vec<f64>),
@@ -98,8 +98,8 @@ fn scales(scales: &Scales) -> Value {
     json!({ "states": scales.states, "parameters": scales.parameters })
 }
 
-/// Objective, squares of the equalities and of the limited signals, away from the start by sin k in unknown k: where
-/// another program has the same three, it is the same problem.
+/// Objective, and sums of squares of the equalities and of the limited signals, at the start shifted in proportion to
+/// sin k in unknown k: another program with the same three values poses the same problem.
 fn probe(problem: &Collocation, start: &[f64]) -> Value {
     let shifted = start.iter().enumerate();
     let z: Vec<f64> = shifted
@@ -113,7 +113,7 @@ fn probe(problem: &Collocation, start: &[f64]) -> Value {
     json!([objective, squares(&equalities), squares(limited)])
 }
 
-/// How far the probe is from the start.
+/// Amplitude of the probe's shift from the start.
 const PROBE: f64 = 0.1;
 
 /// Names of the shared parameters in their order.

@@ -1,14 +1,14 @@
-//! Our side of the race against CasADi and IPOPT, driven by `benches/ipopt/race.py`: one request a
-//! line on standard input (JSON), one answer a line on standard output, until the input ends.
+//! pilotage's side of the comparison with CasADi and IPOPT, driven by `benches/ipopt/race.py`: one request per line on
+//! standard input (JSON), one answer per line on standard output, until the input ends.
 //!
-//! A request names a problem by `manifest`, `scheme` and `initial_state`. With nothing else the answer
-//! has the default starts, `candidates`. With a start `theta` and `max_iterations`, `max_seconds`,
-//! `tolerance` and `repeats` the problem is solved from there, `repeats` times with everything that a
-//! solve needs made anew, and the answer has the scales, the start and the final point with its
-//! multipliers, and for each solve its `seconds` of processor time and `wall_seconds`. With `log` true it has
-//! every iteration too, but then the seconds are those of a solve that writes it.
+//! A request names a problem by `manifest`, `scheme` and `initial_state`. Without further fields the answer contains
+//! the default starts, `candidates`. With a start `theta` and `max_iterations`, `max_seconds`, `tolerance` and
+//! `repeats` the problem is solved from there, `repeats` times, each time with new working memory of the solver. The
+//! answer then contains the scales, the start and the final point with its multipliers, and for each solve its
+//! processor time `seconds` and its `wall_seconds`. If `log` is true it also contains every iteration, but the seconds
+//! then include recording them.
 //!
-//! A request with `problem` names a problem file instead (posed.rs). It is solved on a coarser mesh first, as a fit does,
+//! A request with `problem` names a problem file instead (posed.rs). It is solved on a coarser mesh first, as in a fit,
 //! unless `at_once` is true.
 
 mod posed;
@@ -179,7 +179,7 @@ fn line(iteration: &Iteration) -> Value {
     })
 }
 
-/// The processor's time of this process beside that on the wall.
+/// Processor time of this process and wall time.
 struct Clock {
     processor: f64,
     wall: Instant,
@@ -208,7 +208,7 @@ fn processor_seconds() -> f64 {
     time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }
 
-/// Where the system has no such clock, that on the wall.
+/// Wall time, if the system has no such clock.
 #[cfg(not(unix))]
 fn processor_seconds() -> f64 {
     static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();

@@ -1,5 +1,5 @@
-//! Whether the speed of a fit hangs on the profile that a user's workspace has: the same problem with a model
-//! of one's own, compiled here and in a crate beside, with cargo's default release profile. On one core:
+//! Whether the speed of a fit depends on the profile of the user's workspace: the same problem with a user-defined
+//! model, compiled here and in a separate crate with cargo's default release profile. On one core:
 //!
 //! ```text
 //! cargo bench --bench own_model
@@ -12,10 +12,10 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Measurements of each beside the first.
+/// Measurements of each besides the first.
 const ROUNDS: usize = 3;
 
-/// What the other crate's program does.
+/// Main program of the other crate.
 const MAIN: &str = r#"mod problem;
 
 fn main() {
@@ -25,13 +25,13 @@ fn main() {
 "#;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    // One core, and nothing measured while threads begin.
+    // One core, and no thread starts during a measurement.
     rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .build_global()?;
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("own-model");
     let program = build(&folder)?;
-    // By turns, and the best of each: other work on the machine disturbs both alike.
+    // Alternating, and the best of each: other load on the machine affects both alike.
     let (mut here, mut there) = (problem::measure(), measured(&program)?);
     for _ in 0..ROUNDS {
         here = fastest(here, problem::measure());
@@ -62,7 +62,7 @@ fn fastest(a: Figures, b: Figures) -> Figures {
     }
 }
 
-/// What the other program finds.
+/// Results of the other program.
 fn measured(program: &Path) -> Result<Figures, Box<dyn Error>> {
     let output = Command::new(program)
         .env("RAYON_NUM_THREADS", "1")
@@ -80,7 +80,7 @@ fn measured(program: &Path) -> Result<Figures, Box<dyn Error>> {
     })
 }
 
-/// A workspace of its own that depends on the crates here, built.
+/// Builds a separate workspace that depends on the crates here.
 fn build(folder: &Path) -> Result<PathBuf, Box<dyn Error>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     std::fs::create_dir_all(folder.join("src"))?;

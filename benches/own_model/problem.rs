@@ -1,4 +1,4 @@
-//! Recorded-style tracking with a model of one's own: 10 runs of 1,351 samples, two measured signals, 54,046
+//! Tracking data as recorded, with a user-defined model: 10 runs of 1,351 samples, two measured signals, 54,046
 //! unknowns.
 
 use num_dual::DualNum;
@@ -17,7 +17,7 @@ const STEP: f64 = 0.05;
 /// Pilot: two coefficients of the denominator, two of the numerator; vehicle: gain and quadratic drag.
 const TRUTH: [f64; 6] = [9.0, 5.0, 2.5, 4.0, 0.8, 0.05];
 
-/// A vehicle `z̈ = k u - d ż |ż|`, smoothly, and a pilot of second order that sees target and position.
+/// A vehicle `z̈ = k u - d ż |ż|`, smoothed, and a second-order pilot that sees target and position.
 fn tracking() -> System {
     let traced = System::trace([4, 1, 6], |at| {
         let [z, v, a, b] = [at.x[0], at.x[1], at.x[2], at.x[3]];
@@ -29,15 +29,15 @@ fn tracking() -> System {
     traced.expect("the equations are expressions")
 }
 
-/// What a solve took.
+/// Results of a solve.
 pub struct Figures {
-    /// Unknowns of the problem.
+    /// Number of unknowns.
     pub unknowns: usize,
-    /// Iterations of the SQP.
+    /// Number of iterations of the SQP.
     pub iterations: usize,
-    /// For each iteration [ms]: the least of some solves.
+    /// Time per iteration [ms]: the minimum of several solves.
     pub milliseconds: f64,
-    /// Largest relative error of θ, whose data are noisy.
+    /// Largest relative error of θ, estimated from noisy data.
     pub error: f64,
 }
 
@@ -57,7 +57,7 @@ fn run(model: &Differentiated, k: usize) -> Run {
     let states = model.simulate(&run, &TRUTH, &[0.0; 4]);
     let outputs = states.iter().enumerate().map(|(i, x)| {
         let all = model.evaluate(run.time[i], x, &run.inputs[i], &TRUTH);
-        // Noise that is the same on any machine.
+        // Noise that is the same on every machine.
         let noise = |n: usize| ((i * 7919 + k * 104_729 + n * 613) % 1000) as f64 / 500.0 - 1.0;
         [all[4] + 0.02 * noise(1), all[5] + 0.05 * noise(2)]
     });
@@ -72,7 +72,7 @@ fn run(model: &Differentiated, k: usize) -> Run {
     run
 }
 
-/// Solves it some times from a start that is a third off, on one core.
+/// Solves the problem several times from a start that is 30 % off, on one core.
 pub fn measure() -> Figures {
     let model = Arc::new(Differentiated::new(&tracking()));
     let runs: Vec<Run> = (0..RUNS).map(|k| run(&model, k)).collect();

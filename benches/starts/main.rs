@@ -1,5 +1,5 @@
-//! How often the fit ends at the best optimum known, without a start of the user's: ten humans times ten
-//! seeds, the default fit of each against the best of many random starts.
+//! How often the fit ends at the best known optimum without a start from the user: ten humans times ten seeds, the
+//! default fit of each compared with the best of many random starts.
 //!
 //! ```text
 //! cargo bench --bench starts -- --json all.json            # hours on one core
@@ -30,9 +30,9 @@ use std::path::{Path, PathBuf};
 
 /// Relative distance to the best known objective that counts as the same.
 const SAME: f64 = 1e-3;
-/// Violation of the constraints above which an objective says nothing.
+/// Constraint violation above which an objective is meaningless.
 const FEASIBLE: f64 = 1e-6;
-/// Iterations over which a random start must gain half of what it lies behind.
+/// Iterations within which a random start must halve its distance to the best objective.
 const WINDOW: usize = 10;
 
 /// How often the default start leads to the best optimum known.
@@ -78,7 +78,7 @@ struct DataSet {
     trials: Vec<Trial>,
 }
 
-/// What came of one data set.
+/// Result for one data set.
 struct Outcome<'a> {
     data: &'a DataSet,
     fit: Fit,
@@ -86,7 +86,7 @@ struct Outcome<'a> {
     random: Option<(f64, Vec<f64>)>,
     /// Random starts that converged.
     converged: usize,
-    /// Least objective known, from all sources.
+    /// Smallest known objective, from all sources.
     best: f64,
 }
 
@@ -223,8 +223,8 @@ fn study<'a>(data: &'a DataSet, options: &FitOptions, count: usize) -> Outcome<'
     outcome
 }
 
-/// The fit from one random start; none when its last iterate is infeasible. It ends early when it crawls
-/// behind the best so far.
+/// The fit from one random start; `None` if its last iterate is infeasible. It stops early if it approaches the best
+/// objective so far too slowly.
 fn random_fit(trials: &[Trial], options: &FitOptions, start: Vec<f64>, best: f64) -> Option<Fit> {
     let options = FitOptions {
         start: Some(start),
@@ -249,17 +249,17 @@ fn random_fit(trials: &[Trial], options: &FitOptions, start: Vec<f64>, best: f64
 }
 
 impl Outcome<'_> {
-    /// How far the default fit is behind the best known, relative.
+    /// Relative distance of the default fit to the best known objective.
     fn gap(&self) -> f64 {
         self.fit.objective / self.best - 1.0
     }
 
-    /// An iterate that is lower, but has not converged, is no result.
+    /// A lower iterate that has not converged is not a result.
     fn is_best(&self) -> bool {
         self.fit.converged && self.gap() <= SAME
     }
 
-    /// True when the fit itself says that there may be a better optimum, or that it has not converged.
+    /// True if the fit itself reports that there may be a better optimum, or that it has not converged.
     fn says_so(&self) -> bool {
         let of_starts = |d: &Diagnostic| {
             matches!(
@@ -330,7 +330,7 @@ fn line(outcome: &Outcome) -> String {
     )
 }
 
-/// How many are at the best known, those that are not, and what the default fits cost.
+/// Number of fits at the best known optimum, the other fits, and the cost of the default fits.
 fn verdict(outcomes: &[Outcome]) -> String {
     let mut text = String::from("\n");
     let behind: Vec<&Outcome> = outcomes.iter().filter(|o| !o.is_best()).collect();
@@ -358,7 +358,7 @@ fn verdict(outcomes: &[Outcome]) -> String {
     text + &spread("iterations", iterations) + &spread("seconds", seconds)
 }
 
-/// Median and greatest value.
+/// Median and maximum.
 fn spread(name: &str, mut values: Vec<f64>) -> String {
     values.sort_by(f64::total_cmp);
     match values.last() {

@@ -23,8 +23,8 @@ const fn human(numbers: [f64; 7]) -> Human {
     }
 }
 
-/// The ten humans of the study. Crossover between 0.35 and 0.9 rad/s, delays and arms as McRuer and Jex
-/// (IEEE Trans. HFE-8, 1967) report them; remnant from hardly any to a tenth of the first command.
+/// The ten humans of the study. Crossover between 0.35 and 0.9 rad/s, delays and arms as reported by McRuer and Jex
+/// (IEEE Trans. HFE-8, 1967); remnant from almost none to a tenth of the first command.
 pub const STUDY: [Named; 10] = [
     ("plain", human([0.030, 2.5, 0.15, 10.0, 0.7, 0.04, 0.5])),
     ("gentle", human([0.016, 3.2, 0.20, 8.0, 0.8, 0.04, 0.6])),
@@ -41,7 +41,7 @@ pub const STUDY: [Named; 10] = [
     ("wandering", human([0.020, 3.0, 0.25, 7.0, 0.5, 0.06, 1.5])),
 ];
 
-/// Ten other humans, with whom the starts were worked out. The study never sees them.
+/// Ten other humans, with which the starts were developed. The study does not use them.
 pub const TUNING: [Named; 10] = [
     ("t1", human([0.027, 2.3, 0.17, 9.5, 0.75, 0.05, 0.4])),
     ("t2", human([0.018, 2.6, 0.24, 7.5, 0.6, 0.03, 0.8])),
@@ -58,7 +58,7 @@ pub const TUNING: [Named; 10] = [
 /// Six flights of the default vehicle, three to 10 m and three to 20 m: 15 s at 20 Hz.
 ///
 /// # Errors
-/// When human and vehicle swing up.
+/// If the loop of human and vehicle is unstable.
 pub fn flown(human: &Human, seed: u64) -> Result<Vec<Flight>, SyntheticError> {
     let flights = Flights {
         seed,
@@ -67,7 +67,7 @@ pub fn flown(human: &Human, seed: u64) -> Result<Vec<Flight>, SyntheticError> {
     flights.fly(human, &Quadcopter::default())
 }
 
-/// [`flown`], as the fit takes them.
+/// [`flown`] as trials for the fit.
 ///
 /// # Errors
 /// As [`flown`].

@@ -1,8 +1,8 @@
 //! The shared library inside every FMU that pilotage exports: FMI 2.0 and FMI 3.0, co-simulation and
 //! model exchange.
 //!
-//! One library serves every model: which one, and with which start values, stands in the FMU's
-//! `resources/model.toml`, which may be a user's model file, so that exporting needs no compiler. All else is [`pilotage_sdk`]'s.
+//! One library serves every model: the FMU's `resources/model.toml` states the model and its start values. It may be a
+//! user's model file, so that exporting needs no compiler. Everything else is in [`pilotage_sdk`].
 
 pilotage_sdk::export!(
     pilotage_models::AnyModel,

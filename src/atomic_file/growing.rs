@@ -1,25 +1,24 @@
-//! A file that grows beside its place and is put there when it is complete.
+//! A file that is written next to its final path and renamed when it is complete.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// A result that is written as the work goes: into `FILE.part`, which becomes `FILE` at the end.
+/// A result file that is written incrementally into `FILE.part`, which is renamed to `FILE` at the end.
 ///
-/// So what was written so far survives the end of the process, whatever ends it, and what stands at
-/// `FILE` is never half a result. A part that a process left behind is put aside by the next one that
-/// writes the same file, never overwritten.
+/// Rows written so far survive any termination of the process, and `FILE` never holds a partial result. A part left by
+/// an earlier process is renamed by the next process that writes the same file; it is never overwritten.
 #[derive(Debug)]
 pub struct GrowingFile {
     path: PathBuf,
     part: PathBuf,
     file: File,
-    /// What the descriptor leads to, where the system tells.
+    /// Identity of the file behind the descriptor, if the system provides one.
     identity: Option<Identity>,
     left_behind: Option<PathBuf>,
-    /// Whether the user said a relative path.
+    /// Whether the user gave a relative path.
     is_relative: bool,
-    /// How many bytes were written.
+    /// Number of bytes written.
     written: u64,
 }
 
@@ -27,9 +26,8 @@ impl GrowingFile {
     /// Opens the part of `path`.
     ///
     /// # Errors
-    /// When the folder does not exist or cannot be written, `path` is a folder
-    /// ([`io::ErrorKind::IsADirectory`]), or another process is writing the same file
-    /// ([`io::ErrorKind::ResourceBusy`]).
+    /// If the folder does not exist or is not writable, `path` is a folder ([`io::ErrorKind::IsADirectory`]), or
+    /// another process is writing the same file ([`io::ErrorKind::ResourceBusy`]).
     pub fn create(path: &Path) -> io::Result<Self> {
         let is_relative = path.is_relative();
         let path = &super::anchored(path);
@@ -40,7 +38,7 @@ impl GrowingFile {
         let part = part_of(&path);
         let mut left_behind = None;
         let file = loop {
-            // Whoever else writes or cuts changes how long it is.
+            // Append mode: `finish` detects writes or truncation by other code from the length.
             match OpenOptions::new().append(true).create_new(true).open(&part) {
                 Ok(file) => break file,
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
@@ -49,8 +47,8 @@ impl GrowingFile {
                 Err(error) => return Err(error),
             }
         };
-        // Held until the file is closed: how others tell a part that grows from one left behind. Where
-        // the file system knows no locks, they cannot.
+        // Held until the file is closed: the lock distinguishes a part being written from an abandoned one. On file
+        // systems without locks they cannot be distinguished.
         let _ = file.try_lock();
         Ok(Self {
             path,
@@ -63,7 +61,7 @@ impl GrowingFile {
         })
     }
 
-    /// A device or a pipe has no part.
+    /// A device or a pipe, which is written directly, without a part.
     fn straight(path: &Path, file: File) -> Self {
         Self {
             path: path.to_owned(),
@@ -76,12 +74,12 @@ impl GrowingFile {
         }
     }
 
-    /// Where the part of an earlier process, which did not come to its end, has been put.
+    /// Path to which the part of an earlier, interrupted process was renamed.
     pub fn left_behind(&self) -> Option<&Path> {
         self.left_behind.as_deref().map(|path| self.as_said(path))
     }
 
-    /// Where the file is until it is complete.
+    /// Path of the file until it is complete.
     pub fn part(&self) -> &Path {
         self.as_said(&self.part)
     }
@@ -93,11 +91,11 @@ impl GrowingFile {
         }
     }
 
-    /// Puts the file in its place.
+    /// Renames the part to the final path.
     ///
     /// # Errors
-    /// When it cannot be renamed, or somebody else has written into it or cut it ([`io::ErrorKind::InvalidData`]), as foreign
-    /// code in this process can; it is still there as the part.
+    /// If it cannot be renamed, or other code in this process has written into it or truncated it
+    /// ([`io::ErrorKind::InvalidData`]). The part is kept.
     pub fn finish(self) -> io::Result<()> {
         let length = std::fs::metadata(&self.part).map_or(self.written, |told| told.len());
         if self.part != self.path && length != self.written {
@@ -112,7 +110,10 @@ impl GrowingFile {
             true => Ok(()),
             false => std::fs::rename(&self.part, &self.path).map_err(|error| match error.kind() {
                 io::ErrorKind::NotFound => {
-                    let why = format!("{} has been removed by somebody", self.part().display());
+                    let why = format!(
+                        "{} has been removed by another process",
+                        self.part().display()
+                    );
                     io::Error::new(error.kind(), why)
                 }
                 _ => error,
@@ -120,19 +121,19 @@ impl GrowingFile {
         }
     }
 
-    /// Removes it: nothing worth keeping was written.
+    /// Removes the part when nothing worth keeping was written.
     pub fn discard(self) {
         if self.part == self.path {
             return;
         }
-        // Should this fail, an empty part stays, which the next run puts aside.
+        // If this fails, an empty part remains, which the next run renames.
         let _ = std::fs::remove_file(&self.part);
     }
 }
 
 impl GrowingFile {
-    /// Foreign code in this process may close a descriptor that is not its own, and open another file, which then has
-    /// its number: our rows go into ours.
+    /// Foreign code in this process may close a descriptor it does not own and open another file, which then gets the
+    /// same number. This reopens our file in that case.
     fn stay_open(&mut self) -> io::Result<()> {
         let Some(before) = self.identity else {
             return Ok(());
@@ -142,17 +143,18 @@ impl GrowingFile {
         }
         let again = OpenOptions::new().append(true).open(&self.part)?;
         if identity(&again) != Some(before) {
-            let why = "somebody has closed it in this process, and has put another in its place";
+            let why =
+                "other code in this process has closed it and opened another file in its place";
             return Err(io::Error::other(why));
         }
         let _ = again.try_lock();
-        // The old number is somebody else's now, to close or not.
+        // The old number now belongs to other code, which may close it.
         std::mem::forget(std::mem::replace(&mut self.file, again));
         Ok(())
     }
 }
 
-/// Device and number of a file.
+/// Device and inode number of a file.
 type Identity = (u64, u64);
 
 #[cfg(unix)]
@@ -180,7 +182,7 @@ impl Write for GrowingFile {
     }
 }
 
-/// Where the file of that path grows.
+/// Path of the part of the file at `path`.
 pub(super) fn part_of(path: &Path) -> PathBuf {
     let path = match path.is_symlink() {
         true => super::guard::resolved(path),
@@ -195,7 +197,7 @@ fn with_ending(path: &Path, ending: &str) -> PathBuf {
     PathBuf::from(name)
 }
 
-/// Renames a part that nobody writes any more to the first free `FILE.interrupted-N`.
+/// Renames a part that no process is writing to the first free `FILE.interrupted-N`.
 fn put_aside(path: &Path, part: &Path) -> io::Result<PathBuf> {
     match File::open(part)?.try_lock() {
         Err(TryLockError::WouldBlock) => return Err(io::ErrorKind::ResourceBusy.into()),
@@ -236,7 +238,7 @@ mod tests {
             file.write_all(b"rows").unwrap();
             assert_eq!(file.left_behind().is_some(), n == 2);
             assert_eq!(std::fs::read(&path).unwrap(), b"old");
-            // Dropped without an end, as by a crash.
+            // Dropped without `finish`, as after a crash.
         }
         let expected = ["r.csv", "r.csv.interrupted-1", "r.csv.part"];
         assert_eq!(names(folder.path()), expected);
@@ -260,10 +262,10 @@ mod tests {
         let path = folder.path().join("r.csv");
         let mut file = GrowingFile::create(&path).unwrap();
         file.write_all(b"one\n").unwrap();
-        // Another file gets its number, without a moment in which a test beside this one could get it.
+        // Another file gets its number atomically, so that no parallel test can take it in between.
         let number = file.file.as_raw_fd();
         let log = File::create(folder.path().join("log")).unwrap();
-        // SAFETY: the number is open, and is not closed by this.
+        // SAFETY: the number is open, and this does not close it.
         let mut theirs = unsafe { OwnedFd::from_raw_fd(number) };
         rustix::io::dup2(&log, &mut theirs).unwrap();
         let _ = theirs.into_raw_fd();

@@ -1,4 +1,4 @@
-//! What a command must not overwrite.
+//! Protection against overwriting files that a command must not overwrite.
 
 use std::fs::Metadata;
 use std::path::{Path, PathBuf};
@@ -6,20 +6,20 @@ use std::path::{Path, PathBuf};
 /// A file that a command is about to write.
 #[derive(Debug, Clone, Copy)]
 pub struct Planned<'a> {
-    /// Where.
+    /// Path of the file.
     pub path: &'a Path,
-    /// What, in words: `a pilot file`.
+    /// What it is, in words: `a pilot file`.
     pub what: &'static str,
-    /// Whether the file that stands there is one that the command itself would write.
+    /// Whether an existing file at the path is one that the command itself would write.
     pub is_own: fn(&Path) -> bool,
-    /// Whether it is a [`GrowingFile`](super::GrowingFile), whose part takes another place until it is complete.
+    /// Whether it is a [`GrowingFile`](super::GrowingFile), which occupies the path of its part until it is complete.
     pub grows: bool,
 }
 
-/// Why an output is not written.
+/// Why an output must not be written.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
-    /// It is an input, or in a folder that is one.
+    /// It is an input, or lies in a folder that is an input.
     #[error("{} is an input of this command{}, and would be overwritten", output.display(), by_name(output, other))]
     Input {
         /// The output.
@@ -34,10 +34,10 @@ pub enum Refusal {
         output: PathBuf,
         /// Its part.
         part: PathBuf,
-        /// Whether that is an input.
+        /// Whether the part is an input.
         is_input: bool,
     },
-    /// It is another output too.
+    /// The same file is also another output.
     #[error("two outputs go to {}{}", output.display(), by_name(output, other))]
     Twice {
         /// One output.
@@ -45,17 +45,17 @@ pub enum Refusal {
         /// The other.
         other: PathBuf,
     },
-    /// Something else stands there.
+    /// A file of another kind exists at the path.
     #[error("{} exists and is not {what} of pilotage", output.display())]
     Foreign {
         /// The output.
         output: PathBuf,
-        /// What it would be.
+        /// What the output would be.
         what: &'static str,
     },
 }
 
-/// The other name of a file that has two.
+/// The second name of a file that is given by two names.
 fn by_name(path: &Path, other: &Path) -> String {
     match path == other {
         true => String::new(),
@@ -63,12 +63,11 @@ fn by_name(path: &Path, other: &Path) -> String {
     }
 }
 
-/// Whether the outputs may be written: none of them is an input or another output, by whatever links, and
-/// what stands in their places is theirs to replace, or `force` says that it is. Devices and pipes always
-/// may.
+/// Checks that the outputs may be written: none is an input or another output, links resolved, and each existing file
+/// at their paths is one that the command may replace, or `force` is set. Devices and pipes may always be written.
 ///
 /// # Errors
-/// For the first that may not.
+/// The first output that may not be written.
 pub fn check(inputs: &[PathBuf], outputs: &[Planned], force: bool) -> Result<(), Refusal> {
     let is_device = |planned: &&Planned| metadata(planned.path).is_some_and(|is| !is.is_file());
     let outputs: Vec<&Planned> = outputs
@@ -103,7 +102,7 @@ pub fn check(inputs: &[PathBuf], outputs: &[Planned], force: bool) -> Result<(),
     Ok(())
 }
 
-/// Whether the part of a file that grows is nobody else's.
+/// Checks that the part of a growing file is neither an input nor another output.
 fn check_part(output: &Path, inputs: &[PathBuf], outputs: &[&Planned]) -> Result<(), Refusal> {
     let part = super::growing::part_of(output);
     let is_part = |other: &Path| is_same_file(&part, other);
@@ -122,7 +121,7 @@ fn metadata(path: &Path) -> Option<Metadata> {
     std::fs::metadata(path).ok()
 }
 
-/// Whether two paths mean one file, or would if it were made.
+/// Whether two paths refer to the same file, or would if it existed.
 fn is_same_file(a: &Path, b: &Path) -> bool {
     match (metadata(a), metadata(b)) {
         (Some(of_a), Some(of_b)) => resolved(a) == resolved(b) || is_hard_link(&of_a, &of_b),
@@ -137,16 +136,16 @@ fn is_hard_link(a: &Metadata, b: &Metadata) -> bool {
     (a.dev(), a.ino()) == (b.dev(), b.ino())
 }
 
-/// Elsewhere the standard library cannot tell.
+/// The standard library cannot detect hard links on other systems.
 #[cfg(not(unix))]
 fn is_hard_link(_: &Metadata, _: &Metadata) -> bool {
     false
 }
 
-/// As many links as an operating system follows.
+/// Maximum number of links followed, as in operating systems.
 const MOST_LINKS: usize = 40;
 
-/// The path without links, those to files that are not there yet included.
+/// The path with all links resolved, including links to files that do not exist yet.
 pub(super) fn resolved(path: &Path) -> PathBuf {
     let mut path = path.to_owned();
     for _ in 0..MOST_LINKS {
@@ -164,7 +163,7 @@ pub(super) fn resolved(path: &Path) -> PathBuf {
     }
 }
 
-/// The folder of a file, also of one that is named without.
+/// The folder of a file; `.` for a bare file name.
 pub(super) fn parent(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -208,7 +207,7 @@ mod tests {
         }
     }
 
-    /// The part of an output stands where the output does, links followed.
+    /// The part of an output lies next to the output, links resolved.
     #[test]
     fn the_part_of_an_output_is_nobody_elses() {
         let folder = tempfile::tempdir().unwrap();

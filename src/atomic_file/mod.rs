@@ -1,5 +1,5 @@
-//! Files that appear complete or not at all ([`AtomicFile`]), or grow beside their place until they are
-//! complete ([`GrowingFile`]); and whether they may ([`check`]).
+//! Atomic file output: files that appear complete or not at all ([`AtomicFile`]), files that are written next to their
+//! final path until they are complete ([`GrowingFile`]), and the check whether they may be written ([`check`]).
 
 mod growing;
 mod guard;
@@ -16,43 +16,43 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, SystemTime};
 use tempfile::NamedTempFile;
 
-/// An output that is opened before long work and put in its place at the end.
+/// An output file that is opened before a long computation and moved into place at the end.
 ///
-/// Until [`save`](Self::save) nothing stands at the path, or the file that stood there before. A link keeps
-/// its place: the file to which it leads is written. A device or a pipe is written straight.
+/// Until [`save`](Self::save) the path holds no file, or the previous file. A symbolic link is kept: its target is
+/// written. Devices and pipes are written directly.
 #[derive(Debug)]
 pub struct AtomicFile(Place);
 
 #[derive(Debug)]
 enum Place {
-    /// A temporary file, and its name when it is complete. A signal removes it; what a kill leaves, the next file that is
-    /// written into the folder.
+    /// A temporary file, and its final path. A signal removes it; after a kill, the next file written into the same
+    /// folder does.
     Beside(NamedTempFile, PathBuf, Leftover),
     Straight(File),
 }
 
 impl AtomicFile {
-    /// Opens a temporary file beside `path`, so that a wrong folder shows before the work is done.
+    /// Opens a temporary file next to `path`, so that an invalid folder is reported before the work is done.
     ///
     /// # Errors
-    /// When the folder does not exist or cannot be written, or when `path` is a folder.
+    /// If the folder does not exist or is not writable, or if `path` is a folder.
     pub fn create(path: &Path) -> io::Result<Self> {
         let path = &anchored(path);
         if let Some(device) = device(path)? {
             return Ok(Self(Place::Straight(device)));
         }
-        // Before tempfile, whose message would name the temporary file.
+        // Checked before tempfile, whose error message would name the temporary file.
         let path = place(path)?;
         let mut builder = tempfile::Builder::new();
         builder.prefix(PREFIX);
-        // As any program's output: readable by whom the user's umask allows, not by the user alone.
+        // Permissions as for any program's output: governed by the user's umask, not restricted to the user.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let parent = guard::parent(&path);
         remove_left_behind(parent);
         let make = || {
             let file = builder.tempfile_in(parent)?;
-            // Held until the file is in its place. Where the file system knows no locks, nothing is removed.
+            // Held until the file is in place. On file systems without locks nothing is removed.
             let _ = file.as_file().try_lock();
             Ok(file)
         };
@@ -61,19 +61,19 @@ impl AtomicFile {
         Ok(Self(Place::Beside(file, path, leftover)))
     }
 
-    /// Writes the content and puts the file in its place.
+    /// Writes the content and moves the file into place.
     ///
     /// # Errors
-    /// When the content cannot be written; what stood at the path before is still there.
+    /// If the content cannot be written; the previous file at the path is kept.
     pub fn save(mut self, content: &[u8]) -> io::Result<()> {
         self.write_all(content)?;
         self.finish()
     }
 
-    /// Puts what was written so far in its place.
+    /// Moves what has been written so far into place.
     ///
     /// # Errors
-    /// When the file cannot be renamed; what stood at the path before is still there.
+    /// If the file cannot be renamed; the previous file at the path is kept.
     pub fn finish(mut self) -> io::Result<()> {
         self.flush()?;
         if let Place::Beside(file, path, _leftover) = self.0 {
@@ -99,12 +99,12 @@ impl Write for AtomicFile {
     }
 }
 
-/// How the names of our temporary files begin.
+/// Name prefix of temporary files.
 const PREFIX: &str = ".pilotage-";
-/// A temporary file without a lock may be one that is just being made, unless it is that old.
+/// Age below which a temporary file without a lock may still be under creation.
 const GRACE: Duration = Duration::from_secs(10);
 
-/// Removes the temporary files of processes that were killed; looks into each folder once.
+/// Removes the temporary files of killed processes; scans each folder once per process.
 fn remove_left_behind(folder: &Path) {
     static SEEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
     let mut seen = SEEN.lock().unwrap_or_else(PoisonError::into_inner);
@@ -127,8 +127,8 @@ fn is_left_behind(path: &Path) -> io::Result<bool> {
     Ok(metadata.is_file() && is_old && File::open(path)?.try_lock().is_ok())
 }
 
-/// A device or a pipe, such as `/dev/stdout`, if the path is one: nothing stands there that half a result
-/// could spoil.
+/// Opens a device or a pipe such as `/dev/stdout`, if the path is one: it holds no earlier file that a partial result
+/// could destroy.
 fn device(path: &Path) -> io::Result<Option<File>> {
     match std::fs::metadata(path) {
         Ok(place) if !place.is_file() && !place.is_dir() => {
@@ -138,26 +138,26 @@ fn device(path: &Path) -> io::Result<Option<File>> {
     }
 }
 
-/// The working folder when the program began.
+/// The working folder at program start.
 static BEGUN_IN: OnceLock<PathBuf> = OnceLock::new();
 
-/// From now on relative paths of outputs are those from the present working folder, whoever changes it.
+/// Fixes the folder to which relative output paths refer to the current working folder, whatever changes it later.
 pub fn stay() {
     if let Ok(folder) = std::env::current_dir() {
         let _ = BEGUN_IN.set(folder);
     }
 }
 
-/// Goes back to the working folder and the umask of the begin, if somebody has changed them.
+/// Restores the initial working folder and umask if other code has changed them.
 pub fn go_back() {
     pilotage_process::own::restore_umask();
     if let Some(folder) = BEGUN_IN.get() {
-        // Where it is gone, outputs go where they would have gone all the same.
+        // If the folder no longer exists, outputs go where they would have gone anyway.
         let _ = std::env::set_current_dir(folder);
     }
 }
 
-/// The path from wherever the process is.
+/// The path relative to the initial working folder, made independent of the current one.
 fn anchored(path: &Path) -> PathBuf {
     match BEGUN_IN.get() {
         Some(folder) => folder.join(path),
@@ -165,14 +165,14 @@ fn anchored(path: &Path) -> PathBuf {
     }
 }
 
-/// The path as the user says it.
+/// The path as the user gave it.
 fn as_said(path: &Path) -> &Path {
     let folder = BEGUN_IN.get();
     let inside = folder.and_then(|folder| path.strip_prefix(folder).ok());
     inside.unwrap_or(path)
 }
 
-/// Where a file is to be written, links followed.
+/// Path at which a file is to be written, links resolved.
 fn place(path: &Path) -> io::Result<PathBuf> {
     if path.is_dir() {
         return Err(io::ErrorKind::IsADirectory.into());
@@ -185,10 +185,10 @@ fn place(path: &Path) -> io::Result<PathBuf> {
     Ok(path)
 }
 
-/// Writes a whole file at once: see [`AtomicFile`].
+/// Writes a whole file at once; see [`AtomicFile`].
 ///
 /// # Errors
-/// As [`AtomicFile::create`] and [`AtomicFile::save`].
+/// See [`AtomicFile::create`] and [`AtomicFile::save`].
 pub fn write(path: &Path, content: &[u8]) -> io::Result<()> {
     AtomicFile::create(path)?.save(content)
 }
@@ -248,7 +248,7 @@ mod tests {
         );
     }
 
-    /// A pipe of our own: of a device of the system a failure would leave nothing.
+    /// Uses its own pipe: a failure with a system device would destroy the device.
     #[test]
     fn a_pipe_stays_one() {
         use std::io::Read;
@@ -257,7 +257,7 @@ mod tests {
         let path = folder.path().join("pipe");
         let made = std::process::Command::new("mkfifo").arg(&path).status();
         assert!(made.unwrap().success());
-        // Open for both, so that neither side waits for the other.
+        // Opened for both directions, so that neither side waits for the other.
         let both = OpenOptions::new().read(true).write(true).open(&path);
         write(&path, b"text").unwrap();
         assert!(std::fs::metadata(&path).unwrap().file_type().is_fifo());

@@ -1,4 +1,4 @@
-//! `pilotage compare`: which of several problems on the same data.
+//! `pilotage compare`: selects one of several problems on the same data.
 
 use super::folds::Folds;
 use super::format::aligned;
@@ -62,19 +62,19 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     })
 }
 
-/// A problem in the table.
+/// A row of the table.
 pub struct Line<'a> {
-    /// What it is called.
+    /// Name of the problem.
     pub name: &'a str,
-    /// How its fit ended.
+    /// Status of its fit.
     pub status: &'a str,
-    /// Whether it has figures.
+    /// Whether its fit has figures.
     pub is_met: bool,
     /// The figures.
     pub figures: &'a Contender,
 }
 
-/// The figures of all, as columns.
+/// The figures of all problems as an aligned table.
 pub fn table(what: &str, lines: &[Line<'_>]) -> String {
     let mut rows = vec![[what, "status", "unknowns", "AICc", "BIC", "left out"].map(str::to_owned)];
     rows.extend(lines.iter().map(|own| {
@@ -105,7 +105,7 @@ fn lines<'a>(names: &[&'a str], compared: &'a Compared) -> Vec<Line<'a>> {
     all.map(line).collect()
 }
 
-/// What was compared, for people.
+/// The comparison as text for people.
 pub fn to_text(names: &[&str], compared: &Compared) -> String {
     let all = &compared.candidates;
     let mut text = format!(
@@ -148,20 +148,20 @@ fn refusal(names: &[&str], compared: &Compared) -> String {
     match open.is_empty() {
         true => format!("{}\n", few()),
         false => format!(
-            "none is taken: {} has no answer; see `pilotage fit` on it\n",
+            "none is taken: without an answer: {}; see `pilotage fit`\n",
             open.join(", ")
         ),
     }
 }
 
-/// Why none is taken where all have answers.
+/// Reason why no problem is selected although all have answers.
 pub fn few() -> String {
     format!(
         "none is taken: each predicts fewer than {FEWEST_RUNS} runs that are left out; record more, or cut runs in parts"
     )
 }
 
-/// A comparison in a sentence.
+/// One comparison as a sentence.
 fn sentence(names: &[&str], own: &Comparison) -> String {
     let (before, after) = (names[own.before], names[own.after]);
     if own.gain.is_nan() {
@@ -177,8 +177,8 @@ fn sentence(names: &[&str], own: &Comparison) -> String {
     }
 }
 
-/// Each comparison, what is taken, and what criteria of information say beside; with the largest correlation of
-/// neighbouring residuals, if they are not white.
+/// Each comparison, the selected problem, and the choices of the information criteria where they differ; with the
+/// largest correlation of neighbouring residuals if they are not white.
 pub fn words(
     names: &[&str],
     figures: &[&Contender],
@@ -216,7 +216,8 @@ pub fn words(
     text
 }
 
-/// A warning where residuals are of another size than their standard deviations, by which all figures weigh them.
+/// A warning if the magnitude of the residuals differs from their standard deviations, by which all figures weight
+/// them.
 fn unscaled(own: &Candidate) -> Option<String> {
     const FACTOR: f64 = 2.0;
     let size = (own.fit.chi2 / own.figures.samples as f64).sqrt();
@@ -238,17 +239,17 @@ fn colour(own: &Candidate) -> Option<f64> {
     coloured(residuals)
 }
 
-/// The largest correlation of neighbouring residuals in a run whose residuals are not white; none where all may be.
+/// The largest lag-1 autocorrelation over the runs with non-white residuals; `None` if all may be white.
 pub fn coloured(residuals: impl Iterator<Item = Vec<f64>>) -> Option<f64> {
     let coloured = residuals.filter(|r| LjungBox::of(r).is_some_and(|test| test.p < COLOURED));
     let lags = coloured.filter_map(|r| autocorrelation(&r, 1).get(1).copied());
     lags.max_by(|a, b| a.abs().total_cmp(&b.abs()))
 }
 
-/// Probability below which residuals are not white.
+/// p-value below which residuals are not white.
 const COLOURED: f64 = 0.01;
 
-/// The same for scripts.
+/// The comparison as JSON for scripts.
 pub fn to_json(names: &[&str], compared: &Compared) -> Value {
     let all = lines(names, compared);
     let problem = |(line, own): (&Line<'_>, &Candidate)| {
@@ -266,7 +267,7 @@ pub fn to_json(names: &[&str], compared: &Compared) -> Value {
     })
 }
 
-/// The figures of one.
+/// The figures of one problem.
 pub fn figures_json(own: &Line<'_>, is_answer: bool) -> Value {
     json!({
         "file": own.name,
@@ -280,7 +281,7 @@ pub fn figures_json(own: &Line<'_>, is_answer: bool) -> Value {
     })
 }
 
-/// The comparisons that led to what is taken.
+/// The comparisons that led to the selection.
 pub fn comparisons_json(names: &[&str], choice: Option<&(usize, Vec<Comparison>)>) -> Value {
     let all = choice.into_iter().flat_map(|(_, all)| all);
     let told = all.map(|own| {

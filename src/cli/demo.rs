@@ -1,4 +1,4 @@
-//! `pilotage demo`: the whole chain on the six example trials, into one new folder.
+//! `pilotage demo`: the complete workflow on the six example trials, into a new folder.
 
 use super::fit::summary;
 use super::made::{made, program, quoted};
@@ -35,7 +35,7 @@ macro_rules! trials {
     };
 }
 
-/// The files of `examples/trials`: they are part of the command.
+/// The files of `examples/trials`, embedded in the binary.
 const TRIALS: [(&str, &[u8]); 7] = trials![
     "trials.toml",
     "10m-run1.csv",
@@ -90,7 +90,7 @@ impl Demo {
         overwrite::save(&self.path(file), content)
     }
 
-    /// Writes the example trials out and reads them as any user's.
+    /// Writes the example trials and reads them like a user's.
     fn trials(&self) -> Result<TrialSet, Failure> {
         folder::create_new(&self.path("trials"), true)?;
         for (file, content) in TRIALS {
@@ -165,7 +165,7 @@ impl Demo {
         Ok(valid)
     }
 
-    /// Flies to each of the trials' targets.
+    /// Simulates a flight to each target of the trials.
     fn co_simulate(&self, trials: &[Trial]) -> Result<Vec<Flight>, Failure> {
         let mut flights: Vec<Flight> = Vec::new();
         for trial in trials {
@@ -192,7 +192,7 @@ impl Demo {
         Ok(flights)
     }
 
-    /// The pilot's FMU flies the quadcopter's FMU; the result as CSV.
+    /// Co-simulates the pilot's FMU and the quadcopter's FMU; returns the result as CSV.
     fn fly(&self, target: f64, duration: f64) -> Result<Vec<u8>, Failure> {
         let mut system = System::new();
         for name in ["pilot", "quadcopter"] {
@@ -271,7 +271,7 @@ impl Demo {
     }
 }
 
-/// One line of progress.
+/// Prints one line of progress.
 fn say(step: &str, what: &str) -> Result<(), Failure> {
     terminal::print(&format!("{step:<9} {what}\n"))
 }

@@ -1,11 +1,11 @@
-//! What flights excite, for people and for scripts.
+//! The excitation of flights, for people and for scripts.
 
 use super::format::aligned;
 use crate::inference::spectrum::{Excitation, Excited};
 use crate::report::significant;
 use serde_json::{Value, json};
 
-/// One object; `null` where nothing is known.
+/// The excitation as a JSON object; `null` if unknown.
 pub fn to_json(excitation: Option<&Excitation>) -> Value {
     let Some(own) = excitation else {
         return Value::Null;
@@ -27,13 +27,13 @@ pub fn to_json(excitation: Option<&Excitation>) -> Value {
     })
 }
 
-/// What it says, and what to fly instead.
+/// The conclusions, with advice for better flights.
 pub fn words(own: &Excitation) -> Vec<String> {
     let advice = own.advice().map(str::to_owned);
     std::iter::once(own.to_string()).chain(advice).collect()
 }
 
-/// In words: the first lines of a fit.
+/// The conclusions as text, for the first lines of a fit.
 pub fn first_lines(own: &Excitation) -> String {
     words(own)
         .iter()
@@ -41,7 +41,7 @@ pub fn first_lines(own: &Excitation) -> String {
         .collect()
 }
 
-/// A table of lines or bands, and what they say.
+/// A table of lines or bands, and the conclusions.
 pub fn to_text(own: &Excitation) -> String {
     let forcing = if own.has_lines {
         "target [m]"

@@ -1,11 +1,12 @@
-//! `pilotage export`: models as FMUs.
+//! `pilotage export`: exports models as FMUs.
 
 use super::made::{program, quoted};
 use super::model::open::ModelArgs;
 use super::overwrite::{OutputKind, Overwrite};
 use super::{Failure, Outcome, recognise, terminal};
+use crate::date;
 use crate::document;
-use crate::export::{Export, ExportOptions, Provenance, date, platform};
+use crate::export::{Export, ExportOptions, Provenance, platform};
 use crate::fmi::description::FmiVersion;
 use crate::fmi_check::is_date_and_time;
 use crate::identification::PilotFile;
@@ -95,7 +96,7 @@ pub struct FmuArgs {
     overwrite: Overwrite,
 }
 
-/// A date as FMI writes it.
+/// Parses a date in the format of FMI.
 fn date(text: &str) -> Result<String, String> {
     match is_date_and_time(text) {
         true => Ok(text.to_owned()),
@@ -114,7 +115,7 @@ enum Version {
 }
 
 impl FmuArgs {
-    /// Refuses to overwrite the model that is exported, a library, or what is no FMU of ours.
+    /// Refuses to overwrite the exported model, a library, or a file that is no FMU of pilotage.
     pub fn check_output(&self, model: Option<&Path>, output: &Path) -> Result<(), Failure> {
         let libraries =
             (self.binary.iter()).filter_map(|argument| Some(argument.split_once('=')?.1));
@@ -123,7 +124,7 @@ impl FmuArgs {
         self.overwrite.check(&inputs, &[(output, OutputKind::Fmu)])
     }
 
-    /// Adds author and date.
+    /// Sets author and date.
     pub fn sign(&self, provenance: &mut Provenance) -> Result<(), Failure> {
         const VARIABLE: &str = "SOURCE_DATE_EPOCH";
         provenance.author.clone_from(&self.author);
@@ -131,7 +132,7 @@ impl FmuArgs {
             (Some(date), _) => Some(date.clone()),
             (None, Err(_)) => None,
             (None, Ok(text)) => {
-                let date = text.parse().ok().and_then(date::of_epoch);
+                let date = text.parse().ok().and_then(date::of_fmi);
                 let wrong = || {
                     Failure::new(format!(
                         "{VARIABLE} is `{text}`; expected seconds since 1970"
@@ -143,7 +144,7 @@ impl FmuArgs {
         Ok(())
     }
 
-    /// What was asked for, libraries read.
+    /// The requested options, with the libraries read.
     pub fn options(&self) -> Result<ExportOptions, Failure> {
         let read = |argument: &String| {
             let Some((platform, file)) = argument.split_once('=') else {
@@ -170,7 +171,7 @@ enum Preset {
     Paper,
 }
 
-/// The caveat of a vehicle that nobody can fly.
+/// Caveat for a vehicle that cannot be flown.
 const UNSTABLE: &str =
     "The pitch loop of this vehicle is unstable; `pilotage vehicle check` says why.";
 

@@ -1,4 +1,4 @@
-//! How a command ends.
+//! Outcomes and failures of a command.
 
 use crate::document::Place;
 use crate::error_chain::error_chain;
@@ -7,7 +7,7 @@ use std::fmt;
 use std::io;
 use std::path::Path;
 
-/// How a command that could run ended.
+/// Outcome of a command that could run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// Exit code 0.
@@ -26,7 +26,8 @@ impl Outcome {
     }
 }
 
-/// Bad use or bad input, exit code 2; or an FMU ended by itself before there was any result, exit code 1. Shown as `error: ...` and, where there is one, `hint: ...`.
+/// Invalid usage or input (exit code 2), or an FMU that ended by itself before there was a result (exit code 1).
+/// Displayed as `error: ...`, followed by `hint: ...` if there is a hint.
 #[derive(Debug, Clone)]
 pub struct Failure {
     message: String,
@@ -35,7 +36,7 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// What is wrong, and where.
+    /// A failure with a message that says what is wrong, and where.
     pub fn new(message: impl Into<String>) -> Self {
         Self {
             message: message.into(),
@@ -44,7 +45,7 @@ impl Failure {
         }
     }
 
-    /// Of an FMU that ran: exit code 1.
+    /// Marks the failure of an FMU that ran: exit code 1.
     pub fn ran(mut self) -> Self {
         self.code = 1;
         self
@@ -55,17 +56,17 @@ impl Failure {
         self.code
     }
 
-    /// A file that cannot be written.
+    /// The failure for a file that cannot be written.
     pub fn cannot_write(path: &Path, error: &io::Error) -> Self {
         Self::new(format!("cannot write {}: {error}", path.display()))
     }
 
-    /// What is wrong, without the hint.
+    /// The message without the hint.
     pub fn message(&self) -> &str {
         &self.message
     }
 
-    /// Says where it is, if that is in a file.
+    /// Prefixes the place in the file, if known.
     pub fn at(mut self, place: Option<&Place>) -> Self {
         if let Some(place) = place {
             self.message = format!("{place}: {}", self.message);
@@ -73,7 +74,7 @@ impl Failure {
         self
     }
 
-    /// Adds what to do next.
+    /// Adds a hint on what to do next.
     pub fn hint(mut self, hint: impl Into<String>) -> Self {
         self.hint = Some(hint.into());
         self
@@ -91,7 +92,7 @@ impl fmt::Display for Failure {
 }
 
 impl<E: Error> From<E> for Failure {
-    /// Joins the chain of sources into one message: `what: why: why`.
+    /// Joins the error chain into one message: `what: why: why`.
     fn from(error: E) -> Self {
         Self::new(error_chain(&error))
     }

@@ -1,9 +1,9 @@
-//! Folders that a command fills.
+//! Output folders of commands.
 
 use super::Failure;
 use std::path::Path;
 
-/// Creates a folder to fill; one that exists must be empty unless `force`.
+/// Creates an output folder; an existing one must be empty unless `force` is set.
 pub fn create_new(folder: &Path, force: bool) -> Result<(), Failure> {
     let shown = folder.display();
     let failed = |error| Failure::new(format!("cannot create the folder {shown}: {error}"));

@@ -1,4 +1,4 @@
-//! Who looks on while runs are fitted in parts, and may end that.
+//! Progress display and interruption of fits to subsets of the runs.
 
 use super::interrupt;
 use super::progress::Spinner;
@@ -7,16 +7,16 @@ use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::time::Instant;
 
-/// Shows how many fits are done, and asks for Ctrl-C and the limit on time.
+/// Shows the number of completed fits, and checks for Ctrl-C and the time limit.
 pub struct Folds {
     begin: Instant,
-    /// Wall clock [s].
+    /// Wall-clock time [s].
     limit: Option<f64>,
     spinner: Mutex<Spinner>,
 }
 
 impl Folds {
-    /// From then on.
+    /// Starts the display; the time limit counts from `begin`.
     pub fn since(begin: Instant, limit: Option<f64>) -> Self {
         Self {
             begin,
@@ -25,7 +25,7 @@ impl Folds {
         }
     }
 
-    /// So many fits of all are done: whether to go on.
+    /// Updates the display and returns whether to continue.
     pub fn ask(&self, done: usize, all: usize) -> ControlFlow<Status> {
         if let Ok(mut spinner) = self.spinner.try_lock() {
             spinner.show(format!("{done} of {all} fits"));
@@ -40,7 +40,7 @@ impl Folds {
         }
     }
 
-    /// Wipes what is shown.
+    /// Clears the display.
     pub fn clear(&self) {
         self.spinner
             .lock()

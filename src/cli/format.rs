@@ -1,4 +1,4 @@
-//! How numbers look on the terminal.
+//! Formats numbers and tables for the terminal.
 
 use crate::linear::Mode;
 use nalgebra::Complex;
@@ -21,10 +21,10 @@ pub fn mode(mode: &Mode) -> String {
     )
 }
 
-/// Longest cell that the others of its column are filled up to: one long text must not blow up all lines.
+/// Maximum column width used for padding: one long text must not widen all lines.
 const WIDEST: usize = 120;
 
-/// Columns of equal width, as far as that is reasonable.
+/// Aligns columns, up to the maximum width.
 pub fn aligned<R: AsRef<[String]>>(rows: &[R]) -> String {
     let width = |column: usize| {
         let widths = rows.iter().map(|row| row.as_ref()[column].chars().count());

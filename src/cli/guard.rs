@@ -1,9 +1,10 @@
-//! Commands that call FMUs run in a process that this one watches: whatever an FMU does to it, the end is told.
+//! Commands that call FMUs run in a child process that this one supervises: however an FMU ends it, the end is
+//! reported.
 //!
-//! An FMU that ends the process with `exit(0)`, or by a signal, or that puts another program in its place, never looks
-//! like success: only what the process itself [says](pilotage_process::finished) counts.
+//! An FMU that ends the process with `exit(0)` or by a signal, or replaces it by another program, never looks like
+//! success: only what the process itself [reports](pilotage_process::finished) counts.
 
-use super::{Failure, terminal};
+use super::{Failure, recognise, terminal};
 use crate::fmi::call_name;
 use pilotage_process::{Child, Ended, Going};
 use std::ffi::OsString;
@@ -11,20 +12,20 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, ExitStatus};
 use std::time::Duration;
 
-/// Begins the record that says where rows go.
+/// Prefix of the record with the path of the rows.
 pub const ROWS: &str = "rows ";
 
-/// How long FMUs may take to be freed when the work is done.
+/// Maximum time for freeing FMUs when the work is done.
 const AFTERWARDS: Duration = Duration::from_secs(5);
 
-/// Exit code of a process that Ctrl-C killed, as shells have it: 128 + SIGINT.
+/// Exit code of a process killed by Ctrl-C, as in shells: 128 + SIGINT.
 const KILLED: u8 = 130;
 
-/// Until a signal that was sent to two processes has come to both.
+/// Time within which a signal that is sent to both processes reaches both.
 #[cfg(unix)]
 const MOMENT: Duration = Duration::from_millis(100);
 
-/// Starts this program again with the same arguments, waits for it, and tells how it ended.
+/// Starts this program again with the same arguments, waits for it, and reports how it ended.
 pub fn watched() -> Result<ExitCode, Failure> {
     let cannot = |error: std::io::Error| {
         let why = format!("cannot start a process for the FMUs: {error}");
@@ -39,13 +40,13 @@ pub fn watched() -> Result<ExitCode, Failure> {
     #[cfg(not(unix))]
     drop(name);
     let mut child = Child::start(command, false).map_err(cannot)?;
-    // Where they cannot be handed on, the process ends by itself a moment after this one.
+    // If interrupts cannot be forwarded, the child ends by itself shortly after this process.
     let _ = child.hand_on_interrupts();
     let ended = child.wait(None, AFTERWARDS).map_err(cannot)?;
     pilotage_process::leftovers::stay_if_ending();
     let going = child.page().going();
     Ok(match ended {
-        // The second Ctrl-C.
+        // Second Ctrl-C.
         Ended::Done {
             code,
             badly: Some(_),
@@ -68,12 +69,12 @@ pub fn watched() -> Result<ExitCode, Failure> {
     })
 }
 
-/// The process ended before its work was done.
+/// The child ended before its work was done.
 fn early(status: ExitStatus, going: &[Going], child: &Child) -> ExitCode {
     let who = whose(going);
     #[cfg(unix)]
     if let Some(code) = asked_for(status) {
-        // A signal that was meant for both comes here too; one of an FMU's own comes to its process alone.
+        // A signal sent to both processes also reaches this one; a signal raised by an FMU reaches only the child.
         std::thread::sleep(MOMENT);
         pilotage_process::leftovers::stay_if_ending();
         if child.interrupts() > 0 && code == KILLED {
@@ -85,7 +86,7 @@ fn early(status: ExitStatus, going: &[Going], child: &Child) -> ExitCode {
             format!("{who} did not come back, and was killed with its process")
         }
         Some(who) => format!("{who} ended the process ({status})"),
-        // A panic has told itself.
+        // A panic has printed its own message.
         None if status.code() == Some(101) => return ExitCode::FAILURE,
         None => format!(
             "the process ended before its work was done, and in no call of an FMU ({status}): one of an FMU's threads, or an \
@@ -96,9 +97,9 @@ fn early(status: ExitStatus, going: &[Going], child: &Child) -> ExitCode {
     ExitCode::FAILURE
 }
 
-/// Ctrl-C has ended the process: what had not come back, and where the rows are.
+/// Ctrl-C ended the child: reports the call that had not returned, and the path of the rows.
 fn interrupted(going: &[Going], child: &Child) -> ExitCode {
-    // The first one asks it to come back.
+    // The first Ctrl-C only requests a stop.
     let who = whose(going).filter(|_| child.interrupts() > 1);
     let who = who.map(|who| format!("error: {who} had not come back when Ctrl-C ended it"));
     let rows = rows(child);
@@ -110,7 +111,7 @@ fn interrupted(going: &[Going], child: &Child) -> ExitCode {
     ExitCode::from(KILLED)
 }
 
-/// Where rows are that a process has written, which has not come to its end; empty where there are none.
+/// A hint to the rows written by a process that was interrupted; empty if there are none.
 fn rows(child: &Child) -> String {
     let (records, _) = child.page().records();
     let rows = records.iter().find_map(|record| record.strip_prefix(ROWS));
@@ -124,7 +125,7 @@ fn rows(child: &Child) -> String {
     })
 }
 
-/// Who was called, with what, and when.
+/// The pending calls: instance, function and time.
 fn whose(going: &[Going]) -> Option<String> {
     let one = |going: &Going| {
         let time = going
@@ -136,7 +137,7 @@ fn whose(going: &[Going]) -> Option<String> {
     (!all.is_empty()).then(|| all.join(" or "))
 }
 
-/// The exit code of a process that the user ended, as shells have it.
+/// The exit code, as in shells, of a process ended by the user.
 #[cfg(unix)]
 fn asked_for(status: ExitStatus) -> Option<u8> {
     use std::os::unix::process::ExitStatusExt;
@@ -148,11 +149,22 @@ fn asked_for(status: ExitStatus) -> Option<u8> {
     is_asked.then(|| u8::try_from(128 + signal).unwrap_or(1))
 }
 
-/// Whether an argument is an FMU, or a file that names one.
+/// Maximum number of files between an argument and an FMU.
+const DEEP: usize = 4;
+
+/// Whether an argument is a system file that refers to an FMU.
+pub fn systems_name_fmus() -> bool {
+    let mut arguments = std::env::args_os().skip(2);
+    arguments.any(|path| {
+        let path = Path::new(&path);
+        recognise::may_be_system(path) && names_fmu(path, DEEP)
+    })
+}
+
+/// Whether an argument is an FMU, or a file that refers to one.
 pub fn arguments_name_fmus() -> bool {
-    const DEEP: usize = 4;
     std::env::args_os().skip(2).any(|argument| {
-        // `--vehicle=path` and `name=path`.
+        // Arguments of the form `--vehicle=path` and `name=path`.
         let text = argument.to_string_lossy().into_owned();
         let value = text
             .rsplit_once('=')

@@ -1,4 +1,4 @@
-//! Ctrl-C: the first asks long work to stop with what it has, the second kills.
+//! Ctrl-C: the first requests a stop with the results so far, the second kills the process.
 
 use super::{Failure, terminal};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -6,17 +6,17 @@ use std::time::{Duration, Instant};
 
 static ASKED: AtomicBool = AtomicBool::new(false);
 
-/// One Ctrl-C comes twice to a process that another one watches: from the terminal, and handed on.
+/// A supervised process receives one Ctrl-C twice: from the terminal, and forwarded by its parent.
 const TWICE: Duration = Duration::from_millis(200);
 
-/// Exit code of a process that Ctrl-C killed, as shells have it: 128 + SIGINT.
+/// Exit code of a process killed by Ctrl-C, as in shells: 128 + SIGINT.
 const KILLED: u8 = 130;
 
-/// The signal's number, which is the same everywhere.
+/// The signal's number, the same on all systems.
 #[cfg(unix)]
 const SIGINT: i32 = 2;
 
-/// Listens from now on, and says on the first Ctrl-C what it does. Only once in a process.
+/// Installs the handler, which announces its effect on the first Ctrl-C. At most once per process.
 pub fn listen(stopping: &'static str) -> Result<(), Failure> {
     let mut last: Option<Instant> = None;
     let mut handler = move || {

@@ -1,11 +1,11 @@
-//! What a page says of its origin, and commands as they can be typed.
+//! The origin of a page, and commands as the user can type them.
 
 use crate::date;
 use crate::identification::trials::sha256;
 use crate::report::Made;
 use std::path::{Path, PathBuf};
 
-/// This run of the command, now.
+/// Command line and date of this run.
 pub fn made() -> Made {
     let words = std::env::args_os().skip(1);
     let words = words.map(|word| quoted(&word.to_string_lossy()));
@@ -18,8 +18,8 @@ pub fn made() -> Made {
     }
 }
 
-/// The command as the user can type it from here: by its name where that leads to this program, else as it was
-/// typed (`target/release/pilotage`).
+/// The command as the user can type it: `pilotage` if the search path leads to this program, otherwise as typed
+/// (`target/release/pilotage`).
 pub fn program() -> String {
     let name = "pilotage";
     let typed = std::env::args_os().next().map(PathBuf::from);
@@ -34,7 +34,7 @@ pub fn program() -> String {
     }
 }
 
-/// A word as a shell takes it for itself.
+/// A word, quoted for the shell if necessary.
 pub fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "_-+.,:/=@%".contains(c);
     match !word.is_empty() && word.chars().all(is_plain) {
@@ -43,7 +43,7 @@ pub fn quoted(word: &str) -> String {
     }
 }
 
-/// The files with their SHA-256; a folder has none, nor has a pipe, which is read once.
+/// The files with their SHA-256; folders have none, nor have pipes, which can be read only once.
 pub fn with_sums(files: &[PathBuf]) -> Vec<(String, String)> {
     let sum = |path: &Path| {
         let bytes = path.is_file().then(|| std::fs::read(path).ok()).flatten();

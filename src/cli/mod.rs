@@ -1,4 +1,4 @@
-//! The command line: parse, resolve, act. The only place that knows clap, stdout and stderr.
+//! The command line: parses, resolves, acts. Only this module uses clap, stdout and stderr.
 //!
 //! One file per command; each has an `Args` (clap) and a `run(Args) -> Result<Outcome, Failure>`.
 
@@ -96,12 +96,12 @@ struct IsolatedArgs {
     channel: std::path::PathBuf,
 }
 
-/// Entry point of the command: exit code 0 done, 1 ran but the answer is no, 2 bad use or input.
+/// Entry point of the command. Exit codes: 0 done, 1 ran but the answer is no, 2 invalid usage or input.
 pub fn main() -> ExitCode {
     let command = Cli::parse().command;
     crate::atomic_file::stay();
     pilotage_process::own::remember();
-    // Where they cannot be heard, files stay for the next run to remove.
+    // If signals cannot be handled, temporary files remain until the next run removes them.
     let _ = pilotage_process::leftovers::remove_on_signals();
     let is_watched = match pilotage_process::end_with_parent() {
         Ok(is_watched) => is_watched,
@@ -118,7 +118,7 @@ pub fn main() -> ExitCode {
     ExitCode::from(code)
 }
 
-/// Runs a command; its exit code.
+/// Runs a command and returns its exit code.
 fn run(command: Command) -> u8 {
     let outcome = match command {
         Command::Demo(args) => demo::run(args),
@@ -151,7 +151,7 @@ fn run(command: Command) -> u8 {
     match outcome {
         Ok(outcome) => outcome.code(),
         Err(failure) => {
-            // What a signal has taken away while it was worked with is no mistake.
+            // An error due to files removed by the signal handler is not reported.
             pilotage_process::leftovers::stay_if_ending();
             terminal::tell(&format!("{failure}\n"));
             failure.code()
@@ -165,16 +165,19 @@ fn failed(failure: &Failure) -> ExitCode {
 }
 
 impl Command {
-    /// Whether it may run the code of FMUs in its own process.
+    /// Whether the command may run code of FMUs in its own process.
     fn may_call_fmus(&self) -> bool {
         match self {
             Self::Cosim(_) | Self::Linearize(_) => true,
             Self::Fit(_)
             | Self::Compare(_)
             | Self::Init(_)
+            | Self::Model(_)
             | Self::Plot(_)
             | Self::Trials(_)
             | Self::Fly(_) => guard::arguments_name_fmus(),
+            // Only those of system files are loaded in this process.
+            Self::Info(_) | Self::Validate(_) => guard::systems_name_fmus(),
             _ => false,
         }
     }

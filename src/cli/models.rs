@@ -1,4 +1,4 @@
-//! `pilotage models`: the built-in pilots and vehicles.
+//! `pilotage models`: lists the built-in pilots and vehicles.
 
 use super::model::open;
 use super::{Failure, Outcome, terminal};

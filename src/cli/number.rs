@@ -1,17 +1,16 @@
-//! Numbers as arguments. Options take them with `allow_hyphen_values`, so that a negative one comes here: clap takes
-//! `-1e-6` for an option.
+//! Parsers of numeric arguments. Options need `allow_hyphen_values`, since clap would take `-1e-6` for an option.
 
 use crate::document::with_point;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 
-/// Any number; who takes it knows its range.
+/// Any number; the caller checks the range.
 pub fn number(text: &str) -> Result<f64, String> {
     text.parse().map_err(|_| expected("a number", "10", text))
 }
 
-/// A finite number above zero.
+/// A finite positive number.
 pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
@@ -19,13 +18,13 @@ pub fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A whole number, not negative.
+/// A non-negative integer.
 pub fn whole<N: FromStr>(text: &str) -> Result<N, String> {
     text.parse()
         .map_err(|_| "expected a whole number, not negative, such as 20".to_owned())
 }
 
-/// A whole number in a range.
+/// An integer within a range.
 pub fn within<N: FromStr + PartialOrd + Display + Clone>(
     range: RangeInclusive<N>,
 ) -> impl Fn(&str) -> Result<N, String> + Clone {

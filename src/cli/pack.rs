@@ -1,4 +1,4 @@
-//! `pilotage pack`: a user's own model as an FMU.
+//! `pilotage pack`: packs a user's own model as an FMU.
 
 use super::export::FmuArgs;
 use super::made::{program, quoted};
@@ -35,7 +35,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     )?;
     let options = args.fmu.options()?;
     let (library, license) = match args.model.is_dir() {
-        // A first build takes a minute: whoever watches sees cargo's progress.
+        // A first build takes a minute: on a terminal, cargo's progress is shown.
         true => pack::build(&args.model, std::io::stderr().is_terminal())?,
         false => (args.model.clone(), None),
     };

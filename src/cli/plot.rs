@@ -1,4 +1,4 @@
-//! `pilotage plot`: figures and tables as files.
+//! `pilotage plot`: writes figures and tables to files.
 
 use super::number::positive;
 use super::overwrite::{self, OutputKind, Overwrite};
@@ -57,14 +57,14 @@ pub struct Args {
     overwrite: Overwrite,
 }
 
-/// What there is to draw.
+/// Figures and tables of the inputs.
 #[derive(Default)]
 struct Content {
     figures: Vec<Figure>,
     tables: Vec<Table>,
 }
 
-/// Writes a figure, or lists them.
+/// Writes a figure or table, or lists all.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     let content = content(&args.inputs)?;
     if args.figure == "list" {
@@ -100,10 +100,10 @@ fn extension_of(path: &Path) -> &str {
         .unwrap_or_default()
 }
 
-/// Widest drawing in pixels: more takes minutes and gigabytes.
+/// Maximum width of a drawing \[px\]: more takes minutes and gigabytes.
 const WIDEST: f64 = 16_000.0;
 
-/// A width in which axes find room \[mm\].
+/// Parses a width that leaves room for the axes \[mm\].
 fn width(text: &str) -> Result<f64, String> {
     let width = positive(text)?;
     match (40.0..=2000.0).contains(&width) {
@@ -113,7 +113,7 @@ fn width(text: &str) -> Result<f64, String> {
 }
 
 impl Args {
-    /// A figure as the bytes of a file of that name.
+    /// A figure as file content, in the format of the output's extension.
     fn drawn(&self, figure: &Figure, output: &Path) -> Result<Vec<u8>, Failure> {
         let mut figure = figure.thinned();
         if let Some(run) = &self.run {
@@ -173,13 +173,13 @@ impl Content {
             .collect();
         let hint = match suggestion(name, names.iter().copied()) {
             Some(near) => format!("did you mean `{near}`?"),
-            None => "`--figure list` tells which there are".to_owned(),
+            None => "`--figure list` lists them".to_owned(),
         };
         Failure::new(format!("there is no figure or table `{name}`")).hint(hint)
     }
 }
 
-/// What the inputs hold, by what they are.
+/// Reads the inputs according to their kind.
 fn content(inputs: &[PathBuf]) -> Result<Content, Failure> {
     let drawn = [
         FileKind::Page,
@@ -239,7 +239,7 @@ fn pilot(path: &Path) -> Result<Content, Failure> {
     })
 }
 
-/// Tables over time, laid over each other by the names of their columns.
+/// Tables over time; columns of the same name share a figure.
 fn results(inputs: &[PathBuf]) -> Result<Content, Failure> {
     let alone = |path: &&PathBuf| {
         let kinds = [FileKind::Page, FileKind::Pilot, FileKind::Problem];

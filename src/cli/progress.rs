@@ -1,20 +1,20 @@
-//! Progress of long work, on a terminal only.
+//! Progress of long computations, shown on a terminal only.
 
 use crate::identification;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::time::{Duration, Instant};
 
-/// Work that is done sooner shows nothing.
+/// Work that is done sooner shows no progress.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// A bar over the starts of a fit. indicatif itself shows nothing where stderr is no terminal.
+/// A bar over the starts of a fit. indicatif itself shows nothing if stderr is no terminal.
 pub struct Progress {
     begin: Instant,
     bar: ProgressBar,
 }
 
 impl Progress {
-    /// Starts the clock.
+    /// Creates the bar and starts its clock.
     pub fn new() -> Self {
         Self {
             begin: Instant::now(),
@@ -22,7 +22,7 @@ impl Progress {
         }
     }
 
-    /// Shows how far a fit is.
+    /// Shows the progress of a fit.
     pub fn show(&mut self, progress: &identification::Progress) {
         if self.begin.elapsed() <= PATIENCE {
             return;
@@ -53,7 +53,7 @@ impl Progress {
         self.bar.set_message(message);
     }
 
-    /// Wipes it.
+    /// Clears the bar.
     pub fn clear(&mut self) {
         self.bar.finish_and_clear();
     }
@@ -66,14 +66,14 @@ fn bar() -> ProgressBar {
     bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-/// What is being done, for work of unknown length.
+/// A spinner for work of unknown length.
 pub struct Spinner {
     begin: Instant,
     bar: ProgressBar,
 }
 
 impl Spinner {
-    /// Starts the clock.
+    /// Creates the spinner and starts its clock.
     pub fn new() -> Self {
         Self {
             begin: Instant::now(),
@@ -81,7 +81,7 @@ impl Spinner {
         }
     }
 
-    /// Says what is being done now.
+    /// Shows the current activity.
     pub fn show(&mut self, what: String) {
         if self.begin.elapsed() > PATIENCE {
             if self.bar.is_hidden() {
@@ -93,13 +93,13 @@ impl Spinner {
         }
     }
 
-    /// Wipes it.
+    /// Clears the spinner.
     pub fn clear(&mut self) {
         self.bar.finish_and_clear();
     }
 }
 
-/// How much of countable work is done, from several threads.
+/// A progress bar for countable work, updated from several threads.
 pub struct Counter {
     begin: Instant,
     bar: ProgressBar,
@@ -107,7 +107,7 @@ pub struct Counter {
 }
 
 impl Counter {
-    /// Of so much work, called so.
+    /// A bar for `count` items of work named `what`.
     pub fn new(what: &'static str, count: u64) -> Self {
         let bar = ProgressBar::with_draw_target(Some(count), ProgressDrawTarget::hidden());
         let style = ProgressStyle::with_template("{bar:20} {pos} of {len} {msg}, {eta} left");
@@ -118,7 +118,7 @@ impl Counter {
         }
     }
 
-    /// Another part is done.
+    /// Counts a completed item.
     pub fn count(&self) {
         self.bar.inc(1);
         if self.bar.is_hidden() && self.begin.elapsed() > PATIENCE {
@@ -128,7 +128,7 @@ impl Counter {
         }
     }
 
-    /// Wipes it.
+    /// Clears the bar.
     pub fn clear(&self) {
         self.bar.finish_and_clear();
     }

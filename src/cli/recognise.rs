@@ -1,4 +1,4 @@
-//! Files in the wrong place: what they are, and where they belong.
+//! Recognises files by their content, to explain where a misplaced file belongs.
 
 use super::Failure;
 use super::overwrite::head;
@@ -10,7 +10,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use zip::ZipArchive;
 
-/// What a file is, by its content.
+/// Kind of a file, determined by its content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileKind {
     /// A zip archive or a folder with a model description: an FMU.
@@ -23,15 +23,15 @@ pub enum FileKind {
     Pilot,
     /// The coefficients of a vehicle.
     Vehicle,
-    /// Equations.
+    /// A model file: equations.
     Model,
-    /// Instances and wires.
+    /// A system file: instances and connections.
     System,
-    /// What was measured and what is sought.
+    /// A problem file: measurements and parameters to estimate.
     Problem,
     /// A list of trials.
     Manifest,
-    /// A table over time with what a trial must have.
+    /// A table over time with the columns of a trial.
     Trial,
     /// Another table over time: the result of a co-simulation.
     Table,
@@ -41,8 +41,8 @@ pub enum FileKind {
     Library,
 }
 
-/// Refuses the files that are clearly something else than one of the expected kinds. What is not recognised
-/// passes: whoever reads it says what is wrong.
+/// Refuses files that are recognised as another kind than expected. Unrecognised files pass: reading them reports what
+/// is wrong.
 pub fn expect<'a>(
     paths: impl IntoIterator<Item = &'a PathBuf>,
     expected: &[FileKind],
@@ -73,12 +73,12 @@ pub fn is_system(path: &Path) -> bool {
     of(path) == Some(FileKind::System)
 }
 
-/// Whether a file is a system file, or TOML that is nothing else either: reading it as one tells what is wrong.
+/// Whether a file is a system file, or unrecognised TOML: reading it as a system file reports what is wrong.
 pub fn may_be_system(path: &Path) -> bool {
     is_system(path) || (is_toml(path) && path.is_file() && of(path).is_none())
 }
 
-/// Whether a file is TOML by its name.
+/// Whether a file is TOML, by its name.
 pub fn is_toml(path: &Path) -> bool {
     path.extension()
         .is_some_and(|extension| extension == "toml")
@@ -89,7 +89,7 @@ pub fn is_fmu(path: &Path) -> bool {
     of(path) == Some(FileKind::Fmu)
 }
 
-/// What a file is; `None` where that is not known, or only reading it once would tell (a pipe).
+/// The kind of a file; `None` if it is not recognised, or can be read only once (a pipe).
 pub fn of(path: &Path) -> Option<FileKind> {
     if path.is_dir() {
         let is_fmu = path.join("modelDescription.xml").is_file();
@@ -101,7 +101,7 @@ pub fn of(path: &Path) -> Option<FileKind> {
     if !path.is_file() {
         return None;
     }
-    // Of TOML all is needed: the beginning alone may be none.
+    // TOML must be read as a whole: its beginning alone may be invalid.
     let text = match is_toml(path) {
         true => std::fs::read_to_string(path).unwrap_or_else(|_| head(path)),
         false => head(path),
@@ -119,7 +119,7 @@ pub fn of(path: &Path) -> Option<FileKind> {
     toml(&text).or_else(|| table(&text))
 }
 
-/// What a zip archive is, by its entries; one that cannot be read is left to those who look closer.
+/// The kind of a zip archive, by its entries. An unreadable one counts as an FMU, so that opening it reports the error.
 fn archive(path: &Path) -> FileKind {
     let entries = File::open(path)
         .ok()
@@ -134,7 +134,7 @@ fn archive(path: &Path) -> FileKind {
     }
 }
 
-/// What a TOML file is, by its fields.
+/// The kind of a TOML file, by its fields.
 fn toml(text: &str) -> Option<FileKind> {
     let document = Document::parse(text, "").ok()?;
     let names = document.root().names();
@@ -152,7 +152,7 @@ fn toml(text: &str) -> Option<FileKind> {
     }
 }
 
-/// What a CSV file is, by its header.
+/// The kind of a CSV file, by its header.
 fn table(text: &str) -> Option<FileKind> {
     let is_header = |line: &&str| !line.trim().is_empty() && !line.starts_with('#');
     let header = text.lines().find(is_header)?.to_ascii_lowercase();
@@ -165,7 +165,7 @@ fn table(text: &str) -> Option<FileKind> {
     }
 }
 
-/// A header's cell without its unit.
+/// A header cell without its unit.
 fn name(cell: &str) -> &str {
     cell.split([' ', '[', '(']).next().unwrap_or(cell)
 }
@@ -189,7 +189,7 @@ impl FileKind {
         }
     }
 
-    /// What the file is good for.
+    /// Hint on what the file can be used for.
     fn belongs(self, file: &str) -> String {
         match self {
             Self::Fmu => format!("an FMU belongs to `pilotage cosim {file}`, `info` or `validate`"),

@@ -1,10 +1,10 @@
-//! What goes to the terminal.
+//! Output to the terminal.
 
 use super::Failure;
 use pilotage_process::own::restore_streams;
 use std::io::{ErrorKind, Write};
 
-/// Prints to stdout. A reader that has gone (`pilotage ... | head`) is no failure.
+/// Prints to stdout. A closed reader (`pilotage ... | head`) is no failure.
 pub fn print(text: &str) -> Result<(), Failure> {
     restore_streams();
     let mut stdout = std::io::stdout().lock();
@@ -17,15 +17,15 @@ pub fn print(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// Prints to stderr what would go to stdout, were that not taken.
+/// Prints to stderr, for output that would go to stdout if that were not used otherwise.
 pub fn tell(text: &str) {
     restore_streams();
     let _ = std::io::stderr().lock().write_all(text.as_bytes());
 }
 
-/// Tells something on stderr that is no failure.
+/// Prints a note to stderr.
 pub fn note(text: &str) {
     restore_streams();
-    // Whoever closed stderr does not want to know.
+    // Errors are ignored: stderr may be closed.
     let _ = writeln!(std::io::stderr().lock(), "note: {text}");
 }

@@ -1,4 +1,4 @@
-//! `pilotage vehicle`: the coefficients of the vehicle.
+//! `pilotage vehicle`: shows or checks the coefficients of the vehicle.
 
 use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, terminal};
@@ -52,7 +52,7 @@ pub fn resolve(file: Option<&Path>) -> Result<Quadcopter, Failure> {
     }
 }
 
-/// A vehicle file.
+/// Reads a vehicle file.
 pub fn read(file: &Path) -> Result<Quadcopter, Failure> {
     recognise::expect(
         [&file.to_owned()],
@@ -110,7 +110,7 @@ fn to_json(vehicle: &Quadcopter, pitch: &PitchLoop) -> Value {
     })
 }
 
-/// Steady throttle that holds the hover speed, above standstill [µs]: `a ω_0 / b`.
+/// Steady throttle at hover speed, above standstill [µs]: `a ω_0 / b`.
 fn hover_throttle(vehicle: &Quadcopter) -> f64 {
     vehicle.propeller_lag * vehicle.hover_speed / vehicle.propeller_gain
 }
@@ -145,7 +145,7 @@ fn to_text(file: &Path, vehicle: &Quadcopter, pitch: &PitchLoop) -> String {
     text + "\n" + &verdict(vehicle, pitch)
 }
 
-/// The last line: can it be flown?
+/// The last line: whether the vehicle can be flown.
 fn verdict(vehicle: &Quadcopter, pitch: &PitchLoop) -> String {
     let (damping, stiffness) = pitch.routh;
     match pitch.is_stable() {

@@ -1,5 +1,5 @@
-//! modelDescription.xml, from the model's table of variables: value references, units, dependencies
-//! and all.
+//! Creates modelDescription.xml from the model's table of variables, including value references, units and
+//! dependencies.
 
 use super::Provenance;
 use crate::fmi::description as fmi;
@@ -9,13 +9,13 @@ use pilotage_sdk::structure::Unknown;
 use pilotage_sdk::variable::reference;
 use pilotage_sdk::{Interface, Role, Unit, Variable};
 
-/// Stop time that a simulation takes if the user says nothing: that of the paper's runs [s].
+/// Default stop time: that of the paper's runs [s].
 const STOP_TIME: f64 = 15.0;
 
-/// Communication step then: that of the paper's samples [s].
+/// Default communication step: the sampling interval of the paper [s].
 const STEP_SIZE: f64 = 0.05;
 
-/// The description of a model's FMU.
+/// The model description of an FMU.
 pub fn description(
     interface: &Interface,
     provenance: &Provenance,
@@ -62,9 +62,8 @@ pub fn description(
     }
 }
 
-/// How many of the variables are described: all, but for the time, which is the last one, where nothing
-/// depends on it. FMI 3.0 wants it always; in FMI 2.0 some importers want a start value of it, which the
-/// standard forbids.
+/// Number of described variables: all, except the time (the last variable) if nothing depends on it. FMI 3.0 always
+/// requires it; in FMI 2.0, some importers expect a start value of it, which the standard forbids.
 fn described(interface: &Interface, is_fmi3: bool) -> usize {
     let last = interface.variables.len() - 1;
     let s = &interface.structure;
@@ -76,7 +75,7 @@ fn described(interface: &Interface, is_fmi3: bool) -> usize {
     last + usize::from(is_needed)
 }
 
-/// `is_fmi3`: with what FMI 3.0 alone has.
+/// `is_fmi3`: whether to set the attributes that only FMI 3.0 has.
 fn model_exchange(interface: &Interface, is_fmi3: bool) -> fmi::ModelExchange {
     fmi::ModelExchange {
         model_identifier: interface.name.clone(),
@@ -105,7 +104,7 @@ fn co_simulation(interface: &Interface, is_fmi3: bool) -> fmi::CoSimulation {
         provides_adjoint_derivatives: is_fmi3,
         provides_per_element_dependencies: is_fmi3,
         has_event_mode: is_fmi3,
-        // Inputs go straight from the begin of a step to its end: more than held.
+        // Inputs vary linearly within a step: smoother than held.
         recommended_intermediate_input_smoothness: i32::from(is_fmi3),
         provides_intermediate_update: is_fmi3,
         might_return_early_from_do_step: is_fmi3 && events,
@@ -123,10 +122,10 @@ fn log_categories() -> Vec<fmi::LogCategory> {
         .collect()
 }
 
-/// Each unit once, in the order of first use.
+/// The units without duplicates, in order of first use.
 fn units(variables: &[Variable]) -> Vec<fmi::Unit> {
     let mut units: Vec<fmi::Unit> = Vec::new();
-    // Booleans have none.
+    // Booleans have no unit.
     for variable in variables
         .iter()
         .filter(|v| !v.is_boolean() && v.unit.is_some())
@@ -192,7 +191,7 @@ fn real(interface: &Interface, index: usize) -> fmi::RealVariable {
         nominal: variable.nominal,
         ..fmi::RealAttributes::default()
     };
-    // Only events make states jump.
+    // States jump only at events.
     let jumps = interface.states.contains(&index) && !interface.structure.indicators.is_empty();
     fmi::RealVariable {
         attributes,
@@ -203,7 +202,7 @@ fn real(interface: &Interface, index: usize) -> fmi::RealVariable {
     }
 }
 
-/// Outputs, derivatives, initial unknowns and, in FMI 3.0, event indicators with what they depend on.
+/// Outputs, derivatives, initial unknowns and, in FMI 3.0, event indicators, with their dependencies.
 fn structure(interface: &Interface, version: fmi::FmiVersion) -> fmi::ModelStructure {
     let list = |unknowns: &[Unknown]| unknowns.iter().map(unknown).collect();
     let structure = &interface.structure;
@@ -232,7 +231,7 @@ fn unknown(unknown: &Unknown) -> fmi::Unknown {
     }
 }
 
-/// FMI counts variables from 1 here; there are some dozen.
+/// Index of a variable in the model description, counted from 1.
 fn number(index: usize) -> u32 {
     u32::try_from(index + 1).unwrap_or(u32::MAX)
 }

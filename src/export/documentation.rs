@@ -1,4 +1,4 @@
-//! documentation/index.html: what a user of the FMU must know, in one page.
+//! documentation/index.html: the user documentation of the FMU on one page.
 
 use super::package::{Contents, picture_path};
 use super::{EXTRA, Provenance};
@@ -11,7 +11,7 @@ const MIT: &str = include_str!("licenses/MIT.txt");
 const LICENSES: &str = include_str!("licenses/README.txt");
 const STYLE: &str = include_str!("style.css");
 
-/// The files of `documentation/`: name and text.
+/// Names and contents of the files in `documentation/`.
 pub(super) fn files(contents: &Contents<'_>) -> Vec<(&'static str, String)> {
     vec![
         ("index.html", page(contents)),
@@ -89,13 +89,13 @@ fn page(contents: &Contents<'_>) -> String {
 
 fn table(variables: &[Variable]) -> String {
     let mut html = String::from(
-        "<table>\n<tr><th>Reference</th><th>Name</th><th>Unit</th><th>ModelKind</th><th>Start</th>\
+        "<table>\n<tr><th>Reference</th><th>Name</th><th>Unit</th><th>Role</th><th>Start</th>\
          <th>Range</th><th>Meaning</th></tr>\n",
     );
     for (index, v) in variables.iter().enumerate() {
         let cells = [
             reference(index).to_string(),
-            format!("<code>{}</code>", v.name),
+            format!("<code>{}</code>", escaped(&v.name)),
             v.unit.symbol(),
             v.role.name().to_owned(),
             v.start.map_or(String::new(), |start| start.to_string()),

@@ -1,12 +1,12 @@
-//! Why an FMU could not be made.
+//! Errors of the export of FMUs.
 
 use crate::models::ValueError;
 use std::path::PathBuf;
 
-/// Why an FMU could not be made.
+/// Why an FMU could not be created.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
-    /// A crate relies on the SDK's sources, and they are gone.
+    /// A crate relies on the SDK's sources, which no longer exist.
     #[error(
         "{} asks for pilotage-sdk, whose sources were in {} when this command was built; give it as pilotage-sdk = {{ path = \"...\" }}, or install pilotage again",
         manifest.display(), sdk.display()
@@ -14,21 +14,21 @@ pub enum ExportError {
     NoSdk {
         /// The crate's manifest.
         manifest: PathBuf,
-        /// Where the sources were.
+        /// Former path of the sources.
         sdk: PathBuf,
     },
-    /// A start value that its variable cannot have.
+    /// An invalid start value of a variable.
     #[error("the model cannot be exported")]
     Value(#[from] ValueError),
-    /// A platform that FMI has no name for.
+    /// A platform without a name in FMI.
     #[error("there is no platform \"{name}\"; known are {known}")]
     UnknownPlatform {
-        /// As given.
+        /// Name as given.
         name: String,
-        /// The names.
+        /// The known names.
         known: String,
     },
-    /// A library that is not what its platform needs.
+    /// A library that does not fit its platform.
     #[error(
         "the library for {platform} cannot be used: {found}; build it for that platform with the \
          same sources"
@@ -77,10 +77,10 @@ pub enum ExportError {
     Build {
         /// The crate's folder.
         folder: PathBuf,
-        /// What cargo said.
+        /// Messages of cargo.
         messages: String,
     },
-    /// The crate makes no library of type `cdylib`.
+    /// The crate builds no library of type `cdylib`.
     #[error(
         "{} makes no shared library; its Cargo.toml needs\n[lib]\ncrate-type = [\"cdylib\"]",
         folder.display()
@@ -89,7 +89,7 @@ pub enum ExportError {
         /// The crate's folder.
         folder: PathBuf,
     },
-    /// The library does not say what its model is.
+    /// The library does not describe its model.
     #[error("{} does not say what its model is: {reason}", library.display())]
     NoInterface {
         /// The library.

@@ -1,14 +1,14 @@
-//! What a model's library says of itself, read back: the inverse of
+//! Reads the description of a model's interface from its library: the inverse of
 //! [`Interface::to_json`](pilotage_sdk::Interface::to_json).
 
 use pilotage_sdk::structure::{Dependency, Structure, Unknown};
 use pilotage_sdk::{Interface, Role, Unit, Variable};
 use serde_json::Value;
 
-/// The interface that a library's text describes.
+/// Parses the interface in a library's text.
 ///
 /// # Errors
-/// When it describes none: what the user should know.
+/// If it is no valid interface; the message is for the user.
 pub fn read(text: &str) -> Result<Interface, String> {
     let json = serde_json::from_str(text).unwrap_or_default();
     interface(&json).ok_or_else(|| match json["panic"].as_str() {
@@ -19,7 +19,7 @@ pub fn read(text: &str) -> Result<Interface, String> {
 
 fn interface(json: &Value) -> Option<Interface> {
     let list = |name: &str| json[name].as_array();
-    // In format 1 value references began with 0.
+    // In format 1, value references began at 0.
     if json["format"] != 2 {
         return None;
     }
@@ -43,7 +43,7 @@ fn interface(json: &Value) -> Option<Interface> {
     is_consistent(&interface).then_some(interface)
 }
 
-/// Whether all indices lead to variables.
+/// Whether all indices refer to variables.
 fn is_consistent(interface: &Interface) -> bool {
     let s = &interface.structure;
     let unknowns = [&s.outputs, &s.derivatives, &s.indicators, &s.initial];

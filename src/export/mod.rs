@@ -1,23 +1,22 @@
-//! Models as FMUs: FMI 2.0 and FMI 3.0, each with co-simulation and model exchange, ready for any tool.
+//! Exports models as FMUs: FMI 2.0 and FMI 3.0, each with co-simulation and model exchange.
 //!
-//! For our own models no compiler is needed: one library serves them all and is part of this crate
-//! ([`binary`]); what differs between FMUs is text. A user's model is a library of its own ([`pack`]).
+//! Built-in models and model files need no compiler: they share one library, which is embedded in this crate
+//! ([`binary`]); their FMUs differ only in text files. A user's model in Rust has its own library ([`pack`]).
 //!
-//! | module | what it makes |
+//! | module | contents |
 //! | --- | --- |
-//! | [`binary`], [`platform`] | the library of our models; the folders that libraries go into |
+//! | [`binary`], [`platform`] | the library of built-in models; the folders of libraries |
 //! | [`description`](mod@description) | modelDescription.xml, from the table of variables |
-//! | [`interface`] | what a library says of its model |
-//! | [`pack`] | FMUs of a user's models |
-//! | `sdk` | where those crates find the SDK |
+//! | [`interface`] | reads the interface of a model from its library |
+//! | [`pack`] | FMUs of user-written models |
+//! | `sdk` | path of the SDK for those crates |
 //! | `old_glibc` | libraries that run on old Linux systems |
 //! | `documentation` | documentation/index.html and the licences |
-//! | `pictures`, `terminals` | model.png; what FMI 3.0 has for it |
-//! | [`date`] | when an FMU is made |
+//! | `pictures`, `terminals` | model.png; icon and terminals of FMI 3.0 |
+//! | [`date`] | dates in the format of FMI |
 //! | [`mod@package`] | the archive: the same input gives the same bytes |
 
 pub mod binary;
-pub mod date;
 pub mod description;
 mod documentation;
 mod error;
@@ -45,34 +44,32 @@ use std::path::Path;
 const PILOT: &str = include_str!("pilot.html");
 const QUADCOPTER: &str = include_str!("quadcopter.html");
 
-/// The folder of our own files in an FMU (FMI 2.0.5, section 2.3: reverse domain name).
+/// Folder of pilotage's own files in an FMU (FMI 2.0.5, section 2.3: reverse domain name).
 pub const EXTRA: &str = "extra/org.pilotage";
 
-/// Where a model comes from and what must be known about it. It goes into the description, the
-/// documentation and [`EXTRA`].
+/// Origin and caveats of a model. They are written to the description, the documentation and [`EXTRA`].
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Provenance {
     /// One sentence about the source of the numbers.
     pub origin: String,
-    /// What a user must know before trusting the model; shown wherever the model is described.
+    /// What a user must know before relying on the model; shown wherever the model is described.
     pub caveat: Option<String>,
-    /// The file that the numbers were read from: its name in the FMU and its text, kept as it was.
+    /// The source file of the numbers: its name in the FMU, and its unchanged text.
     pub source: Option<(&'static str, String)>,
-    /// Licence of the model, in SPDX's words.
+    /// Licence of the model as an SPDX expression.
     pub license: Option<String>,
-    /// Who made the model.
+    /// Author of the model.
     pub author: Option<String>,
-    /// When the FMU is made, `YYYY-MM-DDThh:mm:ssZ`; without it, the same model gives the same bytes at any
-    /// time.
+    /// Date of generation, `YYYY-MM-DDThh:mm:ssZ`; without it, the same model always gives the same bytes.
     pub date: Option<String>,
 }
 
-/// Licence of our own models.
+/// Licence of pilotage's own models.
 const LICENSE: &str = "MIT OR Apache-2.0";
 
 impl Provenance {
-    /// A pilot identified from flights; `file` is the text of the result file, `stable_loop` whether
-    /// the closed loop with the vehicle of the fit is stable, `caveat` what the file says of the fit.
+    /// A pilot identified from flights; `file` is the text of the result file, `stable_loop` whether the closed loop
+    /// with the vehicle of the fit is stable, `caveat` the caveat of the result file.
     pub fn fit(file: String, stable_loop: Option<bool>, caveat: Option<String>) -> Self {
         let closed_loop = match stable_loop {
             Some(true) => " The closed loop with the vehicle of the fit is stable.",
@@ -89,7 +86,7 @@ impl Provenance {
         }
     }
 
-    /// The published pilot, with what we measured about it (docs/method.md).
+    /// The published pilot, with our findings about it (docs/method.md).
     pub fn paper() -> Self {
         Self {
             origin: "θ as printed by Bonner & Kirchner, Human as an Actuator Dynamic Model \
@@ -106,7 +103,7 @@ impl Provenance {
         }
     }
 
-    /// A model file; `file` is its name, `source` what it says of where its equations come from.
+    /// A model file; `file` is its name, `source` its statement about the origin of its equations.
     pub fn model_file(file: &str, source: &str) -> Self {
         let origin = format!("The model file {file}, which stands in resources/{MODEL_FILE}.");
         Self {
@@ -118,7 +115,7 @@ impl Provenance {
         }
     }
 
-    /// A vehicle; `file` is the text of the vehicle file, none for the default vehicle.
+    /// A vehicle; `file` is the text of the vehicle file, `None` for the default vehicle.
     pub fn vehicle(file: Option<String>) -> Self {
         let origin = match file {
             Some(_) => "Coefficients of a vehicle file, kept in extra/.",
@@ -136,16 +133,16 @@ impl Provenance {
     }
 }
 
-/// Which FMU to make of a model.
+/// Options of the FMU.
 #[derive(Debug, Clone, Default)]
 pub struct ExportOptions {
-    /// The version of the standard.
+    /// Version of the standard.
     pub version: FmiVersion,
-    /// Libraries that were built elsewhere, besides that for this platform.
+    /// Libraries built elsewhere, in addition to that for this platform.
     pub binaries: Vec<(Platform, Vec<u8>)>,
 }
 
-/// A model that becomes an FMU: of FMI 2.0 and for this platform, unless it is told otherwise.
+/// Builder of an FMU; by default for FMI 2.0 and this platform.
 ///
 /// ```no_run
 /// use pilotage::export::{Export, Provenance};
@@ -162,7 +159,7 @@ pub struct Export<'a> {
     options: ExportOptions,
 }
 
-/// What is exported.
+/// The exported model.
 #[derive(Debug, Clone, Copy)]
 enum Subject<'a> {
     Model(&'a Model),
@@ -170,12 +167,12 @@ enum Subject<'a> {
 }
 
 impl<'a> Export<'a> {
-    /// Of this model.
+    /// Exports a built-in model.
     pub fn new(model: &'a Model, provenance: &'a Provenance) -> Self {
         Self::of(Subject::Model(model), provenance)
     }
 
-    /// Of the model of a model file.
+    /// Exports the model of a model file.
     pub fn text(model: &'a TextModel, provenance: &'a Provenance) -> Self {
         Self::of(Subject::Text(model), provenance)
     }
@@ -188,28 +185,28 @@ impl<'a> Export<'a> {
         }
     }
 
-    /// For this version of the standard.
+    /// Sets the version of the standard.
     pub fn version(mut self, version: FmiVersion) -> Self {
         self.options.version = version;
         self
     }
 
-    /// With a library that was built elsewhere.
+    /// Adds a library built elsewhere.
     pub fn binary(mut self, platform: Platform, library: Vec<u8>) -> Self {
         self.options.binaries.push((platform, library));
         self
     }
 
-    /// With all of these options.
+    /// Sets all options.
     pub fn options(mut self, options: ExportOptions) -> Self {
         self.options = options;
         self
     }
 
-    /// The FMU's bytes.
+    /// The content of the FMU.
     ///
     /// # Errors
-    /// When a start value is not finite or out of range, or a library is not for its platform.
+    /// If a start value is not finite or out of range, or a library does not fit its platform.
     pub fn bytes(self) -> Result<Vec<u8>, ExportError> {
         let own = Platform::host().map(|platform| (platform, binary::LIBRARY.to_vec()));
         let binaries = self.options.binaries.into_iter().chain(own).collect();
@@ -257,14 +254,13 @@ impl<'a> Export<'a> {
     /// Writes the FMU, completely or not at all.
     ///
     /// # Errors
-    /// As [`Self::bytes`], or when the file cannot be written; nothing stands at `path` then that did not stand
-    /// there before.
+    /// See [`Self::bytes`]; or if the file cannot be written, in which case the previous file at `path` is kept.
     pub fn write(self, path: &Path) -> Result<(), ExportError> {
         write(path, &self.bytes()?)
     }
 }
 
-/// The model file and its tables.
+/// The files in `resources`: the model file and its tables.
 fn resources(model: &TextModel) -> BTreeMap<String, Vec<u8>> {
     let compiled = model.compiled();
     let tables = compiled.tables.iter();

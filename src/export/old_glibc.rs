@@ -1,13 +1,13 @@
-//! Libraries that run on old Linux systems, though they are linked on new ones.
+//! Links libraries such that they also run on old Linux systems.
 //!
-//! A library refers to each function of glibc in the newest version that was there when it was linked, and
-//! older systems then refuse to load it. So FMUs are linked against stand-ins for glibc's libraries, which
-//! offer every function in its version of glibc 2.17 (2012; RHEL 7 and all that came after). What is newer
-//! is offered without a version: it is used where it is there, as Rust's standard library does with `statx`.
-//! The functions that cannot be missed are in the SDK (`fmu/sdk/src/old_glibc.rs`). Beside these lies the
-//! unwinder as a static library, so that no `libgcc_s` has to be there.
+//! A library refers to each function of glibc in the newest version available when it was linked, and older systems
+//! then refuse to load it. Therefore FMUs are linked against stand-ins for glibc's libraries, which provide every
+//! function in its version of glibc 2.17 (2012; RHEL 7 and everything later). Newer functions are provided without a
+//! version: they are used where available, as in Rust's standard library with `statx`. Functions that are always needed
+//! are in the SDK (`fmu/sdk/src/old_glibc.rs`). The unwinder is added as a static library, so that `libgcc_s` is not
+//! required.
 //!
-//! Both the build script and [`super::pack`] use this file.
+//! This file is used both by the build script and by [`super::pack`].
 
 use object::read::elf::ElfFile64;
 use object::{Endianness, Object, ObjectSymbol, SymbolKind};
@@ -16,16 +16,16 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs};
 
-/// Major and minor version of glibc.
+/// Version number of glibc: major, minor.
 type Version = Vec<u32>;
 
-/// What libraries may need.
+/// Newest glibc version that libraries may require.
 const BASELINE: [u32; 2] = [2, 17];
 
-/// The release that moved what stood in libpthread and libdl into libc.
+/// The release that merged libpthread and libdl into libc.
 const MERGED: [u32; 2] = [2, 34];
 
-/// The libraries: the name at run time, and that of the stand-in, by which the linker asks for it.
+/// The libraries: the name at run time, and the file name of the stand-in for the linker.
 const LIBRARIES: [(&str, &str); 5] = [
     ("libc.so.6", "libc-stand-in.so"),
     ("libpthread.so.0", "libpthread.so"),
@@ -34,36 +34,35 @@ const LIBRARIES: [(&str, &str); 5] = [
     ("ld-linux-x86-64.so.2", "ld-stand-in.so"),
 ];
 
-/// A function or variable of a stand-in; without a version if glibc 2.17 did not have it.
+/// A function or variable of a stand-in; without a version if glibc 2.17 does not have it.
 struct Symbol {
     name: String,
     version: Option<Version>,
     is_data: bool,
 }
 
-/// The target (of rustc) that all this is for.
+/// The rustc target for which the stand-ins are used.
 pub const TARGET: &str = "x86_64-unknown-linux-gnu";
 
-/// Is that what this machine runs? The stand-ins are made from its libraries.
+/// Whether this machine has that target: the stand-ins are made from its libraries.
 pub const IS_HERE: bool = cfg!(all(
     target_os = "linux",
     target_env = "gnu",
     target_arch = "x86_64"
 ));
 
-/// The flags of rustc that link with stand-ins, which lie in a folder; they are made where it is not there.
+/// Flags of rustc for linking with the stand-ins in `folder`, which are created if the folder does not exist.
 ///
 /// # Errors
-/// With what is missing, when the C compiler that Rust links with is not there or does not know its
-/// libraries.
+/// If the C compiler with which Rust links is missing or does not find its libraries.
 pub fn flags(folder: &Path) -> Result<Vec<String>, String> {
     if !folder.exists() {
-        // Others may do the same meanwhile: the folder appears when it is complete.
+        // Other processes may do the same concurrently, so the folder appears only when complete.
         let (process, thread) = (std::process::id(), std::thread::current().id());
         let new = folder.with_added_extension(format!("{process}-{thread:?}"));
         let made = make(&new, folder);
         if made.is_ok() {
-            // If the other one was faster, its folder holds the same.
+            // If another process was faster, its folder has the same content.
             let _ = fs::rename(&new, folder);
         }
         let _ = fs::remove_dir_all(&new);
@@ -75,7 +74,7 @@ pub fn flags(folder: &Path) -> Result<Vec<String>, String> {
     ])
 }
 
-/// Makes the stand-ins in a folder that will get another name.
+/// Creates the stand-ins in `folder`, which will be renamed to `named`.
 fn make(folder: &Path, named: &Path) -> Result<(), String> {
     fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let mut stand_ins: BTreeMap<&str, Vec<Symbol>> = BTreeMap::new();
@@ -88,7 +87,7 @@ fn make(folder: &Path, named: &Path) -> Result<(), String> {
         let symbols = stand_ins.remove(library).unwrap_or_default();
         link(folder, library, file, &symbols)?;
     }
-    // Linker scripts, as glibc's own libc.so is one. What lies in the static parts is in each library anyway.
+    // Linker scripts, as glibc's own libc.so. The static parts are linked into each library anyway.
     let [libc, threads, loader] = ["libc-stand-in.so", "libpthread.so", "ld-stand-in.so"]
         .map(|file| format!("\"{}\"", named.join(file).display()));
     let rest = known("libc_nonshared.a")?;
@@ -101,7 +100,7 @@ fn make(folder: &Path, named: &Path) -> Result<(), String> {
     write(&folder.join("libgcc_s.so"), &unwinder)
 }
 
-/// What a library of this system offers, and in which library of old systems it lies.
+/// The symbols provided by a library of this system, each with its library on old systems.
 fn symbols(library: &'static str) -> Result<Vec<(&'static str, Symbol)>, String> {
     let path = known(library)?;
     let unreadable = |error: String| format!("{}: {error}", path.display());
@@ -117,7 +116,7 @@ fn symbols(library: &'static str) -> Result<Vec<(&'static str, Symbol)>, String>
         let index = versions.version_index(file.endian(), symbol.index());
         let version = versions.version(index).ok().flatten();
         let version = version.and_then(|version| parsed(version.name()));
-        // Versions themselves are symbols too.
+        // Versions themselves are also listed as symbols.
         let name = symbol.name().ok().filter(|n| !n.starts_with("GLIBC_"));
         if let (Some(version), Some(name)) = (version, name) {
             let (versions, is_data) = offered.entry(name).or_default();
@@ -147,7 +146,7 @@ fn symbols(library: &'static str) -> Result<Vec<(&'static str, Symbol)>, String>
     Ok(offered.into_iter().map(symbol).collect())
 }
 
-/// `2.17` of `GLIBC_2.17`; nothing of `GLIBC_PRIVATE`.
+/// Parses `2.17` from `GLIBC_2.17`; `None` for `GLIBC_PRIVATE`.
 fn parsed(version: &[u8]) -> Option<Version> {
     let numbers = std::str::from_utf8(version).ok()?.strip_prefix("GLIBC_")?;
     numbers
@@ -156,7 +155,7 @@ fn parsed(version: &[u8]) -> Option<Version> {
         .collect()
 }
 
-/// Links a stand-in: no code, only names.
+/// Links a stand-in, which has only symbols and no code.
 fn link(folder: &Path, library: &str, file: &str, symbols: &[Symbol]) -> Result<(), String> {
     let named = |version: &Version| {
         let numbers: Vec<String> = version.iter().map(u32::to_string).collect();
@@ -204,21 +203,21 @@ fn link(folder: &Path, library: &str, file: &str, symbols: &[Symbol]) -> Result<
     }
 }
 
-/// Where the C compiler finds a library.
+/// Path at which the C compiler finds a library.
 fn known(file: &str) -> Result<PathBuf, String> {
     let asked = Command::new(compiler())
         .arg(format!("-print-file-name={file}"))
         .output();
     let answer = asked.map_err(no_compiler)?;
     let path = PathBuf::from(String::from_utf8_lossy(&answer.stdout).trim());
-    // A file that it does not know it names as it was named to it.
+    // The compiler prints the name of an unknown file unchanged.
     match path.is_absolute() {
         true => Ok(path),
         false => Err(format!("the C compiler does not know {file}")),
     }
 }
 
-/// The C compiler that Rust links with.
+/// The C compiler with which Rust links.
 fn compiler() -> std::ffi::OsString {
     env::var_os("RUSTC_LINKER").unwrap_or_else(|| "cc".into())
 }

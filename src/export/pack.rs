@@ -1,4 +1,4 @@
-//! FMUs of a user's own models: crates or libraries made with `pilotage_sdk::export!`.
+//! FMUs of user-written models: crates or libraries that use `pilotage_sdk::export!`.
 
 use super::package::{BLOCK, Contents, archive};
 use super::{ExportError, Platform, Provenance, interface, old_glibc, platform, sdk, write};
@@ -11,17 +11,17 @@ use std::ffi::{CStr, c_char};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// The function that `pilotage_sdk::export!` adds to those of FMI.
+/// The function that `pilotage_sdk::export!` adds to the functions of FMI.
 const INTERFACE: &CStr = c"pilotageInterface";
 
-/// Builds the crate in a folder, and gives its library and its licence.
+/// Builds the crate in a folder and returns its library and its licence.
 ///
-/// The release profile is changed as far as an FMU needs it: panics unwind, since they become a status;
-/// symbols are stripped, and the folders of this machine stay out of it. With `show`, what cargo says goes
-/// to stderr as it says it, else into the error.
+/// The release profile is changed as required for an FMU: panics unwind, since they become a status; symbols are
+/// stripped, and folders of this machine are not included. With `show`, cargo's output goes directly to stderr,
+/// otherwise into the error.
 ///
 /// # Errors
-/// When there is no cargo, the crate cannot be built, or makes no library of type `cdylib`.
+/// If cargo is missing, or the crate cannot be built or builds no library of type `cdylib`.
 pub fn build(folder: &Path, show: bool) -> Result<(PathBuf, Option<String>), ExportError> {
     let read = |source| ExportError::Read {
         path: folder.join("Cargo.toml"),
@@ -41,7 +41,7 @@ pub fn build(folder: &Path, show: bool) -> Result<(PathBuf, Option<String>), Exp
         .args(["--config", &flags(workspace, target)])
         .args(sdk.iter().flat_map(|setting| ["--config", setting]));
     if old_glibc::IS_HERE {
-        // With a target, the flags are not those of build scripts.
+        // With an explicit target, the flags do not apply to build scripts.
         build.args(["--target", old_glibc::TARGET]);
     }
     let output = build
@@ -75,9 +75,8 @@ fn cargo() -> Command {
     Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
 }
 
-/// Flags of rustc, as a setting of cargo: panic messages name neither the workspace's folder nor cargo's, and
-/// the library runs on old systems where that can be had. Flags in the environment variable RUSTFLAGS take
-/// their place.
+/// Flags of rustc as a setting of cargo: panic messages contain neither the workspace's folder nor cargo's, and the
+/// library runs on old systems if possible. Flags in the environment variable RUSTFLAGS replace them.
 fn flags(workspace: Option<PathBuf>, target: Option<PathBuf>) -> String {
     let home = std::env::home_dir().map(|home| home.join(".cargo"));
     let cargo = std::env::var_os("CARGO_HOME").map(PathBuf::from).or(home);
@@ -86,7 +85,7 @@ fn flags(workspace: Option<PathBuf>, target: Option<PathBuf>) -> String {
         .filter_map(|(folder, name)| {
             Some(format!("--remap-path-prefix={}={name}", folder?.display()))
         });
-    // The folder stays, so that the flags do, and cargo need not build all again.
+    // The folder is kept, so that the flags do not change and cargo need not rebuild everything.
     let for_old_systems = target
         .filter(|_| old_glibc::IS_HERE)
         .and_then(|folder| old_glibc::flags(&folder.join("glibc")).ok())
@@ -98,7 +97,7 @@ fn flags(workspace: Option<PathBuf>, target: Option<PathBuf>) -> String {
     format!("build.rustflags=[{}]", flags.join(", "))
 }
 
-/// The folder of a crate's workspace, and the one that cargo builds it in.
+/// The folder of a crate's workspace, and its target folder.
 fn folders(manifest: &Path) -> [Option<PathBuf>; 2] {
     let metadata = cargo()
         .args(["metadata", "--no-deps", "--format-version", "1"])
@@ -111,7 +110,7 @@ fn folders(manifest: &Path) -> [Option<PathBuf>; 2] {
     ["workspace_root", "target_directory"].map(|key| metadata[key].as_str().map(PathBuf::from))
 }
 
-/// The shared library that a message of cargo tells of, if it is this crate's.
+/// The shared library in a message of cargo, if it belongs to this crate.
 fn library(message: &Value, manifest: &Path) -> Option<PathBuf> {
     let is_ours = Path::new(message["manifest_path"].as_str()?) == manifest;
     let kinds = message["target"]["crate_types"].as_array()?;
@@ -125,7 +124,7 @@ fn library(message: &Value, manifest: &Path) -> Option<PathBuf> {
         .find(|file| file.extension().is_some_and(|e| e == extension))
 }
 
-/// The licence that the manifest names, if it does so itself.
+/// The licence in the manifest, if it is given there directly.
 fn license(manifest: &Path) -> Option<String> {
     let text = std::fs::read_to_string(manifest).ok()?;
     let document: toml::Table = text.parse().ok()?;
@@ -133,12 +132,12 @@ fn license(manifest: &Path) -> Option<String> {
     license.as_str().map(str::to_owned)
 }
 
-/// Asks a library of this platform what its model is.
+/// Reads the interface of a model from a library for this platform.
 ///
-/// Loading runs its code: this is for the user's own libraries. They are looked at first.
+/// Loading runs the library's code, so this is only for the user's own libraries. They are checked first.
 ///
 /// # Errors
-/// When it is no library of an FMU of that version for this platform, or has no interface to tell.
+/// If it is no library of an FMU of that version for this platform, or provides no interface.
 pub fn ask(library: &Path, bytes: &[u8], version: FmiVersion) -> Result<Interface, ExportError> {
     let refuse = |reason: String| ExportError::NoInterface {
         library: library.to_owned(),
@@ -146,28 +145,28 @@ pub fn ask(library: &Path, bytes: &[u8], version: FmiVersion) -> Result<Interfac
     };
     let host = Platform::host().ok_or_else(|| refuse("this platform is not known".into()))?;
     platform::check(&host, bytes, version)?;
-    // A name without a folder would be looked for among the system's libraries.
+    // A bare file name would be searched among the system's libraries.
     let path = std::fs::canonicalize(library).map_err(|error| refuse(error.to_string()))?;
-    // SAFETY: a library that `export!` made initialises nothing when it is loaded; the user asked for it.
+    // SAFETY: a library made with `export!` initialises nothing when it is loaded; the user requested it.
     let loaded = unsafe { Library::new(path) }.map_err(|error| {
         let cause = std::error::Error::source(&error).map(ToString::to_string);
         refuse(cause.unwrap_or_else(|| error.to_string()))
     })?;
-    // SAFETY: by `export!` the function of that name has this type.
+    // SAFETY: `export!` defines the function of that name with this type.
     let function = unsafe { loaded.get::<unsafe extern "C" fn() -> *const c_char>(INTERFACE) };
     let function = function.map_err(|_| {
         refuse("it was not made by pilotage_sdk::export!, or reads its model from resources".into())
     })?;
-    // SAFETY: it takes no arguments and gives a C string that lives as long as the library.
+    // SAFETY: it takes no arguments and returns a C string that lives as long as the library.
     let text = unsafe { CStr::from_ptr(function()) };
     interface::read(&text.to_string_lossy()).map_err(refuse)
 }
 
-/// Writes the FMU of a user's library, to the path that its interface asks for, which may also be refused.
+/// Writes the FMU of a user's library to the path that `path` returns for its interface; `path` may also refuse.
 ///
 /// # Errors
-/// When the library cannot be used or asked, one of the others is not for its platform, or the file
-/// cannot be written; and what `path` says.
+/// If the library cannot be used or has no interface, another library does not fit its platform, or the file cannot be
+/// written; also the errors of `path`.
 pub fn pack<E: From<ExportError>>(
     library: &Path,
     provenance: &Provenance,

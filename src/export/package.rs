@@ -1,4 +1,4 @@
-//! The archive (FMI 2.0.5, section 2.3; FMI 3.0, section 2.5).
+//! The FMU archive (FMI 2.0.5, section 2.3; FMI 3.0, section 2.5).
 
 use super::{
     EXTRA, ExportError, Platform, Provenance, description, documentation, platform, terminals,
@@ -10,32 +10,31 @@ use std::io::{Cursor, Write};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-/// Everything of an FMU but the text that is made from it.
+/// The contents of an FMU from which its files are generated.
 #[derive(Debug, Clone)]
 pub struct Contents<'c> {
     /// Name of the FMU: its `modelName`.
     pub name: &'c str,
-    /// What the model is.
+    /// Interface of the model.
     pub interface: &'c Interface,
-    /// Where it comes from.
+    /// Origin of the model.
     pub provenance: &'c Provenance,
-    /// The version of the standard.
+    /// Version of the standard.
     pub version: FmiVersion,
     /// A library for each platform.
     pub binaries: Vec<(Platform, Vec<u8>)>,
     /// Equations and advice for the documentation, as HTML.
     pub about: &'c str,
-    /// model.png, the picture that tools show on the model's block.
+    /// model.png, the picture that tools show as the model's icon.
     pub picture: &'static [u8],
-    /// Files for `resources`.
+    /// Files in `resources`.
     pub resources: BTreeMap<String, Vec<u8>>,
 }
 
-/// The bytes of an FMU. Entries are sorted and have one fixed time, so that equal contents give equal
-/// bytes.
+/// Creates the FMU archive. Entries are sorted and have a fixed time, so that equal contents give equal bytes.
 ///
 /// # Errors
-/// When a library is not for its platform, or the same platform is there twice.
+/// If a library does not fit its platform, or a platform is given twice.
 pub fn archive(contents: &Contents<'_>) -> Result<Vec<u8>, ExportError> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     for (name, content) in entries(contents)? {
@@ -63,10 +62,10 @@ pub fn archive(contents: &Contents<'_>) -> Result<Vec<u8>, ExportError> {
     Ok(archive.into_inner())
 }
 
-/// The picture of a model that has none of its own.
+/// Default picture of a model.
 pub const BLOCK: &[u8] = include_bytes!("pictures/block.png");
 
-/// Where the picture goes.
+/// Path of the picture in the archive.
 pub(super) fn picture_path(version: FmiVersion) -> String {
     match version {
         FmiVersion::V2 => "model.png".to_owned(),
@@ -74,7 +73,7 @@ pub(super) fn picture_path(version: FmiVersion) -> String {
     }
 }
 
-/// All files by name.
+/// All files, by name.
 fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportError> {
     let Contents {
         interface,
@@ -107,7 +106,7 @@ fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportE
         }
         aliases.extend(paths.map(|path| (path, bytes)));
     }
-    // A library made for the folder has precedence.
+    // A library built for the folder takes precedence.
     for (path, bytes) in aliases {
         entries.entry(path).or_insert_with(|| bytes.clone());
     }

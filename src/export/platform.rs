@@ -1,4 +1,4 @@
-//! Platforms: by their names, and whether a library is made for one.
+//! Platforms by name, and checks of libraries for them.
 
 use super::ExportError;
 use crate::fmi::binary;
@@ -7,10 +7,10 @@ pub use crate::fmi::platform::Platform;
 use object::{Object, ObjectKind};
 use pilotage_abi::{fmi2, fmi3};
 
-/// The platform of that name, in either version's spelling.
+/// Finds a platform by its name in either version of FMI.
 ///
 /// # Errors
-/// When there is none; the message lists the names.
+/// If there is none; the message lists the names.
 pub fn named(name: &str) -> Result<Platform, ExportError> {
     Platform::of_folder(name).next().ok_or_else(|| {
         let names = Platform::ALL.iter().flat_map(|p| [p.tuple, p.fmi2[0]]);
@@ -23,10 +23,10 @@ pub fn named(name: &str) -> Result<Platform, ExportError> {
     })
 }
 
-/// Refuses what is no library for the platform with all functions of the version.
+/// Refuses a file that is no library for the platform with all functions of the version.
 ///
 /// # Errors
-/// When the format, the architecture or a function is not as it must be.
+/// If the format, the architecture or a function is wrong.
 pub fn check(platform: &Platform, bytes: &[u8], version: FmiVersion) -> Result<(), ExportError> {
     let wrong = |found: String| ExportError::WrongBinary {
         platform: platform.tuple,

@@ -1,16 +1,16 @@
-//! Where a user's crate finds the SDK.
+//! Path of the SDK for a user's crate.
 
 use super::ExportError;
 use std::path::{Path, PathBuf};
 
-/// The SDK's sources, as they were when this command was built.
+/// The SDK's sources at the time this command was built.
 const SDK: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/fmu/sdk");
 
-/// A setting of cargo for a crate that asks for the SDK by its name and version alone, wherever it is: the SDK is
-/// in no registry. `None` for one that says where it is, as those in its own workspace do.
+/// A setting of cargo with the path of the SDK, for crates that refer to it by name and version only, since the SDK is
+/// in no registry. `None` for crates that specify a path, such as those in its own workspace.
 ///
 /// # Errors
-/// When the SDK's sources are no longer where they were.
+/// If the SDK's sources are no longer there.
 pub fn setting(manifest: &Path, workspace: Option<&Path>) -> Result<Option<String>, ExportError> {
     let own = Path::new(env!("CARGO_MANIFEST_DIR"));
     let same = |a: &Path, b: &Path| a.canonicalize().ok() == b.canonicalize().ok();
@@ -29,7 +29,7 @@ pub fn setting(manifest: &Path, workspace: Option<&Path>) -> Result<Option<Strin
     }
 }
 
-/// Whether a manifest names the SDK's version, and not where it is.
+/// Whether a manifest refers to the SDK by version only.
 fn is_by_name(manifest: &Path) -> bool {
     let sdk = || {
         let text = std::fs::read_to_string(manifest).ok()?;

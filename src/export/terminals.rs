@@ -1,11 +1,11 @@
-//! terminalsAndIcons.xml of FMI 3.0 (section 2.4.9): the icon, and a terminal of all inputs and outputs.
+//! terminalsAndIcons.xml of FMI 3.0 (section 2.4.9): the icon, and a terminal with all inputs and outputs.
 
 use pilotage_sdk::{Interface, Role, Variable};
 
-/// The folder of the file, and of the icon.
+/// Folder of the file and the icon.
 pub(super) const FOLDER: &str = "terminalsAndIcons";
 
-/// The text of the file. The terminal is a bus: what has the same name on another one belongs together.
+/// The text of the file. The terminal is a bus: its members are matched by name.
 pub(super) fn file(interface: &Interface) -> String {
     let member = |name: &str| {
         format!(

@@ -1,26 +1,26 @@
-//! Scales with round ticks.
+//! Axis scales with round ticks.
 
 use super::number::short;
 
-/// About how many ticks a scale has.
+/// Approximate number of ticks of a scale.
 const TICKS: f64 = 8.0;
 
-/// A linear scale from `low` to `high` with round ticks between.
+/// A linear scale from `low` to `high` with round ticks in between.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scale {
     low: f64,
     high: f64,
     /// The ticks, ascending: multiples of 1, 2 or 5 times a power of ten.
     pub ticks: Vec<f64>,
-    /// Decimals that the ticks' labels need.
+    /// Number of decimals of the ticks' labels.
     decimals: usize,
-    /// Values are decimal logarithms of what is shown.
+    /// Whether values are decimal logarithms of the displayed quantity.
     in_decades: bool,
 }
 
 impl Scale {
-    /// A scale over the finite ones of `values`, with a margin at both ends that is the given fraction
-    /// of their range. Without data it reaches from 0 to 1.
+    /// A scale over the finite `values`, with a margin at both ends as a fraction of their range. Without data it
+    /// reaches from 0 to 1.
     pub fn covering(values: impl IntoIterator<Item = f64>, margin: f64) -> Self {
         let finite = values.into_iter().filter(|value| value.is_finite());
         let (mut low, mut high) = finite
@@ -38,10 +38,10 @@ impl Scale {
         Self::between(low - margin, high + margin)
     }
 
-    /// From `low` to `high`, which is greater.
+    /// A scale from `low` to `high`, where `low < high`.
     fn between(low: f64, high: f64) -> Self {
         let step = round_step((high - low) / TICKS);
-        // The slack keeps an end that is a tick up to rounding.
+        // The tolerance keeps an end that is a tick up to rounding.
         let (first, last) = ((low / step - 1e-9).ceil(), (high / step + 1e-9).floor());
         Self {
             low,
@@ -54,15 +54,15 @@ impl Scale {
         }
     }
 
-    /// For values that are decimal logarithms: ticks at whole ones, and at 2 and 5 times them where that
-    /// leaves few, labelled with the numbers.
+    /// Turns a scale of decimal logarithms into decades: ticks at powers of ten, for small ranges also at 2 and 5 times
+    /// them, labelled with the numbers.
     pub fn in_decades(mut self) -> Self {
         let (first, last) = (self.low.floor() as i32, self.high.ceil() as i32);
         let parts: &[f64] = match self.range() < 3.0 {
             true => &[1.0, 2.0, 5.0],
             false => &[1.0],
         };
-        // As many powers of ten as there is room for.
+        // As many powers of ten as fit.
         let step = (self.range() / TICKS).ceil().max(1.0) as i32;
         let powers = (first.div_euclid(step)..=last.div_euclid(step)).map(|k| k * step);
         let ticks = powers.flat_map(|decade| {
@@ -77,18 +77,18 @@ impl Scale {
         self
     }
 
-    /// From the least value to the greatest.
+    /// Difference between the ends.
     pub fn range(&self) -> f64 {
         self.high - self.low
     }
 
-    /// The same middle, but that range.
+    /// A scale with the same centre and the given range.
     pub fn reaching(&self, range: f64) -> Self {
         let middle = 0.5 * (self.low + self.high);
         Self::between(middle - 0.5 * range, middle + 0.5 * range)
     }
 
-    /// Where a value lies between the ends: 0 to 1.
+    /// Relative position of a value between the ends, 0 to 1.
     pub fn position(&self, value: f64) -> f64 {
         (value - self.low) / (self.high - self.low)
     }
@@ -96,7 +96,7 @@ impl Scale {
     /// A tick's label, with a true minus sign.
     pub fn label(&self, tick: f64) -> String {
         if self.in_decades {
-            // Its first digit is 1, 2 or 5: one digit is exact.
+            // The first digit is 1, 2 or 5, so one digit is exact.
             return short(10f64.powf(tick), 1).replace('-', "\u{2212}");
         }
         // `+ 0.0` turns the tick -0 into 0.
@@ -104,7 +104,7 @@ impl Scale {
     }
 }
 
-/// The number of the form 1, 2 or 5 times a power of ten that is not below `step`.
+/// The smallest number of the form 1, 2 or 5 times a power of ten that is not below `step`.
 fn round_step(step: f64) -> f64 {
     let power = 10f64.powf(step.log10().floor());
     let mantissa = step / power;

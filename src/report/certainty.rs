@@ -1,12 +1,13 @@
-//! What a fit is not sure of: correlations of its parameters, and where its starts ended.
+//! Figures about the uncertainty of a fit: correlations and profiles of its parameters, and the objectives of its
+//! starts.
 
 use super::figure::{Axis, Figure, Look, Panel, Series};
 use nalgebra::DMatrix;
 
-/// Part of the objective within which starts agree.
+/// Relative difference of objectives within which starts agree.
 const SAME: f64 = 1e-3;
 
-/// Correlations as a map of colours.
+/// Correlations as a colour map.
 pub fn correlation_figure(names: &[String], correlations: &DMatrix<f64>) -> Figure {
     let n = names.len();
     let place =
@@ -33,12 +34,12 @@ pub fn correlation_figure(names: &[String], correlations: &DMatrix<f64>) -> Figu
         series: vec![cells],
         ..Panel::default()
     };
-    let caption = "Correlations of the parameters' estimates: near 1 (blue) or \u{2212}1 (orange), the data tell a \
-                   combination of two, and each alone less well.";
+    let caption = "Correlations of the parameters' estimates: near 1 (blue) or \u{2212}1 (orange), the data determine \
+                   a combination of two better than each alone.";
     Figure::of("correlations", "Correlations", caption, panel)
 }
 
-/// The objectives at which starts ended, best first; `has_converged` for each.
+/// The final objectives of the starts, best first; for each start, whether it converged and its objective.
 pub fn waterfall_figure(unit: &str, starts: &[(bool, f64)]) -> Figure {
     let mut sorted: Vec<(bool, f64)> = starts
         .iter()
@@ -58,7 +59,7 @@ pub fn waterfall_figure(unit: &str, starts: &[(bool, f64)]) -> Figure {
         of(true, "converged", "line-1", Look::Dots),
         of(false, "not converged", "line-2", Look::Crosses),
     ];
-    // Objectives of one sign that differ by more than a power of ten.
+    // Logarithmic if positive objectives differ by more than a power of ten.
     let (best, worst) = (sorted.first(), sorted.last());
     let is_wide = best
         .zip(worst)
@@ -84,13 +85,13 @@ pub fn waterfall_figure(unit: &str, starts: &[(bool, f64)]) -> Figure {
 /// The profile of a parameter.
 #[derive(Debug, Clone)]
 pub struct ProfileShown {
-    /// Of which.
+    /// Name of the parameter.
     pub name: String,
-    /// Its value, ζ, and whether another limit is met there than at the estimate.
+    /// Parameter value, ζ, and whether a limit is active that is not active at the estimate.
     pub points: Vec<(f64, f64, bool)>,
 }
 
-/// Profiles of the objective, a panel for each parameter; the interval is where a profile is below ζ² of the threshold.
+/// Profiles of the objective, a panel for each parameter; the interval is where ζ² is below the threshold.
 pub fn profile_figure(profiles: &[ProfileShown], threshold: f64) -> Figure {
     let panel = |own: &ProfileShown| {
         let of = |on_limit: bool| -> (Vec<f64>, Vec<f64>) {
@@ -126,7 +127,7 @@ pub fn profile_figure(profiles: &[ProfileShown], threshold: f64) -> Figure {
     }
 }
 
-/// ζ² between refits, ζ linear in between: of a linear model that is its parabola.
+/// ζ² between refits, with ζ interpolated linearly: the exact parabola for a linear model.
 fn between(points: &[(f64, f64, bool)]) -> (Vec<f64>, Vec<f64>) {
     const PARTS: usize = 12;
     let at = |pair: &[(f64, f64, bool)], k: usize| {

@@ -1,4 +1,4 @@
-//! Describing functions: dots with error bars beneath which a fitted response runs.
+//! Describing functions: dots with error bars over the fitted response.
 
 use super::figure::{Figure, Look, Series};
 use super::frequency::{Curve, response_figures};
@@ -7,10 +7,10 @@ use crate::inference::spectrum::{Checked, Describing};
 use crate::inference::{LEVEL, quantile};
 use nalgebra::Complex;
 
-/// What the dots are, for captions.
+/// Explanation of the dots for captions.
 const CAPTION: &str = " Dots are the describing function at the lines of the target, without a model; bars hold 95 %.";
 
-/// Bode plots of pilot and loop as they depend on θ, with the dots; none where the runs tell nothing of it.
+/// Bode plots of pilot and loop as functions of θ, with the dots; none if the runs give no describing function.
 pub fn describing_figures(
     describing: &Describing,
     models: [Curve<'_>; 2],
@@ -71,7 +71,7 @@ fn add(figure: &mut Figure, checked: &Checked) {
     figure.caption += CAPTION;
 }
 
-/// Dots, and a bar through each.
+/// Dots, and an error bar through each.
 fn marks(points: &[(f64, f64, f64)]) -> [Series; 2] {
     let (x, y): (Vec<f64>, Vec<f64>) = points.iter().map(|own| (own.0, own.1)).unzip();
     let bar = |(x, y, half): &(f64, f64, f64)| [(*x, y - half), (*x, y + half), (*x, f64::NAN)];
@@ -82,13 +82,13 @@ fn marks(points: &[(f64, f64, f64)]) -> [Series; 2] {
     ]
 }
 
-/// The phase nearest to another one [deg].
+/// The phase of `value`, unwrapped to the nearest of `near` [deg].
 fn turned(value: Complex<f64>, near: f64) -> f64 {
     let phase = value.arg().to_degrees();
     phase + 360.0 * ((near - phase) / 360.0).round()
 }
 
-/// A curve at an abscissa, or where it ends before it.
+/// A curve at an abscissa, or its last value beyond its end.
 fn at(curve: &Series, x: f64) -> f64 {
     let place = curve.x.partition_point(|own| *own < x);
     curve

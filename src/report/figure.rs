@@ -1,22 +1,22 @@
-//! What a figure holds: panels of series over common axes. The page draws it with uPlot (`page.js`), files get it as
-//! SVG (`svg.rs`) or CSV; both say the same.
+//! Data of a figure: panels of series over common axes. The page draws it with uPlot (`page.js`); files are written as
+//! SVG (`svg.rs`) or CSV with the same content.
 
 use super::thin::thinned;
 use serde::{Deserialize, Serialize};
 
-/// Points of all series of a panel together, about: more than a screen shows.
+/// Approximate maximum number of points of all series of a panel: more than a screen shows.
 const POINTS: usize = 60_000;
 /// Significant digits of a point.
 const DIGITS: i32 = 9;
 
-/// A figure of a page or a file.
+/// A figure on a page or in a file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Figure {
-    /// Its name on the command line.
+    /// Name on the command line.
     pub name: String,
-    /// Its heading.
+    /// Heading.
     pub title: String,
-    /// A sentence about it.
+    /// A sentence of explanation.
     pub caption: String,
     /// Panels from top to bottom. Those with the same abscissa are zoomed together.
     pub panels: Vec<Panel>,
@@ -29,25 +29,25 @@ pub struct Panel {
     pub x: Axis,
     /// The ordinate.
     pub y: Axis,
-    /// A unit is as long on the one axis as on the other.
+    /// Whether both axes have the same scale.
     pub equal: bool,
     /// Height on a page 720 px wide \[px\].
     pub height: f64,
-    /// Drawn in this order.
+    /// The series, in drawing order.
     pub series: Vec<Series>,
 }
 
 /// An axis.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Axis {
-    /// What it shows, with the unit in brackets: `position [m]`.
+    /// Quantity with its unit in brackets: `position [m]`.
     pub label: String,
-    /// Logarithmic; values are those of the label all the same.
+    /// Whether the axis is logarithmic; values are not transformed.
     pub log: bool,
-    /// Labels at the whole numbers from 0, in place of numbers; none on an axis of numbers.
+    /// Category labels at the integers from 0; empty for a numeric axis.
     #[serde(default)]
     pub names: Vec<String>,
-    /// Range that a linear axis has at least: what differs by less looks the same.
+    /// Minimum range of a linear axis, below which differences are not shown.
     #[serde(default)]
     pub least: f64,
 }
@@ -59,9 +59,9 @@ pub enum Look {
     /// A line through all points.
     #[default]
     Line,
-    /// A line of dashes.
+    /// A dashed line.
     Dashed,
-    /// The polygon of the points, closed and filled lightly: bands, ellipses.
+    /// The closed polygon of the points, lightly filled: bands, ellipses.
     Area,
     /// Filled circles.
     Dots,
@@ -69,23 +69,23 @@ pub enum Look {
     Rings,
     /// Oblique crosses.
     Crosses,
-    /// Lines from zero to the points.
+    /// Vertical lines from zero to the points.
     Stems,
-    /// Squares around whole numbers with a side of 1, coloured by `values` from -1 to 1.
+    /// Unit squares centred at integers, coloured by `values` from -1 to 1.
     Cells,
 }
 
-/// What is drawn in one colour.
+/// Data drawn in one colour.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Series {
-    /// Its entry in the legend; series with the same one share it. None where it is empty.
+    /// Legend entry, shared by series with the same label; empty for none.
     pub label: String,
-    /// The run to which it belongs; empty where it belongs to none.
+    /// Name of the run; empty if the series belongs to none.
     #[serde(default)]
     pub run: String,
-    /// A name of the [palette](super::palette).
+    /// Name in the [palette](super::palette).
     pub colour: String,
-    /// How it is drawn.
+    /// Drawing style.
     pub look: Look,
     /// Abscissae.
     #[serde(with = "gaps")]
@@ -93,10 +93,10 @@ pub struct Series {
     /// Ordinates; NaN leaves a gap.
     #[serde(with = "gaps")]
     pub y: Vec<f64>,
-    /// Words beside the points; as many as these, or none.
+    /// Text labels of the points; one for each, or none.
     #[serde(default)]
     pub words: Vec<String>,
-    /// Values that colour the points; as many as these, or none.
+    /// Values that determine the colours of the points; one for each, or none.
     #[serde(default, with = "gaps")]
     pub values: Vec<f64>,
 }
@@ -123,7 +123,7 @@ impl Axis {
         }
     }
 
-    /// A linear axis for a quantity in a unit by its name; `1` and the empty one are not shown.
+    /// A linear axis for a quantity with a unit name; `1` and an empty unit are not shown.
     pub fn of(what: &str, unit: &str) -> Self {
         Self::linear(match unit {
             "" | "1" => what.to_owned(),
@@ -144,12 +144,12 @@ impl Series {
         }
     }
 
-    /// The same, drawn otherwise.
+    /// Sets the drawing style.
     pub fn looks(self, look: Look) -> Self {
         Self { look, ..self }
     }
 
-    /// The same, of a run.
+    /// Sets the run.
     pub fn of(self, run: &str) -> Self {
         Self {
             run: run.into(),
@@ -164,7 +164,7 @@ impl Series {
         Self::line(label, colour, &x, &y).looks(Look::Area)
     }
 
-    /// Its points where something is drawn.
+    /// The points with finite coordinates.
     pub fn points(&self) -> impl Iterator<Item = (f64, f64)> {
         let all = self.x.iter().copied().zip(self.y.iter().copied());
         all.filter(|(x, y)| x.is_finite() && y.is_finite())
@@ -172,7 +172,7 @@ impl Series {
 }
 
 impl Figure {
-    /// Of one panel.
+    /// A figure with one panel.
     pub fn of(name: &str, title: &str, caption: &str, panel: Panel) -> Self {
         Self {
             name: name.into(),
@@ -182,7 +182,7 @@ impl Figure {
         }
     }
 
-    /// Runs of its series, in order of appearance.
+    /// Names of the runs of its series, in order of appearance.
     pub fn runs(&self) -> Vec<&str> {
         let mut runs: Vec<&str> = Vec::new();
         for series in self.panels.iter().flat_map(|panel| &panel.series) {
@@ -193,7 +193,7 @@ impl Figure {
         runs
     }
 
-    /// The same with series that look the same on a screen and have fewer points and digits.
+    /// Reduces points and digits without a visible change on a screen.
     pub fn thinned(&self) -> Self {
         let mut figure = self.clone();
         for panel in &mut figure.panels {
@@ -210,7 +210,7 @@ impl Figure {
         figure
     }
 
-    /// The same with what belongs to one run, or to none.
+    /// Keeps the series of one run and those of none.
     pub fn of_run(mut self, run: &str) -> Self {
         for panel in &mut self.panels {
             (panel.series).retain(|series| series.run.is_empty() || series.run == run);
@@ -218,7 +218,7 @@ impl Figure {
         self
     }
 
-    /// All points as a table: panel, run and label of the series, abscissa, ordinate, value.
+    /// All points as a CSV table: panel, run and label of the series, abscissa, ordinate, value.
     pub fn to_csv(&self) -> String {
         let mut rows = vec![["panel", "run", "series", "x", "y", "value"].map(str::to_owned)];
         for panel in &self.panels {
@@ -235,13 +235,13 @@ impl Figure {
     }
 }
 
-/// A number to [`DIGITS`] significant digits.
+/// Rounds a number to [`DIGITS`] significant digits.
 fn rounded(value: f64) -> f64 {
     let text = format!("{value:.*e}", (DIGITS - 1) as usize);
     text.parse().unwrap_or(value)
 }
 
-/// Numbers in JSON, which has none for a gap: `null`.
+/// JSON arrays of numbers with `null` for gaps, since JSON has no NaN.
 mod gaps {
     use serde::{Deserialize, Deserializer, Serializer};
 

@@ -1,4 +1,4 @@
-//! The figures of a report.
+//! The figures of a fit's report.
 
 use super::certainty::{correlation_figure, waterfall_figure};
 use super::describing;
@@ -17,7 +17,7 @@ use crate::sqp::Status;
 pub struct ClosedLoop<'a> {
     /// The target \[m\].
     pub target: f64,
-    /// What the master recorded.
+    /// The recorded series.
     pub series: &'a series::Series,
     /// Name of the column with the vehicle's position \[m\].
     pub position: &'a str,
@@ -25,11 +25,11 @@ pub struct ClosedLoop<'a> {
     pub stick: &'a str,
 }
 
-/// The targets of a report, each with its colour.
+/// The targets of a report, each of which has a colour.
 struct Targets(Vec<Option<f64>>);
 
 impl Targets {
-    /// The different targets of the trials, in order of appearance; those that move are one.
+    /// The distinct targets of the trials, in order of appearance; all moving targets count as one.
     fn of(trials: &[Trial]) -> Self {
         let mut targets: Vec<Option<f64>> = Vec::new();
         for trial in trials {
@@ -52,13 +52,13 @@ impl Targets {
     }
 }
 
-/// The target that stands still; none of one that moves.
+/// The constant target; `None` if it moves.
 fn standing(target: &[f64]) -> Option<f64> {
     let first = target.first().copied()?;
     target.iter().all(|own| *own == first).then_some(first)
 }
 
-/// The recorded positions and the goals.
+/// The recorded positions and the targets.
 fn recorded(trials: &[Trial]) -> Vec<Series> {
     let data = (trials.iter())
         .map(|run| Series::line("recorded", "data", &run.time, &run.position).of(&run.name));
@@ -77,7 +77,7 @@ fn recorded_stick(trials: &[Trial]) -> Vec<Series> {
     trials.iter().filter_map(stick).collect()
 }
 
-/// One model line for each run, coloured by its target.
+/// A model line for each run, coloured by its target.
 fn modelled(runs: &[RunFit], targets: &Targets, y: impl Fn(&RunFit) -> &[f64]) -> Vec<Series> {
     (runs.iter())
         .map(|run| {
@@ -99,7 +99,7 @@ fn panel(y: &str, height: f64, series: Vec<Series>) -> Panel {
     }
 }
 
-/// The paper's figure: recorded runs, goals, and the model's response; below it the stick.
+/// The paper's figure: recorded runs, targets, and the model's response.
 fn response(runs: &[RunFit], trials: &[Trial], targets: &Targets, caption: &str) -> Figure {
     let mut positions = recorded(trials);
     positions.extend(modelled(runs, targets, |run| &run.position));
@@ -114,7 +114,7 @@ fn stick(fit: &Fit, trials: &[Trial], targets: &Targets, caption: &str) -> Figur
     Figure::of("stick", "Stick", caption, panel("stick", 280.0, series))
 }
 
-/// One line for each co-simulation, from the column that `column` names.
+/// A line for each co-simulation, from the column given by `column`.
 fn co_simulated(
     loops: &[ClosedLoop],
     targets: &Targets,
@@ -130,7 +130,7 @@ fn co_simulated(
         .collect()
 }
 
-/// The exported FMUs in closed loop, from rest: positions, and below them the stick.
+/// The exported FMUs in closed loop, from rest: positions and stick.
 fn closed_loops(loops: &[ClosedLoop], trials: &[Trial], targets: &Targets) -> Figure {
     let mut positions = recorded(trials);
     positions.extend(co_simulated(loops, targets, |own| own.position.into()));
@@ -147,7 +147,7 @@ fn closed_loops(loops: &[ClosedLoop], trials: &[Trial], targets: &Targets) -> Fi
     figure
 }
 
-/// The figures of a report, in the order of the page.
+/// The figures of a report, in page order.
 pub fn all(report: &Report) -> Vec<Figure> {
     let Identification { fit, options, .. } = report.found;
     let trials = &report.found.trials.fit;
@@ -196,7 +196,7 @@ pub fn all(report: &Report) -> Vec<Figure> {
     all
 }
 
-/// Recorded minus modelled.
+/// Residuals: recorded minus modelled.
 fn residuals(fit: &Fit, targets: &Targets, objective: Objective) -> Figure {
     let of = |run: &'_ RunFit| {
         let target = standing(&run.target);
@@ -223,8 +223,7 @@ fn residuals(fit: &Fit, targets: &Targets, objective: Objective) -> Figure {
     residual_figure("residuals", "Residuals", caption, objective.unit(), &all)
 }
 
-/// The paper's figure. A pilot fitted to the stick alone moved no vehicle in the optimiser, so it is
-/// shown as it flies alone.
+/// The paper's figure. A pilot fitted to the stick moves no vehicle in the optimiser, so its flight alone is shown.
 fn as_fitted(report: &Report, targets: &Targets) -> Option<Figure> {
     let Identification { fit, options, .. } = report.found;
     let trials = &report.found.trials.fit;

@@ -1,4 +1,4 @@
-//! The rectangle between the axes of a panel in a drawing, and what maps data into it.
+//! The plot area of a panel in a drawing, and the mapping from data to it.
 
 use super::axis::Scale;
 use super::figure::{Axis, Look, Panel};
@@ -6,20 +6,20 @@ use super::html::escape;
 use super::palette::on_white;
 use std::fmt::Write;
 
-/// Size of the text \[pt\].
+/// Font size \[pt\].
 pub const TEXT: f64 = 8.0;
-/// Width of a character, about, per size of the text.
+/// Approximate width of a character relative to the font size.
 pub const CHARACTER: f64 = 0.62;
-/// Room for the labels below the axes \[pt\]: of the ticks, and of the axis.
+/// Heights of the tick labels and of the axis label below the axes \[pt\].
 const BELOW: (f64, f64) = (13.0, 12.0);
-/// Room on the right \[pt\].
+/// Margin on the right \[pt\].
 const RIGHT: f64 = 10.0;
 
-/// A line across or up.
+/// A horizontal or vertical axis in the drawing.
 struct Ruler {
     scale: Scale,
     axis: Axis,
-    /// Where it begins and ends in the drawing.
+    /// Coordinates of its ends in the drawing.
     ends: [f64; 2],
 }
 
@@ -29,7 +29,7 @@ impl Ruler {
         self.ends[0] + self.scale.position(value) * (self.ends[1] - self.ends[0])
     }
 
-    /// Where ticks are, with their labels.
+    /// Positions and labels of the ticks.
     fn ticks(&self) -> Vec<(f64, String)> {
         let place =
             |value: f64| self.ends[0] + self.scale.position(value) * (self.ends[1] - self.ends[0]);
@@ -45,7 +45,7 @@ impl Ruler {
             .collect()
     }
 
-    /// Characters of its longest tick label.
+    /// Length of its longest tick label in characters.
     fn longest(&self) -> usize {
         let ticks = self.ticks().into_iter();
         ticks
@@ -55,13 +55,13 @@ impl Ruler {
     }
 }
 
-/// The rectangle, with its scales.
+/// The plot area with its scales.
 pub struct Frame {
     x: Ruler,
     y: Ruler,
 }
 
-/// The scale of an axis over all that is drawn.
+/// The scale of an axis over all drawn values.
 fn scale(panel: &Panel, axis: &Axis, values: Vec<f64>, margin: f64) -> Scale {
     if !axis.names.is_empty() {
         return Scale::covering([-0.5, axis.names.len() as f64 - 0.5], 0.0);
@@ -79,8 +79,8 @@ fn scale(panel: &Panel, axis: &Axis, values: Vec<f64>, margin: f64) -> Scale {
     }
 }
 
-/// Values along an axis. Bands and ellipses reach beyond lines and points by half of their range at most: what is not
-/// known at all must not hide what is.
+/// Values along an axis. Bands and ellipses extend the range of lines and points by at most half of it on each side:
+/// poorly determined quantities must not hide the others.
 fn reach(panel: &Panel, along: impl Fn((f64, f64)) -> f64) -> Vec<f64> {
     let of = |is_area: bool| -> Vec<f64> {
         let series = panel
@@ -101,7 +101,7 @@ fn reach(panel: &Panel, along: impl Fn((f64, f64)) -> f64) -> Vec<f64> {
 }
 
 impl Frame {
-    /// Of a panel, between that left margin, or as much as its labels need, and the given edges.
+    /// The plot area of a panel, from the left margin `left` and between the edges `top` and `bottom`.
     pub fn new(panel: &Panel, left: f64, width: f64, [top, bottom]: [f64; 2]) -> Self {
         let x_margin = if panel.equal { 0.05 } else { 0.0 };
         let x = scale(panel, &panel.x, reach(panel, |point| point.0), x_margin);
@@ -125,7 +125,7 @@ impl Frame {
         frame
     }
 
-    /// Room that a panel's ordinate needs on its left \[pt\].
+    /// Width that a panel's ordinate needs on its left \[pt\].
     pub fn left(panel: &Panel) -> f64 {
         let frame = Self::new(panel, 0.0, 100.0, [0.0, 100.0]);
         let label = if panel.y.label.is_empty() {
@@ -136,32 +136,32 @@ impl Frame {
         CHARACTER * TEXT * frame.y.longest() as f64 + 6.0 + label
     }
 
-    /// Room below a panel \[pt\]: without the label of the abscissa where the next one has the same.
+    /// Height below a panel \[pt\]; only the last panel shows the label of the abscissa.
     pub fn below(panel: &Panel, is_last: bool) -> f64 {
         let names = panel.x.names.iter().map(|name| name.chars().count());
         let names = CHARACTER * TEXT * names.max().unwrap_or(0) as f64;
         BELOW.0.max(names) + if is_last { BELOW.1 } else { 0.0 }
     }
 
-    /// Where a point is drawn.
+    /// Position of a point in the drawing.
     pub fn place(&self, (x, y): (f64, f64)) -> (f64, f64) {
         (self.x.at(x), self.y.at(y))
     }
 
-    /// Whether a point lies right of most of the drawing.
+    /// Whether an abscissa lies in the right part of the drawing.
     pub fn is_right(&self, x: f64) -> bool {
         let [from, to] = self.x.ends;
         x > from + 0.7 * (to - from)
     }
 
-    /// Where the area between the axes begins, its width and its height.
+    /// Left and top edge of the plot area, its width and its height.
     pub fn area(&self) -> [f64; 4] {
         let [left, right] = self.x.ends;
         let [bottom, top] = self.y.ends;
         [left, top, right - left, bottom - top]
     }
 
-    /// Grid, tick labels and labels of the axes.
+    /// Grid, tick labels and axis labels.
     pub fn axes(&self, is_last: bool) -> String {
         let [left, top, width, height] = self.area();
         let (quiet, ink) = (on_white("quiet"), on_white("ink"));
@@ -227,7 +227,7 @@ impl Frame {
         svg + "</g>\n"
     }
 
-    /// A panel with this abscissa alone.
+    /// A panel with only this abscissa.
     fn named(&self) -> Panel {
         Panel {
             x: self.x.axis.clone(),

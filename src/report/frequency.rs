@@ -1,4 +1,4 @@
-//! Frequency responses of a fitted pilot and of its loop with the vehicle, with what is not sure of them.
+//! Frequency responses of a fitted pilot and of its loop with the vehicle, with confidence bands.
 
 use super::figure::{Axis, Figure, Look, Panel, Series};
 use super::number::significant;
@@ -9,28 +9,28 @@ use crate::linear::{Margins, Response};
 use crate::models::{Pilot, Quadcopter};
 use nalgebra::Complex;
 
-/// Frequencies that are shown.
+/// Number of frequency intervals.
 const POINTS: u32 = 160;
-/// Decades that are shown on each side of the crossover.
+/// Number of decades on each side of the crossover.
 const DECADES: f64 = 1.3;
 
-/// A response that depends on θ.
+/// A frequency response as a function of θ and frequency [rad/s].
 pub type Curve<'a> = &'a dyn Fn(&[f64], f64) -> Complex<f64>;
 
-/// A pilot that was fitted.
+/// A fitted pilot.
 #[derive(Debug, Clone, Copy)]
 pub struct Fitted<'a> {
-    /// Its form.
+    /// Structure of the pilot.
     pub pilot: Pilot,
     /// θ.
     pub theta: &'a [f64],
-    /// The vehicle of its closed loop; none where nobody said what was flown.
+    /// The vehicle in its closed loop; `None` if no vehicle was given.
     pub vehicle: Option<&'a Quadcopter>,
-    /// How sure θ is, where that is known.
+    /// Covariance of θ, if known.
     pub sure: Option<&'a Spread>,
 }
 
-/// Gain and phase of the pilot, and of the open loop where the vehicle is known.
+/// Gain and phase of the pilot, and of the open loop if the vehicle is known.
 pub fn bode_figures(fitted: &Fitted<'_>) -> Vec<Figure> {
     let Fitted {
         pilot: order,
@@ -72,7 +72,7 @@ pub fn bode_figures(fitted: &Fitted<'_>) -> Vec<Figure> {
     figures
 }
 
-/// The open loop where it is cut, as it depends on θ.
+/// The open loop at a cut, as a function of θ.
 pub fn loop_figure(
     name: &str,
     cut: &str,
@@ -98,7 +98,7 @@ pub fn loop_figure(
     )
 }
 
-/// A path through the pilot from an input to an output, about this frequency \[rad/s\].
+/// A path through the pilot from an input to an output, around the frequency `middle` \[rad/s\].
 pub fn path_figure(
     name: &str,
     [input, output]: &[String; 2],
@@ -117,7 +117,7 @@ pub fn path_figure(
     bode.figure(name, &title, "Linear where the first run ends.", false)
 }
 
-/// The same of pilot and open loop as they depend on θ, about their crossover, or `middle` [rad/s] where they have none.
+/// Bode plots of pilot and open loop as functions of θ, around their crossover, or `middle` [rad/s] if there is none.
 pub fn response_figures(
     [pilot, open_loop]: [Curve<'_>; 2],
     theta: &[f64],
@@ -144,7 +144,7 @@ pub fn response_figures(
     ]
 }
 
-/// The first frequency at which the gain of a loop is 1 [rad/s].
+/// The first gain-crossover frequency of a loop [rad/s].
 pub fn crossover(of: Curve<'_>, theta: &[f64]) -> Option<f64> {
     let evaluate = |omega: f64| of(theta, omega);
     let response = Response::of(evaluate, &[], None);
@@ -156,7 +156,7 @@ struct Bode<'a> {
     of: Curve<'a>,
     theta: &'a [f64],
     sure: Option<&'a Spread>,
-    /// The frequency in the middle [rad/s].
+    /// Centre frequency [rad/s].
     middle: f64,
 }
 
@@ -194,8 +194,8 @@ impl Bode<'_> {
         figure
     }
 
-    /// Lower and upper end of a number that follows from the response and from that of the fitted θ (delta method);
-    /// around the given values.
+    /// Confidence band around `values` of a quantity that depends on the response and on that of the fitted θ (delta
+    /// method).
     fn band(
         &self,
         omega: &[f64],
@@ -216,7 +216,7 @@ impl Bode<'_> {
         (low.iter().chain(&high).all(|end| end.is_finite())).then_some([low, high])
     }
 
-    /// The crossover in both panels.
+    /// Marks the crossover in both panels.
     fn mark(&self, figure: &mut Figure, response: &Response, phase: &[f64]) {
         let Some(omega) = crossover(self.of, self.theta) else {
             return;
@@ -240,7 +240,7 @@ impl Bode<'_> {
         }
     }
 
-    /// Crossover and phase margin with their intervals.
+    /// Crossover and phase margin with their intervals, for the caption.
     fn margins(&self) -> String {
         let Some(omega) = crossover(self.of, self.theta) else {
             return String::new();

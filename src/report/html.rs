@@ -1,17 +1,16 @@
-//! Small pieces of HTML.
+//! Building blocks of HTML pages.
 
 use super::figure::Figure;
 use super::palette;
 
-/// Text with the characters that mean something to HTML replaced.
+/// Escapes the special characters of HTML.
 pub fn escape(text: &str) -> String {
     (text.replace('&', "&amp;").replace('<', "&lt;"))
         .replace('>', "&gt;")
         .replace('"', "&quot;")
 }
 
-/// A table: header cells, then rows of cells. Cells are HTML already; columns in `numeric` are aligned
-/// to the right.
+/// A table: header cells, then rows of cells. Cells are already HTML; columns in `numeric` are right-aligned.
 pub fn table(header: &[&str], numeric: &[usize], rows: &[Vec<String>]) -> String {
     let class = |i: &usize| {
         if numeric.contains(i) {
@@ -35,7 +34,7 @@ pub fn table(header: &[&str], numeric: &[usize], rows: &[Vec<String>]) -> String
     html + "</tbody></table></div>\n"
 }
 
-/// What made a page, and when.
+/// Origin of a page.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Made {
     /// The command, as it can be typed again.
@@ -54,18 +53,18 @@ impl Made {
     }
 }
 
-/// A part of a page with a heading; the content is HTML already.
+/// A section with a heading; the content is already HTML.
 pub fn section(title: &str, content: &str) -> String {
     format!("<section>\n<h2>{title}</h2>\n{content}</section>\n")
 }
 
-/// A page's title, and beside it the verdict in the class `good`, `doubtful` or `bad`.
+/// The title of a page, and the verdict with class `good`, `doubtful` or `bad`.
 pub fn header(title: &str, class: &str, verdict: &str) -> String {
     let verdict = escape(verdict);
     format!("<header>\n<h1>{title}</h1>\n<p class=\"verdict {class}\">{verdict}</p>\n</header>\n")
 }
 
-/// Where one run is chosen of many, for all figures below, and what figures can do.
+/// The selector of a run for all figures below, and a hint on how to use figures.
 pub fn choice() -> &'static str {
     "<nav class=\"choice\" id=\"choice\" hidden><span>Drag to zoom; point to read values; click the legend to hide.</span></nav>\n"
 }
@@ -78,10 +77,10 @@ pub fn facts(facts: &[(&str, String)]) -> String {
     format!("<dl class=\"facts\">{items}</dl>\n")
 }
 
-/// A figure with a heading and a sentence above it: its data, which `page.js` draws.
+/// A figure with heading and caption, as data that `page.js` draws.
 pub fn figure(figure: &Figure) -> String {
     let json = serde_json::to_string(&figure.thinned()).unwrap_or_default();
-    // Nothing in it may end the element.
+    // The data must not close the script element.
     let json = json.replace('<', "\\u003c");
     let caption = match figure.caption.is_empty() {
         true => String::new(),
@@ -94,7 +93,7 @@ pub fn figure(figure: &Figure) -> String {
     section(&escape(&figure.title), &content)
 }
 
-/// A page that needs nothing beside it.
+/// A self-contained page.
 pub fn whole(title: &str, body: &str, made: &Made) -> String {
     let has_figures = body.contains("<figure>");
     format!(
@@ -114,11 +113,11 @@ pub fn whole(title: &str, body: &str, made: &Made) -> String {
     )
 }
 
-/// uPlot asks for numbers in the language of the browser, which is none where that of the system is `C`.
+/// uPlot formats numbers in the language of the browser, which is invalid if the system's locale is `C`.
 const LANGUAGE: &str = "try { new Intl.NumberFormat(navigator.language); } \
                         catch { Object.defineProperty(navigator, 'language', { value: 'en' }); }";
 
-/// What draws figures: uPlot, with its licence, and our script.
+/// The scripts that draw figures: uPlot with its licence, and `page.js`.
 fn scripts() -> String {
     format!(
         "<style>\n{}\n{}</style>\n<script>\n{LANGUAGE}\n/* {} */\n{}\n</script>\n<script>\n{}</script>\n",

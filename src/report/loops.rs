@@ -1,4 +1,4 @@
-//! A linearised system: its poles, and Bode and Nyquist plots of its loops.
+//! The page of a linearised system: poles, and Bode and Nyquist plots of its loops.
 
 use super::figure::{Axis, Figure, Look, Panel, Series};
 use super::html::{Made, escape, figure, header, section, table, whole};
@@ -9,44 +9,44 @@ use crate::linear::{Margins, Mode, Response};
 use nalgebra::Complex;
 use std::f64::consts::PI;
 
-/// What a page tells of a linearised system.
+/// Contents of the page of a linearised system.
 #[derive(Debug, Clone, Copy)]
 pub struct LoopPage<'a> {
     /// Time of the linearisation \[s\].
     pub time: f64,
-    /// The poles, in continuous time and perhaps in steps.
+    /// The poles, in continuous time and optionally in steps.
     pub stability: &'a [Stability<'a>],
-    /// The loops, cut open.
+    /// The open loops.
     pub loops: &'a [LoopFigure<'a>],
-    /// What else is to be known.
+    /// Notes.
     pub notes: &'a [String],
-    /// Files that were read, with their SHA-256.
+    /// Input files with their SHA-256.
     pub files: &'a [(String, String)],
-    /// What made the page.
+    /// Origin of the page.
     pub made: &'a Made,
 }
 
-/// The poles of the coupled system, and what they mean.
+/// The poles of the coupled system, and the verdict.
 #[derive(Debug, Clone)]
 pub struct Stability<'a> {
     /// Communication step \[s\]; `None` in continuous time.
     pub step: Option<f64>,
-    /// The poles.
+    /// The modes of the poles.
     pub modes: &'a [Mode],
     /// The verdict in one word, for the title: `stable`.
     pub word: &'a str,
     /// The verdict in a sentence.
     pub words: String,
-    /// Its class: `good`, `doubtful` or `bad`.
+    /// CSS class of the verdict: `good`, `doubtful` or `bad`.
     pub class: &'a str,
 }
 
-/// A loop that is shown.
+/// A displayed loop.
 #[derive(Debug, Clone, Copy)]
 pub struct LoopFigure<'a> {
-    /// Where it is cut: `instance.output=instance.input`.
+    /// Connection at which the loop is cut: `instance.output=instance.input`.
     pub connection: &'a str,
-    /// Communication step in which it is run \[s\]; `None` in continuous time.
+    /// Communication step \[s\]; `None` in continuous time.
     pub step: Option<f64>,
     /// `L(jω)`.
     pub response: &'a Response,
@@ -63,7 +63,7 @@ impl LoopFigure<'_> {
         format!("{}{}", self.connection, in_steps(self.step))
     }
 
-    /// Frequencies at which the gain is 1, or where it never is, at which the phase is -180° [rad/s].
+    /// Frequencies at which the gain is 1, or if there are none, at which the phase is -180° [rad/s].
     fn crossings(&self) -> Vec<f64> {
         let gain = self.margins.gain_crossings.iter().map(|c| c.frequency);
         let phase = self.margins.phase_crossings.iter().map(|c| c.frequency);
@@ -74,9 +74,9 @@ impl LoopFigure<'_> {
     }
 }
 
-/// The page, one file that needs nothing beside it.
+/// The page as a self-contained HTML file.
 pub fn loop_page(page: &LoopPage) -> String {
-    // The worst verdict is that of the title.
+    // The title shows the worst verdict.
     let rank = |class: &str| ["good", "doubtful", "bad"].iter().position(|c| *c == class);
     let worst = page.stability.iter().max_by_key(|s| rank(s.class));
     let (class, word) = worst.map_or(("doubtful", "no poles"), |s| (s.class, s.word));
@@ -126,7 +126,7 @@ fn words(frequency: f64) -> String {
     format!("{} rad/s", significant(frequency, 3))
 }
 
-/// The frequencies worth looking at [rad/s]: about the crossovers; all where there are none.
+/// The relevant range of frequencies [rad/s]: around the crossovers, or all if there are none.
 fn range(loops: &[LoopFigure]) -> (f64, f64) {
     const AROUND: f64 = 30.0;
     let crossings = || loops.iter().flat_map(LoopFigure::crossings);
@@ -138,7 +138,7 @@ fn range(loops: &[LoopFigure]) -> (f64, f64) {
     }
 }
 
-/// Gain and phase, with the crossings.
+/// Gain and phase with the crossings.
 fn bode(loops: &[LoopFigure]) -> Figure {
     let gain = |response: &Response| {
         let decibels = |value: &Complex<f64>| 20.0 * value.norm().log10();
@@ -198,7 +198,7 @@ fn curves(
     }
 }
 
-/// The value at an abscissa between those of the points, which ascend.
+/// Linear interpolation between points with ascending abscissae.
 fn between(x: &[f64], y: &[f64], at: f64) -> f64 {
     let right = x.partition_point(|&x| x < at).clamp(1, x.len() - 1);
     let (from, to) = (right - 1, right);
@@ -222,7 +222,7 @@ fn nyquist(loops: &[LoopFigure]) -> Figure {
     series.push(Series::line("\u{2212}1", "ink", &[-1.0], &[0.0]).looks(Look::Crosses));
     for (number, shown) in loops.iter().enumerate() {
         let crossings = &shown.margins.gain_crossings;
-        // The margin is the angle from the point -1.
+        // The phase margin is the angle from the point -1.
         let places = crossings
             .iter()
             .map(|c| -Complex::from_polar(1.0, c.phase_margin));

@@ -1,5 +1,5 @@
-//! Report pages: self-contained HTML, light or dark as the reader's system is, and figures as files. A [`Figure`] says
-//! what is drawn; the page draws it with uPlot, `vendor/`, and [`svg::to_svg`] for papers.
+//! Report pages: self-contained HTML in light or dark mode, as set in the reader's system, and figures as files. A
+//! [`Figure`] holds the data of a drawing; pages draw it with uPlot (`vendor/`), papers use [`svg::to_svg`].
 
 mod axis;
 pub mod certainty;
@@ -35,7 +35,7 @@ pub use simulation::{Simulation, result_figures, simulation_page};
 pub use steps::{StepFigure, step_page};
 pub use tables::target_of;
 
-/// A table as text, with what holds commas or quotes in quotes (RFC 4180).
+/// A table as CSV, with quotes where required (RFC 4180).
 fn csv<R: AsRef<[String]>>(rows: &[R]) -> String {
     let cell = |text: &String| match text.contains([',', '"', '\n']) {
         true => format!("\"{}\"", text.replace('"', "\"\"")),

@@ -1,12 +1,16 @@
-//! How numbers are written in tables.
+//! Formats numbers for text and tables.
 
-/// A number with `digits` significant digits: plain between 1e-4 and 1e6, else with a power of ten.
+/// A number with `digits` significant digits, in decimal notation between 1e-4 and 1e6, otherwise with an exponent.
 pub fn significant(value: f64, digits: usize) -> String {
     let text = match value.abs() {
         size if value == 0.0 || !value.is_finite() => format!("{size}"),
         size if !(1e-4..1e6).contains(&size) => format!("{size:.*e}", digits.saturating_sub(1)),
         size => {
-            let before = size.log10().floor() as i32 + 1;
+            // Rounding may carry into another digit.
+            let rounded: f64 = format!("{size:.*e}", digits.saturating_sub(1))
+                .parse()
+                .unwrap_or(size);
+            let before = rounded.log10().floor() as i32 + 1;
             format!("{size:.*}", (digits as i32 - before).max(0) as usize)
         }
     };
@@ -16,7 +20,7 @@ pub fn significant(value: f64, digits: usize) -> String {
     }
 }
 
-/// [`significant`] without zeros at the end of its decimals: what somebody has chosen, such as a target.
+/// [`significant`] without trailing zeros of decimals, for values chosen by the user, such as a target.
 pub fn short(value: f64, digits: usize) -> String {
     let text = significant(value, digits);
     match text.contains('.') && !text.contains('e') {
@@ -25,17 +29,17 @@ pub fn short(value: f64, digits: usize) -> String {
     }
 }
 
-/// [`short`] for a page: a true minus sign, and the power of ten as such.
+/// [`short`] as HTML: with a true minus sign, and the exponent as a superscript.
 pub fn chosen(value: f64, digits: usize) -> String {
     marked_up(&short(value, digits))
 }
 
-/// [`significant`] for a page: a true minus sign, and the power of ten as such.
+/// [`significant`] as HTML: with a true minus sign, and the exponent as a superscript.
 pub fn html(value: f64, digits: usize) -> String {
     marked_up(&significant(value, digits))
 }
 
-/// A number as text, for a page.
+/// Formats the text of a number as HTML.
 pub fn marked_up(text: &str) -> String {
     let text = text.replace('-', "\u{2212}");
     match text.split_once('e') {

@@ -1,48 +1,48 @@
-//! The page of a fitted problem: the verdict, figures of what was recorded and what the model says, tables.
+//! The report page of a problem: verdict, figures of recorded and modelled signals, tables.
 
 use super::figure::Figure;
 use super::html::{self, Made};
 
-/// What the page of a fit says.
+/// Contents of the report page of a fit.
 #[derive(Debug, Clone)]
 pub struct Overlay<'a> {
-    /// What was fitted.
+    /// Title of the page.
     pub title: &'a str,
-    /// How it ended, and the class of that: `good`, `doubtful` or `bad`.
+    /// CSS class (`good`, `doubtful` or `bad`) and text of the verdict.
     pub ending: (&'a str, &'a str),
-    /// What speaks against it: code, words.
+    /// Code and text of each diagnostic.
     pub diagnostics: Vec<(String, String)>,
-    /// A few numbers with their names.
+    /// Names and values of the main figures.
     pub facts: Vec<(&'a str, String)>,
-    /// How sure it is, in a sentence.
+    /// A sentence about the uncertainty.
     pub sureness: String,
-    /// The figures, in this order.
+    /// The figures, in page order.
     pub figures: Vec<Figure>,
-    /// Tables behind the figures, the parameters first.
+    /// Tables after the figures, the parameters first.
     pub tables: Vec<(&'a str, Parameters)>,
 }
 
-/// A table of a page.
+/// A table on a page.
 #[derive(Debug, Clone)]
 pub struct Parameters {
-    /// What the columns are.
+    /// Column headings.
     pub header: Vec<&'static str>,
-    /// Which of them are numbers.
+    /// Indices of the numeric columns.
     pub numeric: Vec<usize>,
-    /// Their cells.
+    /// Cells of the rows.
     pub rows: Vec<Vec<String>>,
-    /// What is said below.
+    /// Notes below the table.
     pub notes: Vec<String>,
 }
 
-/// The section of a fit that was solved again; nothing where it was not.
+/// The section about refits; empty if there are none.
 pub(super) fn refits(own: Option<&Parameters>) -> String {
     own.map_or(String::new(), |own| {
         html::section("Profiles and bootstrap", &table(own))
     })
 }
 
-/// The page, one file that needs nothing beside it.
+/// The page as a self-contained HTML file.
 pub fn overlay_page(page: &Overlay<'_>, made: &Made) -> String {
     let (class, verdict) = page.ending;
     let mut body = html::header(&html::escape(page.title), class, verdict);
@@ -60,7 +60,7 @@ pub fn overlay_page(page: &Overlay<'_>, made: &Made) -> String {
     html::whole(page.title, &body, made)
 }
 
-/// A table with its notes; numbers have a true minus sign and powers of ten as such.
+/// A table with its notes; numbers have a true minus sign, and exponents as superscripts.
 fn table(own: &Parameters) -> String {
     let cell = |(k, text): (usize, &String)| match own.numeric.contains(&k) {
         true => super::number::marked_up(text),

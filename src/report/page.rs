@@ -1,4 +1,4 @@
-//! The report page.
+//! The report page of a pilot fit.
 
 use super::figure::Figure;
 use super::figures::{self, ClosedLoop};
@@ -11,26 +11,27 @@ use crate::identification::{Diagnostic, Fit, Identification};
 use crate::inference::Interval;
 use crate::models::Pilot;
 
-/// Standard deviation over the value below which a parameter is well determined: half of what Tischler & Remple, *Aircraft and
-/// Rotorcraft System Identification*, 2nd ed., section 12.3, ask of the Cramér–Rao bound, which is twice one.
+/// Ratio of standard deviation to value below which a parameter is well determined: half of the limit of Tischler &
+/// Remple, *Aircraft and Rotorcraft System Identification*, 2nd ed., section 12.3, for the Cramér–Rao bound, which is
+/// twice a standard deviation.
 const WELL_DETERMINED: f64 = 0.1;
 
-/// What a report shows.
+/// Contents of the report page.
 #[derive(Debug, Clone)]
 pub struct Report<'a> {
-    /// The fit, and all that belongs to it.
+    /// The fit with its context.
     pub found: &'a Identification,
-    /// What refits gave; none where nothing was solved again.
+    /// Table of refits; `None` if there are none.
     pub refits: Option<Parameters>,
-    /// Profiles; none where none was asked for.
+    /// Profiles; `None` if not requested.
     pub profiles: Option<Figure>,
-    /// Co-simulations of the exported FMUs; none before they have been run.
+    /// Co-simulations of the exported FMUs; empty if none were run.
     pub loops: &'a [ClosedLoop<'a>],
-    /// What made it.
+    /// Origin of the page.
     pub made: &'a Made,
 }
 
-/// The report as one HTML file that needs nothing beside it.
+/// The page as a self-contained HTML file.
 pub fn page(report: &Report) -> String {
     let mut body = head(report) + choice();
     body += &figures::all(report).iter().map(figure).collect::<String>();
@@ -38,7 +39,7 @@ pub fn page(report: &Report) -> String {
     whole("identified pilot", &body, report.made)
 }
 
-/// Title, verdict, and the result in one formula and three numbers.
+/// Title, verdict, and the result as a formula and a few figures.
 fn head(report: &Report) -> String {
     let Identification { fit, options, .. } = report.found;
     let trials = &report.found.trials.fit;
@@ -88,7 +89,7 @@ fn head(report: &Report) -> String {
     html + &format!("<p>{}</p>\n", sureness(fit))
 }
 
-/// How sure the fit is, in a sentence.
+/// A sentence about the uncertainty of the fit.
 fn sureness(fit: &Fit) -> String {
     let Some(sure) = &fit.uncertainty else {
         return "How sure it is is not known: see the diagnostics.".into();
@@ -97,7 +98,7 @@ fn sureness(fit: &Fit) -> String {
     escape(&well_determined(values.zip(&sure.intervals)))
 }
 
-/// How many parameters with these values and intervals are well determined, in a sentence.
+/// A sentence with the number of well-determined parameters.
 pub fn well_determined<'i>(all: impl Iterator<Item = (f64, &'i Interval)>) -> String {
     let (mut well, mut count) = (0, 0);
     for (value, interval) in all {
@@ -111,7 +112,7 @@ pub fn well_determined<'i>(all: impl Iterator<Item = (f64, &'i Interval)>) -> St
     )
 }
 
-/// What speaks against the result, before the result.
+/// The diagnostics, shown before the result.
 fn diagnostics(fit: &Fit) -> String {
     let item = |diagnostic: &Diagnostic| {
         let class = if diagnostic.is_fatal() {
@@ -188,7 +189,7 @@ mod tests {
     use crate::identification::{FitOptions, Trial, TrialSet, simulate};
     use crate::synthetic::{Flights, Human};
 
-    /// A fit as it could be: the trials flown in closed loop.
+    /// A plausible fit: the trials flown in closed loop.
     fn plausible_fit(options: &FitOptions, trials: &[Trial], theta: &[f64]) -> Fit {
         let joint = Joint {
             vehicle: options.vehicle,
@@ -288,7 +289,7 @@ mod tests {
         ] {
             assert!(html.contains(part), "{part}");
         }
-        // Nothing is fetched: uPlot names its home in a comment alone.
+        // Nothing is fetched: uPlot mentions its URL only in a comment.
         for outside in ["src=", "href=", "fetch(", "import(", "<10m", "NaN,", "url("] {
             assert!(!html.contains(outside), "{outside}");
         }

@@ -1,9 +1,9 @@
-//! Colours that readers with colour blindness tell apart, of light and dark pages: those of Okabe & Ito, *Color
-//! Universal Design* (2008), some darker or lighter so that thin lines are seen.
+//! Colours for light and dark pages that can be distinguished with colour blindness: those of Okabe & Ito, *Color
+//! Universal Design* (2008), some darker or lighter so that thin lines are visible.
 
 use std::fmt::Write;
 
-/// Number of colours of lines.
+/// Number of line colours.
 pub const N_COLOURS: usize = 8;
 
 /// Name, colour on white, colour on a dark page.
@@ -23,18 +23,18 @@ const COLOURS: [(&str, &str, &str); 13] = [
     ("line-8", "#7a5230", "#c99a6f"),
 ];
 
-/// The line with that number, counted from 0; colours come again after [`N_COLOURS`].
+/// Name of a line colour by number, counted from 0; colours repeat after [`N_COLOURS`].
 pub fn colour(number: usize) -> String {
     format!("line-{}", number % N_COLOURS + 1)
 }
 
-/// A colour by its name, on white; that of the text where there is none.
+/// A colour on white by name; the text colour if the name is unknown.
 pub fn on_white(name: &str) -> &'static str {
     let known = COLOURS.iter().find(|(known, ..)| *known == name);
     known.map_or(COLOURS[0].1, |(_, light, _)| light)
 }
 
-/// The colour of a value from -1 to 1: orange over white to blue.
+/// The colour of a value from -1 to 1: from orange through white to blue.
 pub fn of_value(value: f64) -> String {
     let end = match value < 0.0 {
         true => [0xd5, 0x5e, 0x00],
@@ -45,7 +45,7 @@ pub fn of_value(value: f64) -> String {
     format!("#{:02x}{:02x}{:02x}", mixed[0], mixed[1], mixed[2])
 }
 
-/// The colours as variables of a style sheet.
+/// The colours as CSS variables.
 pub fn css() -> String {
     let (mut light, mut dark) = (String::new(), String::new());
     for (name, on_white, on_dark) in COLOURS {
@@ -73,7 +73,7 @@ mod tests {
         0.2126 * part(1) + 0.7152 * part(3) + 0.0722 * part(5)
     }
 
-    /// WCAG 2.1 asks of graphics 3 to 1; aids may be fainter.
+    /// WCAG 2.1 requires a contrast of 3:1 for graphics; auxiliary lines may be fainter.
     #[test]
     fn lines_stand_out_from_the_page() {
         for (name, light, dark) in COLOURS.into_iter().filter(|(name, ..)| *name != "aid") {

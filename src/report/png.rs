@@ -1,26 +1,26 @@
-//! Drawings as pixels, by resvg.
+//! Rasterises drawings with resvg.
 
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg::{Options, Tree};
 
-/// Pixels in an inch that SVG means.
+/// Pixels per inch in SVG.
 const SVG_PIXELS: f32 = 96.0;
 
-/// Why there is no picture.
+/// Why a drawing cannot be rasterised.
 #[derive(Debug, thiserror::Error)]
 pub enum PngError {
-    /// Text cannot be drawn.
+    /// No font is installed for text.
     #[error("no font is installed, so there are no pixels of text")]
     NoFont,
-    /// Too large, or no drawing.
+    /// The drawing is too large or invalid.
     #[error("the drawing cannot be made into {0} pixels")]
     Drawing(String),
 }
 
-/// An SVG document as PNG with that many pixels in an inch.
+/// Rasterises an SVG document as PNG with the given pixels per inch.
 ///
 /// # Errors
-/// Where no font is installed, or the picture has no size that can be had.
+/// If no font is installed, or the size of the picture is invalid.
 pub fn to_png(svg: &str, pixels: f32) -> Result<Vec<u8>, PngError> {
     let mut options = Options::default();
     let fonts = options.fontdb_mut();
@@ -30,7 +30,7 @@ pub fn to_png(svg: &str, pixels: f32) -> Result<Vec<u8>, PngError> {
             .faces()
             .filter_map(|face| Some(face.families.first()?.0.clone()))
     };
-    // Where none of the drawing's fonts is installed, any without serifs, or any.
+    // Fallback if none of the drawing's fonts is installed: any sans-serif font, otherwise any font.
     let family = families()
         .find(|family| family.contains("Sans"))
         .or_else(|| families().next());

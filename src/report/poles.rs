@@ -1,4 +1,4 @@
-//! Poles and zeros of a fitted pilot and of its closed loop, with the ellipses in which they are.
+//! Poles and zeros of a fitted pilot and poles of its closed loop, with confidence ellipses.
 
 use super::figure::{Axis, Figure, Look, Panel, Series};
 use super::frequency::Fitted;
@@ -8,15 +8,15 @@ use crate::linear::eigenvalues;
 use nalgebra::{Complex, DMatrix, Matrix2, SymmetricEigen};
 use std::f64::consts::PI;
 
-/// Step of differences, per standard deviation.
+/// Step of finite differences in standard deviations.
 const STEP: f64 = 1e-3;
-/// A root beyond so many times the largest pole of the pilot is not shown.
+/// Roots with a magnitude above this multiple of the pilot's largest pole are not shown.
 const FAR: f64 = 10.0;
 
-/// Roots that depend on θ.
+/// Roots as a function of θ.
 pub type Roots<'a> = &'a dyn Fn(&[f64]) -> Vec<Complex<f64>>;
 
-/// The map.
+/// The map of poles and zeros.
 pub fn pole_figure(fitted: &Fitted<'_>) -> Figure {
     let Fitted {
         pilot,
@@ -67,7 +67,7 @@ pub fn pole_figure(fitted: &Fitted<'_>) -> Figure {
     Figure::of("poles", "Poles and zeros", &caption, panel)
 }
 
-/// The poles of a wired system as they depend on θ; none where it has none.
+/// The poles of a connected system as a function of θ; `None` if there are none.
 pub fn wired_figure(of: Roots<'_>, theta: &[f64], sure: Option<&Spread>) -> Option<Figure> {
     let all = of(theta);
     let ellipses = sure
@@ -94,7 +94,7 @@ pub fn wired_figure(of: Roots<'_>, theta: &[f64], sure: Option<&Spread>) -> Opti
     (!x.is_empty()).then(|| Figure::of("poles", "Poles", &caption, panel))
 }
 
-/// Roots of a polynomial with ascending coefficients: eigenvalues of its companion matrix.
+/// Roots of a polynomial with ascending coefficients, as eigenvalues of its companion matrix.
 fn roots(c: &[f64]) -> Vec<Complex<f64>> {
     let Some(degree) = c
         .iter()
@@ -111,8 +111,8 @@ fn roots(c: &[f64]) -> Vec<Complex<f64>> {
     eigenvalues(&companion)
 }
 
-/// The 95 % region of each of these roots: `{s: (s - r)ᵀ C⁻¹ (s - r) ≤ 2 F(2, ν)}`, with the covariance C by the delta
-/// method; along the axis alone, with Student's t, where the root is real.
+/// The 95 % region of each root: `{s: (s - r)ᵀ C⁻¹ (s - r) ≤ 2 F(2, ν)}`, with the covariance C by the delta method;
+/// for a real root, an interval by Student's t on the real axis.
 fn ellipses(
     sure: &Spread,
     theta: &[f64],
@@ -134,7 +134,7 @@ fn ellipses(
         }
         let reach = match root.im == 0.0 {
             true => quantile(LEVEL, degrees),
-            // The quantile of F with two degrees in the numerator is known in closed form.
+            // The quantile of F with two numerator degrees of freedom has a closed form.
             false if degrees.is_finite() => {
                 (degrees * ((1.0 - LEVEL).powf(-2.0 / degrees) - 1.0)).sqrt()
             }
@@ -145,7 +145,8 @@ fn ellipses(
     at.iter().enumerate().filter_map(region).collect()
 }
 
-/// By how much each root moves with a component of θ (central differences; moved roots are those that are nearest).
+/// Derivative of each root with respect to a component of θ (central differences; perturbed roots are matched by
+/// distance).
 fn slope(
     sure: &Spread,
     theta: &[f64],
@@ -173,7 +174,7 @@ fn slope(
     at.iter().map(own).collect()
 }
 
-/// The points of an ellipse; none where it is no finite one.
+/// The points of an ellipse; `None` if the covariance is not finite.
 fn outline(middle: Complex<f64>, covariance: Matrix2<f64>, reach: f64) -> Option<[Vec<f64>; 2]> {
     if !covariance.iter().all(|entry| entry.is_finite()) {
         return None;
@@ -194,7 +195,7 @@ fn outline(middle: Complex<f64>, covariance: Matrix2<f64>, reach: f64) -> Option
 mod tests {
     use super::*;
 
-    /// (s + 1)(s + 2)(s + 3) and 2 (s² + 4).
+    /// Factors: (s + 1)(s + 2)(s + 3) and 2 (s² + 4).
     #[test]
     fn roots_are_those_of_the_factors() {
         let mut found: Vec<f64> = roots(&[6.0, 11.0, 6.0, 1.0])
@@ -213,7 +214,7 @@ mod tests {
         assert!(roots(&[1.0, 0.0]).is_empty());
     }
 
-    /// Every point of an outline has the same distance by the covariance.
+    /// All points of an outline have the same Mahalanobis distance.
     #[test]
     fn an_ellipse_is_where_the_covariance_says() {
         let covariance = Matrix2::new(4.0, 1.0, 1.0, 2.0);

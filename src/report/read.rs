@@ -1,17 +1,17 @@
-//! What a page holds, read from it again: a fit is drawn and tabulated otherwise without being done once more.
+//! Reads figures and tables back from a page, so that they can be exported without repeating the fit.
 
 use super::figure::Figure;
 
-/// A table of a page.
+/// A table on a page.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Table {
-    /// Its name on the command line: the heading in lower case, with `-` for blanks.
+    /// Name on the command line: the heading in lower case, with `-` for spaces.
     pub name: String,
-    /// Header, then rows, of plain text.
+    /// Header and rows as plain text.
     pub rows: Vec<Vec<String>>,
 }
 
-/// The figures of a page; none where it is no page with figures.
+/// The figures of a page; empty for a file without figures.
 pub fn figures(page: &str) -> Vec<Figure> {
     let parts = page.split("<script type=\"application/json\">").skip(1);
     let json = parts.filter_map(|part| part.split("</script>").next());
@@ -37,7 +37,7 @@ pub fn tables(page: &str) -> Vec<Table> {
 
 /// The cells of a row.
 fn cells(row: &str) -> Vec<String> {
-    // `<td>` and `<th>`, and neither `<tbody>` nor `<thead>`.
+    // Matches `<td>` and `<th>`, but neither `<tbody>` nor `<thead>`.
     let is_cell = |part: &&str| {
         ["d>", "d ", "h>", "h "]
             .iter()
@@ -51,7 +51,7 @@ fn cells(row: &str) -> Vec<String> {
     text.collect()
 }
 
-/// Text without marks: a number as programs read it.
+/// Plain text of HTML, with numbers in a form that programs can read.
 fn plain(html: &str) -> String {
     let html = html.replace("\u{b7}10<sup>", "e");
     let html = html.replace("<sup>", "^").replace("<br>", "; ");
@@ -74,7 +74,7 @@ fn plain(html: &str) -> String {
 }
 
 impl Table {
-    /// As CSV.
+    /// The table as CSV.
     pub fn to_csv(&self) -> String {
         super::csv(&self.rows)
     }

@@ -1,35 +1,36 @@
-//! What a fit leaves over: residuals over time, their autocorrelation and their spectrum. Residuals of a right model
-//! with white noise have neither correlation nor colour (Ljung, *System Identification*, 2nd ed., section 16.6).
+//! Figures of residuals: over time, their autocorrelation and their spectrum. For a correct model with white noise,
+//! residuals are neither autocorrelated nor coloured (Ljung, *System Identification*, 2nd ed., section 16.6).
 
 use super::figure::{Axis, Figure, Panel, Series};
 use crate::inference::crossed::Crossed;
 use crate::inference::residuals::{autocorrelation, centred, is_even};
+use crate::inference::spectrum::fourier;
 use nalgebra::Complex;
 use std::f64::consts::PI;
 
-/// Quantile of the standard normal distribution for 95 % on both sides.
+/// Two-sided 95 % quantile of the standard normal distribution.
 const NORMAL: f64 = 1.959_964;
-/// Part of a run up to which lags are shown.
+/// Lags are shown up to the length of the run divided by this.
 const LAGS: usize = 5;
-/// Most samples of a segment of which a spectrum is taken.
+/// Maximum number of samples in a segment of a spectrum.
 const SEGMENT: usize = 1024;
 
-/// The residuals of a signal in a run.
+/// The residuals of a signal in one run.
 #[derive(Debug, Clone)]
 pub struct Residuals<'a> {
-    /// The run.
+    /// Name of the run.
     pub run: &'a str,
-    /// Its entry in the legend.
+    /// Legend entry.
     pub label: String,
-    /// Its colour.
+    /// Name of the colour.
     pub colour: String,
     /// Times of the samples \[s\].
     pub time: &'a [f64],
-    /// Recorded minus modelled; NaN where nothing was recorded.
+    /// Recorded minus modelled; NaN for missing samples.
     pub values: Vec<f64>,
 }
 
-/// Over time, and of samples that are evenly apart, by lag and by frequency. `unit` is the residuals'.
+/// Residuals over time and, for evenly spaced samples, by lag and by frequency. `unit` is the unit of the residuals.
 pub fn residual_figure(
     name: &str,
     title: &str,
@@ -73,7 +74,7 @@ pub fn residual_figure(
         Axis::of("residual", unit),
         over_time.collect(),
     )];
-    // Lags and frequencies are those of samples that are evenly apart.
+    // Autocorrelation and spectrum require evenly spaced samples.
     if !even.is_empty() {
         let density = log(format!("spectral density [{squared}]"));
         panels.push(panel(
@@ -89,10 +90,10 @@ pub fn residual_figure(
     }
 }
 
-/// What the lines beside a correlation mean.
+/// Legend entry of the confidence limits of a correlation.
 const LEFT: &str = "99 % where nothing is left";
 
-/// Residuals beside an input, by lag, with the band of 99 %.
+/// Cross-correlation of residuals and an input by lag, with the 99 % band.
 pub fn crossed_panel(label: &str, own: &Crossed) -> Panel {
     let low: Vec<f64> = own.bands.iter().map(|half| -half).collect();
     Panel {
@@ -100,7 +101,7 @@ pub fn crossed_panel(label: &str, own: &Crossed) -> Panel {
         y: Axis::linear(format!("correlation ({label})")),
         height: 220.0,
         series: vec![
-            // As lines, since axes do not follow bands as far as these are wide.
+            // Drawn as lines, since axes do not fully cover wide bands.
             Series::line(LEFT, "quiet", &own.lags, &low),
             Series::line(LEFT, "quiet", &own.lags, &own.bands),
             Series::line("correlation", "line-1", &own.lags, &own.correlations),
@@ -109,7 +110,7 @@ pub fn crossed_panel(label: &str, own: &Crossed) -> Panel {
     }
 }
 
-/// Between which values 95 of 100 autocorrelations of white noise of the longest run lie.
+/// The 95 % band of autocorrelations of white noise, for the longest run.
 fn white_band(all: &[Residuals<'_>]) -> Option<Series> {
     let count = |own: &Residuals<'_>| own.values.iter().filter(|e| e.is_finite()).count();
     let longest = all.iter().max_by_key(|own| own.values.len())?;
@@ -126,7 +127,7 @@ fn white_band(all: &[Residuals<'_>]) -> Option<Series> {
     half.is_finite().then_some(band)
 }
 
-/// Mean distance of samples \[s\].
+/// Mean sampling interval \[s\].
 fn step(time: &[f64]) -> f64 {
     match time {
         [first, .., last] => (last - first) / (time.len() - 1) as f64,
@@ -134,11 +135,12 @@ fn step(time: &[f64]) -> f64 {
     }
 }
 
-/// Frequencies [rad/s] and one-sided spectral density [1/(rad/s), times units²], by Welch's method: Hann windows over
-/// halves that overlap (P. D. Welch, IEEE Trans. Audio Electroacoust. 15, 1967). Its integral is the variance.
+/// Frequencies [rad/s] and one-sided spectral density [1/(rad/s), times units²], by Welch's method with Hann windows
+/// over half-overlapping segments (P. D. Welch, IEEE Trans. Audio Electroacoust. 15, 1967). Its integral is the
+/// variance.
 pub fn spectrum(values: &[f64], step: f64) -> (Vec<f64>, Vec<f64>) {
     let e = centred(values);
-    // The largest power of two that is no longer than the run.
+    // The largest power of two that does not exceed the length of the run.
     let n = SEGMENT.min((e.len() + 1).next_power_of_two() / 2);
     if n < 8 {
         return (Vec::new(), Vec::new());
@@ -159,22 +161,12 @@ pub fn spectrum(values: &[f64], step: f64) -> (Vec<f64>, Vec<f64>) {
             *own += value.norm_sqr() * step / (PI * power * starts.len() as f64);
         }
     }
+    // The Nyquist frequency is its own mirror image: one side has half of it.
+    if let Some(last) = density.last_mut() {
+        *last *= 0.5;
+    }
     let frequency = (1..=n / 2).map(|k| 2.0 * PI * k as f64 / (n as f64 * step));
     (frequency.collect(), density)
-}
-
-/// `Σ_t x_t e^(-2πi k t / n)` for a power of two of values (Cooley & Tukey, Math. Comput. 19, 1965).
-fn fourier(x: &[Complex<f64>]) -> Vec<Complex<f64>> {
-    let n = x.len();
-    if n == 1 {
-        return x.to_vec();
-    }
-    let part =
-        |first: usize| fourier(&x.iter().copied().skip(first).step_by(2).collect::<Vec<_>>());
-    let (even, odd) = (part(0), part(1));
-    let turned =
-        |k: usize| Complex::from_polar(1.0, -2.0 * PI * k as f64 / n as f64) * odd[k % (n / 2)];
-    (0..n).map(|k| even[k % (n / 2)] + turned(k)).collect()
 }
 
 #[cfg(test)]
@@ -194,21 +186,6 @@ mod tests {
             e
         };
         (0..n).map(|_| next()).collect()
-    }
-
-    #[test]
-    fn the_transform_is_the_sum() {
-        let x: Vec<Complex<f64>> = coloured(16, 0.5)
-            .into_iter()
-            .map(|e| Complex::new(e, 0.0))
-            .collect();
-        for (k, found) in fourier(&x).iter().enumerate() {
-            let term = |(t, x): (usize, &Complex<f64>)| {
-                x * Complex::from_polar(1.0, -PI * (k * t) as f64 / 8.0)
-            };
-            let sum: Complex<f64> = x.iter().enumerate().map(term).sum();
-            assert!((found - sum).norm() < 1e-12, "{k}");
-        }
     }
 
     /// The density of `e_t = a e_{t-1} + w_t` is `Δt/π / |1 - a e^(-iωΔt)|²` for ω from 0 to π/Δt.

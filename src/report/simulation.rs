@@ -1,4 +1,4 @@
-//! A co-simulation: its signals over time, and what the master tells of it.
+//! The page of a co-simulation: signals over time, and the report of the master.
 
 use super::figure::{Axis, Figure, Panel, Series};
 use super::html::{Made, choice, escape, facts, figure, header, section, table, whole};
@@ -9,31 +9,31 @@ use crate::cosim::{ConnectionReport, InstanceReport, Report};
 use crate::series;
 use crate::series::Column;
 
-/// Most figures of a page.
+/// Maximum number of figures on a page.
 const FIGURES: usize = 16;
 
-/// What a page tells of a co-simulation.
+/// Contents of the page of a co-simulation.
 #[derive(Debug, Clone, Copy)]
 pub struct Simulation<'a> {
-    /// How it ended, and the class of that: `good`, `doubtful` or `bad`.
+    /// CSS class (`good`, `doubtful` or `bad`) and text of the outcome.
     pub ending: (&'a str, &'a str),
-    /// What is to be warned of, in sentences.
+    /// Warnings as sentences.
     pub warnings: &'a [String],
-    /// What else is to be known.
+    /// Notes.
     pub notes: &'a [String],
-    /// A few numbers with their names.
+    /// Names and values of the main figures.
     pub facts: &'a [(&'a str, String)],
-    /// What was recorded.
+    /// The recorded signals.
     pub series: &'a series::Series,
-    /// What the master tells.
+    /// Report of the master.
     pub report: &'a Report,
-    /// Files that were read, with their SHA-256.
+    /// Input files with their SHA-256.
     pub files: &'a [(String, String)],
-    /// What made the page.
+    /// Origin of the page.
     pub made: &'a Made,
 }
 
-/// The page, one file that needs nothing beside it.
+/// The page as a self-contained HTML file.
 pub fn simulation_page(page: &Simulation) -> String {
     let (class, word) = page.ending;
     let mut body = header("Co-simulation", class, word);
@@ -53,7 +53,7 @@ pub fn simulation_page(page: &Simulation) -> String {
     whole("co-simulation", &body, page.made)
 }
 
-/// The figures, and how many signals are left out.
+/// The figures, and the number of signals that are left out.
 fn signals(series: &series::Series) -> String {
     let all = result_figures(&[("", series)]);
     let drawn: String = all.iter().take(FIGURES).map(figure).collect();
@@ -67,7 +67,7 @@ fn signals(series: &series::Series) -> String {
     }
 }
 
-/// Results over time, each with a name: signals of one unit share a figure, as many as there are colours.
+/// Figures of named results over time: signals of the same unit share a figure, up to the number of colours.
 pub fn result_figures(results: &[(&str, &series::Series)]) -> Vec<Figure> {
     let mut groups: Vec<(&str, Vec<&str>)> = Vec::new();
     for column in results.iter().flat_map(|(_, series)| &series.columns) {
@@ -91,14 +91,14 @@ pub fn result_figures(results: &[(&str, &series::Series)]) -> Vec<Figure> {
     .collect()
 }
 
-/// The signals of those names and unit of all results.
+/// The signals with these names and this unit, of all results.
 fn result_figure(results: &[(&str, &series::Series)], unit: &str, names: &[&str]) -> Figure {
     let mut lines = Vec::new();
     for (number, name) in names.iter().enumerate() {
         for (result, (run, series)) in results.iter().enumerate() {
             let is_it = |column: &&Column| column.name == *name && column.unit == unit;
             if let Some(column) = series.columns.iter().find(is_it) {
-                // Of several results each has a colour of its own, and its name in the legend.
+                // With several results, each has its own colour and its name in the legend.
                 let (label, colour) = match results.len() {
                     1 => ((*name).to_owned(), colour(number)),
                     count => (format!("{name}, {run}"), colour(number * count + result)),

@@ -3,14 +3,14 @@
 use super::figure::{Axis, Figure, Panel, Series};
 use super::html::{self, Made};
 
-/// The answer of an output to a step of an input.
+/// The response of an output to a step of an input.
 #[derive(Debug, Clone, Copy)]
 pub struct StepFigure<'a> {
     /// Name of the input.
     pub input: &'a str,
     /// Name of the output.
     pub output: &'a str,
-    /// Its unit; empty where it has none.
+    /// Unit of the output; empty if it has none.
     pub unit: &'a str,
     /// Times \[s\].
     pub time: &'a [f64],

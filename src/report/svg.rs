@@ -1,4 +1,4 @@
-//! Figures as SVG for papers: their width in millimetres, text of 8 points, no style that a tool might not know.
+//! Figures as SVG for papers: width in millimetres, 8-point text, only basic styles for compatibility.
 
 use super::figure::{Figure, Look, Panel, Series};
 use super::frame::{CHARACTER, Frame, TEXT};
@@ -6,14 +6,14 @@ use super::html::escape;
 use super::palette::{of_value, on_white};
 use std::fmt::Write;
 
-/// Points in a millimetre.
+/// Points per millimetre.
 const POINTS: f64 = 72.0 / 25.4;
-/// Width of a page's panel [px], per which heights are meant.
+/// Width of a panel on a page [px] to which heights refer.
 const PAGE: f64 = 720.0;
-/// Opacities of series of one colour, in turn.
+/// Opacities of series with the same colour, used in turn.
 const SHADES: [f64; 3] = [1.0, 0.65, 0.4];
 
-/// A figure as an SVG document of that width \[mm\].
+/// A figure as an SVG document of the given width \[mm\].
 pub fn to_svg(figure: &Figure, width: f64) -> String {
     let width = width * POINTS;
     let (legend, mut y) = legend(figure, width);
@@ -38,7 +38,7 @@ pub fn to_svg(figure: &Figure, width: f64) -> String {
     )
 }
 
-/// The series of a panel, cut at its edges.
+/// The series of a panel, clipped at its edges.
 fn within(panel: &Panel, frame: &Frame, number: usize) -> String {
     let [x, y, width, height] = frame.area();
     let mut svg = format!(
@@ -53,7 +53,7 @@ fn within(panel: &Panel, frame: &Frame, number: usize) -> String {
     svg + "</g>\n" + &words(panel, frame)
 }
 
-/// A series: its path, or a square for each cell.
+/// A series as a path, or a square for each cell.
 fn drawn(series: &Series, frame: &Frame, shade: f64) -> String {
     let colour = on_white(&series.colour);
     let style = match series.look {
@@ -82,7 +82,7 @@ fn drawn(series: &Series, frame: &Frame, shade: f64) -> String {
     format!("<path {style} opacity=\"{shade}\" d=\"{path}\"><title>{name}</title></path>\n")
 }
 
-/// The path of a series; a gap where there is no number.
+/// The path of a series, with gaps at non-finite points.
 fn path(series: &Series, frame: &Frame) -> String {
     const R: f64 = 2.2;
     let mut path = String::new();
@@ -122,7 +122,7 @@ fn path(series: &Series, frame: &Frame) -> String {
     }
 }
 
-/// Coloured squares with their values.
+/// Coloured squares with their values as text.
 fn cells(series: &Series, frame: &Frame) -> String {
     let mut svg = String::new();
     let ((x0, y0), (x1, y1)) = (frame.place((0.0, 0.0)), frame.place((1.0, 1.0)));
@@ -152,7 +152,7 @@ fn cells(series: &Series, frame: &Frame) -> String {
     svg
 }
 
-/// Words beside the points that leave room for them.
+/// Text labels of points, omitted where they would overlap.
 fn words(panel: &Panel, frame: &Frame) -> String {
     const ROOM: (f64, f64) = (60.0, 10.0);
     let mut told: Vec<(f64, f64)> = Vec::new();
@@ -180,7 +180,7 @@ fn words(panel: &Panel, frame: &Frame) -> String {
     svg
 }
 
-/// One entry for each different label, in rows above the panels, and their height.
+/// The legend above the panels, an entry for each distinct label, and its height.
 fn legend(figure: &Figure, width: f64) -> (String, f64) {
     const ROW: f64 = 12.0;
     const KEY: f64 = 16.0;
@@ -288,7 +288,7 @@ mod tests {
         assert!(!svg.contains("NaN"));
     }
 
-    /// Ends of the axes are ends of the area, and points between them where they belong.
+    /// The ends of the axes are the edges of the area, with points in between.
     #[test]
     fn points_are_where_the_axes_say() {
         let svg = to_svg(&figure(vec![line("a", &[0.0, 5.0, 10.0])], false), 85.0);
@@ -301,7 +301,7 @@ mod tests {
         let [left, top, width, height] = ["x", "y", "width", "height"]
             .map(|name| area.attribute(name).unwrap().parse::<f64>().unwrap());
         let points = numbers(paths(&document).next().unwrap());
-        // A twentieth of the range is free above and below.
+        // The margins above and below are a twentieth of the range.
         let expected = [
             left,
             top + height / 1.1 * 1.05,

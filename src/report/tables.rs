@@ -1,4 +1,4 @@
-//! The numbers of a fit as tables.
+//! The results of a fit as HTML tables.
 
 use super::html::{escape, table};
 use super::number::{self, significant};
@@ -12,7 +12,7 @@ use crate::identification::{
 use crate::models::{COEFFICIENTS, Pilot};
 use crate::vehicle::Mode;
 
-/// Which coefficient of the pilot's transfer function each component of θ is.
+/// The coefficient of the pilot's transfer function for each component of θ.
 fn meanings(pilot: Pilot) -> impl Iterator<Item = String> {
     let term = |i: usize| match i {
         0 => "1".to_owned(),
@@ -74,7 +74,7 @@ fn sureness(fit: &Fit, component: usize) -> [String; 5] {
     ]
 }
 
-/// How intervals were computed, and what one must know of them.
+/// The method of the intervals, and notes on it.
 fn told(fit: &Fit) -> String {
     let Some(own) = &fit.uncertainty else {
         return String::new();
@@ -90,7 +90,7 @@ fn told(fit: &Fit) -> String {
     )
 }
 
-/// What the solution lies on: limits of the stick, conditions of stability.
+/// Active constraints of the solution: limits of the stick, stability conditions.
 pub fn active(found: &Identification) -> String {
     const ON: f64 = 1e-6;
     let limit = found.options.stick_limit;
@@ -123,11 +123,11 @@ pub fn poles(fit: &Fit, pilot: Pilot) -> String {
 pub fn closed_loop(fit: &Fit) -> String {
     match &fit.closed_loop {
         Some(closed_loop) => modes(&Mode::of_poles(&closed_loop.poles)),
-        None => "<p>Not known: the fit was told of no vehicle.</p>".into(),
+        None => "<p>Not known: the fit was given no vehicle.</p>".into(),
     }
 }
 
-/// The figures of the closed loop but its poles, with their intervals.
+/// The figures of the closed loop except its poles, with their intervals.
 pub fn derived(found: &Identification) -> String {
     let all = found.derived.iter();
     let all = all.filter(|(figure, _)| !figure.name.starts_with("pole"));
@@ -154,7 +154,7 @@ pub fn derived(found: &Identification) -> String {
     }
 }
 
-/// Poles, or pairs of them.
+/// Poles, or conjugate pairs of poles.
 pub fn modes(modes: &[Mode]) -> String {
     let rows: Vec<_> = (modes.iter())
         .map(|mode| {
@@ -181,7 +181,7 @@ pub fn modes(modes: &[Mode]) -> String {
     table(&header, &[0, 1, 2, 3], &rows)
 }
 
-/// The target of a run \[m\], or the range in which it moves.
+/// The target of a run \[m\], or its range if it moves.
 pub fn target_of(summary: &Summary) -> String {
     let [least, greatest] = summary.target_range.map(|target| number::short(target, 4));
     match summary.target_range[0] == summary.target_range[1] {
@@ -291,7 +291,7 @@ pub fn solve(fit: &Fit, options: &FitOptions) -> String {
     table(&["", ""], &[], &rows)
 }
 
-/// What became of each start, one line each.
+/// The result of each start, one line each.
 fn starts(fit: &Fit) -> String {
     let line = |start: &StartReport| {
         format!(

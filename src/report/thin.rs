@@ -1,7 +1,7 @@
-//! Long lines with fewer points that look the same.
+//! Reduces the number of points of long lines without a visible change.
 
-/// Of each of so many parts of the abscissae a long line's first, least, greatest and last point, and every gap; `None`
-/// for a line that is short, or goes back.
+/// Keeps the first, minimum, maximum and last point of a long line in each of `parts` intervals of the abscissa, and
+/// all gaps. `None` for a line that is short or whose abscissae are not sorted.
 pub fn thinned(x: &[f64], y: &[f64], parts: usize) -> Option<(Vec<f64>, Vec<f64>)> {
     let n = x.len().min(y.len());
     if n <= 4 * parts || !x.is_sorted() {

@@ -124,6 +124,6 @@ pub fn exported() -> Folder {
 
 /// Runs what waits for processes, which would keep the threads from those that compute.
 pub fn waiting<R: Send>(run: impl FnOnce() -> R + Send) -> R {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(8);
-    pool.build().expect("eight threads").install(run)
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(4);
+    pool.build().expect("four threads").install(run)
 }

@@ -1,4 +1,4 @@
-//! `pilotage fly` in a browser, and what FlightGear hears of it.
+//! `pilotage fly` in a browser, and its packets to FlightGear.
 
 use crate::command::Folder;
 use crate::{python, times};
@@ -6,11 +6,11 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// One at a time.
+/// Tests run one at a time.
 static ALONE: Mutex<()> = Mutex::new(());
 
-/// The scripted stick of `tests/python/fly.py` as a model: it takes the speed from the last four states, of a hundred and
-/// twentieth of a second each.
+/// The scripted stick of `tests/python/fly.py` as a model: it takes the speed from the last four states, at intervals
+/// of 1/120 s.
 const PILOT: &str = r#"
 [model]
 name = "script"
@@ -50,8 +50,8 @@ fn pilotage() -> PathBuf {
     env!("CARGO_BIN_EXE_pilotage").into()
 }
 
-/// A protocol is flown to its end, through a reload and a dropped socket; the stick's gain and lead come back within their
-/// intervals, and its delay with what the way through the page adds to it.
+/// A protocol is flown to its end, through a reload and a dropped socket. The fit's intervals contain the stick's gain
+/// and lead, and agree with its delay plus the latency of the page.
 #[test]
 fn a_session_in_a_browser_is_recorded_and_its_stick_identified() {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
@@ -68,7 +68,7 @@ fn a_session_in_a_browser_is_recorded_and_its_stick_identified() {
         why.contains("connection broke")
     };
     assert!(results.iter().filter(is_broken).count() >= 2, "{printed}");
-    // On a busy machine runs may not count because frames came late: the stick was the same.
+    // On a busy machine, runs may not count because frames were late; the stick is the same.
     let flown = results.iter().skip(1).filter(|own| !is_broken(own));
     let files: Vec<&str> = flown.filter_map(|own| own["file"].as_str()).collect();
     let runs = files
@@ -84,13 +84,13 @@ fn a_session_in_a_browser_is_recorded_and_its_stick_identified() {
         let own = &json["parameters"][name];
         ["low", "high"].map(|end| own[end].as_f64().unwrap_or_else(|| panic!("{json}")))
     };
-    // The quadcopter's own stick is negative forward.
+    // The quadcopter's stick is negative forward.
     for (name, truth) in [("pilot.gain", -0.03), ("pilot.lead", 2.0)] {
         let [low, high] = interval(name);
         assert!(low < truth && truth < high, "{name}: {json}");
         assert!((high - low) / truth.abs() < 0.15, "{name}: {json}");
     }
-    // The page's own button made a pilot of the same flights.
+    // The page's button made a pilot of the same flights.
     let made = folder.read("flights/made/P1-pilot.toml");
     for (name, truth) in [("gain", -0.03), ("lead", 2.0)] {
         let found = start(&made, name);
@@ -99,7 +99,7 @@ fn a_session_in_a_browser_is_recorded_and_its_stick_identified() {
             "{name} is {found}: {made}"
         );
     }
-    // A state waits for a frame of the display, and a frame is held until the next.
+    // A state waits for a frame of the display, and a frame stays until the next.
     let slowest = files.iter().map(|file| to_picture(&folder, file));
     let slowest = slowest.fold(0.0, f64::max);
     let [low, high] = interval("pilot.tau");
@@ -119,7 +119,7 @@ fn start(model: &str, name: &str) -> f64 {
     value.and_then(|value| value.parse().ok()).expect(model)
 }
 
-/// From input to picture [s], as the page measured it in a flight: the median.
+/// Median time from input to picture [s], as the page measured it in a flight.
 fn to_picture(folder: &Folder, file: &str) -> f64 {
     let text = folder.read(&format!("flights/{file}"));
     let line = text.lines().find(|line| line.contains("input to picture"));
@@ -133,7 +133,7 @@ fn to_picture(folder: &Folder, file: &str) -> f64 {
     median / 1000.0
 }
 
-/// Both versions of the packet, taken apart by a decoder that is not ours.
+/// Both versions of the packet, decoded by an independent decoder.
 #[test]
 fn flightgear_hears_where_vehicle_and_marker_are() {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);

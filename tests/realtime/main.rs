@@ -1,5 +1,5 @@
-//! Tests that take place in real time: one after another, and while no other test runs, since what else the computer does
-//! would be measured too.
+//! Tests in real time: they run one after another, and while no other test runs, since other load on the computer would
+//! be measured too.
 //!
 //!     cargo test --release --test realtime
 

@@ -1,26 +1,26 @@
 //! Bounds on outputs of the model.
 
-/// Limits of an output, in its units: on the whole path, or at one end of each run.
+/// Limits of an output in its units, along the whole path or at one end of each run.
 ///
-/// Equal limits make it an equation, such as a rate that is zero at the start, or a state that the end must reach.
+/// Equal limits give an equation, for example a rate that is zero at the start, or a prescribed final state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bound {
-    /// Lower limit; `-∞` for none.
+    /// Lower limit; `-∞` if there is none.
     pub lower: f64,
-    /// Upper limit; `∞` for none.
+    /// Upper limit; `∞` if there is none.
     pub upper: f64,
-    /// Where they hold.
+    /// Samples at which the limits hold.
     pub at: BoundAt,
 }
 
 /// Samples of each run at which a [`Bound`] holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BoundAt {
-    /// All of them.
+    /// At all samples.
     Samples,
-    /// The first.
+    /// At the first sample.
     Start,
-    /// The last.
+    /// At the last sample.
     End,
 }
 
@@ -34,7 +34,7 @@ impl Bound {
         }
     }
 
-    /// Its limits at each of a run's samples, infinite where it does not hold.
+    /// The limits at each sample of a run, infinite where they do not apply.
     pub(super) fn limits(&self, samples: usize) -> impl Iterator<Item = (f64, f64)> {
         let own = *self;
         (0..samples).map(move |k| match own.holds_at(k, samples) {

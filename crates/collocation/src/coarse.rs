@@ -1,21 +1,21 @@
-//! The same problem on a coarser mesh with fewer samples: solved in a fraction of the time, it leads near the solution
-//! on the fine one (mesh continuation; Ascher, Mattheij & Russell, *Numerical Solution of Boundary Value Problems for
-//! Ordinary Differential Equations*, section 9.4).
+//! The same problem on a coarser mesh with fewer samples. It is solved in a fraction of the time, and its solution is
+//! close to that on the fine mesh (mesh continuation; Ascher, Mattheij & Russell, *Numerical Solution of Boundary Value
+//! Problems for Ordinary Differential Equations*, section 9.4).
 
 use crate::solve::solve;
 use crate::{Collocation, Recording, Run};
 use pilotage_sqp::{Iteration, SqpOptions, Status, Work};
 use std::ops::ControlFlow;
 
-/// Of so many intervals one is left, and of so many samples their mean. It is odd, so that the mean stands at the time
-/// of the one in the middle.
+/// Number of intervals that are merged into one, and of samples that are averaged. It is odd, so that the mean belongs
+/// to the time of the middle sample.
 const PARTS: usize = 5;
 
-/// Fewest intervals and samples of a run that is made coarser: fewer are solved in milliseconds as they are.
+/// Minimum number of intervals and samples of a run for coarsening: smaller problems are solved in milliseconds anyway.
 const FEWEST: usize = 200;
 
-/// Variables near a solution, from these: those of the coarser problem, where there is one and it converges. What that
-/// cost stands beside.
+/// Variables closer to a solution than `z`: those of the coarser problem if there is one and it converges, otherwise
+/// `z`. Also returns the work of that solve.
 pub fn nearer(
     problem: &Collocation,
     z: Vec<f64>,
@@ -33,8 +33,8 @@ pub fn nearer(
     (z, solution.work)
 }
 
-/// The problem with a fifth of its intervals and samples; none where it would not be much smaller, or not nearly the
-/// same: runs are short, inputs jump often, or a measured signal has values at few of the samples.
+/// The problem with a fifth of its intervals and samples. None if it would not be much smaller or not nearly
+/// equivalent: runs are short, inputs jump often, or a measured signal has values at few of the samples.
 fn coarser(problem: &Collocation) -> Option<Collocation> {
     let runs = problem.runs.iter().map(thinned);
     Some(problem.with_runs(runs.collect::<Option<Vec<Run>>>()?))
@@ -56,12 +56,12 @@ fn thinned(run: &Run) -> Option<Run> {
     })
 }
 
-/// Every fifth of so many, and the last.
+/// Every fifth of `count` indices, and the last.
 fn every(count: usize) -> impl Iterator<Item = usize> {
     (0..count).filter(move |k| k.is_multiple_of(PARTS) || k + 1 == count)
 }
 
-/// The samples that are left: every fifth, the last, and all at which inputs jump.
+/// The samples that are kept: every fifth, the last, and all at which inputs jump.
 fn left(run: &Run) -> Vec<usize> {
     let is_jump =
         |k: &usize| run.time[*k] == run.time[k + 1] && run.inputs[*k] != run.inputs[k + 1];
@@ -73,8 +73,8 @@ fn left(run: &Run) -> Vec<usize> {
     rows
 }
 
-/// A recording at these samples, each the mean of what was measured around it, with the weight of all; none where fewer
-/// than half of them have a value.
+/// A recording at these samples, each the mean of the neighbouring measurements, with the weight of all samples. None
+/// if fewer than half of them have a value.
 fn averaged(own: &Recording, rows: &[usize]) -> Option<Recording> {
     let count = |values: &[f64]| values.iter().filter(|y| y.is_finite()).count();
     let around = |k: &usize| {
@@ -112,7 +112,7 @@ mod tests {
         }
     }
 
-    /// Straight lines stay what they are by means; a jump keeps both of its samples; the weight is that of all samples.
+    /// Averaging preserves straight lines; a jump keeps both of its samples; the weight is that of all samples.
     #[test]
     fn a_fifth_is_left_with_the_weight_of_all() {
         let level = |k: usize| if k > 400 { 1.0 } else { 0.0 };

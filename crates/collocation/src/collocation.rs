@@ -1,4 +1,4 @@
-//! The NLP that collocation makes of several runs with shared parameters (paper, eq. 5).
+//! The collocation NLP of several runs with shared parameters (paper, eq. 5).
 
 use super::bound::Bound;
 use super::constraints::ParameterConstraints;
@@ -14,8 +14,8 @@ use num_dual::HyperDual64;
 use pilotage_sqp::Problem;
 use std::sync::Arc;
 
-/// Least scaled value of a constraint on θ: above the tolerance of a solve, so that a converged one is never on the
-/// wrong side. Conditions such as Routh's hold strictly, and the next one divides by the last.
+/// Smallest scaled value of a constraint on θ. It is above the tolerance of a solve, so that a converged solution never
+/// violates the constraint. Conditions such as Routh's are strict, and each one divides by the previous one.
 pub const CLEARANCE: f64 = 1e-7;
 
 /// Collocation of runs of one model with shared parameters θ.
@@ -24,21 +24,21 @@ pub const CLEARANCE: f64 = 1e-7;
 /// runs, their measured outputs and the samples `t_k`, with weight and loss of each [recording](super::Recording).
 #[derive(Debug, Clone)]
 pub struct Collocation {
-    /// The model at a point: its first outputs are measured, the others bounded.
+    /// The model at a point: the first outputs are measured, the others bounded.
     pub model: NodeModel,
     /// Number of measured outputs.
     pub measured: usize,
     /// Constraints on θ.
     pub constraints: ParameterConstraints,
-    /// The scheme.
+    /// The collocation scheme.
     pub scheme: Scheme,
     /// The runs.
     pub runs: Vec<Run>,
-    /// What the scheme makes of each run.
+    /// The discretisation of each run by the scheme.
     pub grids: Vec<Grid>,
-    /// Where everything stands.
+    /// Positions of the variables and constraints.
     pub layout: Layout,
-    /// Limits of the last outputs.
+    /// Limits of the bounded outputs, which are the last ones.
     pub bounds: Vec<Bound>,
     constraint_scales: Vec<f64>,
     limits: (Vec<f64>, Vec<f64>),
@@ -46,11 +46,11 @@ pub struct Collocation {
 }
 
 impl Collocation {
-    /// The NLP of these runs of a model whose last outputs are within these bounds; those before are measured.
+    /// The NLP of these runs. The last outputs of the model are bounded; the previous ones are measured.
     ///
     /// # Panics
-    /// Where a run breaks what [`Run`] asks for, or has not as many inputs, recordings or initial states as the model;
-    /// where bounds are not in order.
+    /// If a run violates the requirements of [`Run`], or its numbers of inputs, recordings or initial states differ
+    /// from those of the model; if lower and upper bounds are not in order.
     pub fn new(
         tapes: Arc<Differentiated>,
         constraints: ParameterConstraints,
@@ -128,7 +128,7 @@ impl Collocation {
         theta.map(|(t, s)| t * s).collect()
     }
 
-    /// States of run `j` at its samples, in their units, by the scheme's interpolant.
+    /// States of run `j` at its samples, in their units, from the interpolant of the scheme.
     pub fn states_at_samples(&self, z: &[f64], j: usize) -> Vec<Vec<f64>> {
         let values = self.evaluate_points(z, j, |_, _| {});
         let grid = &self.grids[j];
@@ -141,8 +141,8 @@ impl Collocation {
         grid.observed.iter().map(state).collect()
     }
 
-    /// Run `j` wherever the scheme takes the equations, and at its samples, by time: time \[s\], states in their units,
-    /// inputs.
+    /// The trajectory of run `j` at the evaluation points of the scheme and at its samples, sorted by time: time \[s\],
+    /// states in their units, inputs.
     pub fn along(&self, z: &[f64], j: usize) -> Vec<(f64, Vec<f64>, Vec<f64>)> {
         let values = self.evaluate_points(z, j, |_, _| {});
         let grid = &self.grids[j];
@@ -160,7 +160,7 @@ impl Collocation {
         all
     }
 
-    /// Outputs of run `j` at its samples, each output by itself.
+    /// Outputs of run `j` at its samples, one vector per output.
     pub fn outputs_at_samples(&self, z: &[f64], j: usize) -> Vec<Vec<f64>> {
         let count = self.runs[j].time.len();
         let mut all = vec![vec![f64::NAN; count]; self.model.n_outputs()];
@@ -172,19 +172,20 @@ impl Collocation {
         all
     }
 
-    /// The recorded value of a measured output at a sample of run `j`; None where it is missing.
+    /// The recorded value of a measured output at a sample of run `j`; None if it is missing.
     pub fn recorded(&self, j: usize, output: usize, sample: u32) -> Option<f64> {
         let value = self.runs[j].measured[output].values[sample as usize];
         value.is_finite().then_some(value)
     }
 
-    /// Whether every recording's loss is the square.
+    /// True if the loss of every recording is the square.
     pub(super) fn is_least_squares(&self) -> bool {
         let mut recordings = self.runs.iter().flat_map(|run| &run.measured);
         recordings.all(|own| own.loss == Loss::Square)
     }
 
-    /// The model at every point of run `j`; calls `observe` with the samples of each group of points and its outputs.
+    /// Evaluates the model at every point of run `j` and calls `observe` with the samples of each group of points and
+    /// its outputs.
     pub(super) fn evaluate_points(
         &self,
         z: &[f64],
@@ -199,13 +200,13 @@ impl Collocation {
         })
     }
 
-    /// Inputs at a point of run `j`, and the time.
+    /// Inputs at a point of run `j`, followed by the time.
     pub(super) fn inputs_at(&self, j: usize, point: usize) -> &[f64] {
         let size = self.model.n_inputs() + 1;
         &self.grids[j].inputs[point * size..(point + 1) * size]
     }
 
-    /// States of run `j`'s points; the model is evaluated only where some point is a combination.
+    /// States at the points of run `j`; the model is evaluated only if some point is a combination.
     pub(super) fn point_states(&self, z: &[f64], j: usize) -> PointValues {
         match self.grids[j].combinations {
             0 => PointValues::default(),
@@ -213,7 +214,7 @@ impl Collocation {
         }
     }
 
-    /// Objective, equalities and bounded signals of one run; `c` and `g` are the run's own.
+    /// Objective, equalities and bounded signals of one run; `c` and `g` are those of this run.
     fn evaluate_run(&self, z: &[f64], j: usize, c: &mut [f64], g: &mut [f64]) -> f64 {
         let n = self.n_states();
         let (run, grid, v) = (&self.runs[j], &self.grids[j], self.coefficients(z, j));
@@ -279,7 +280,7 @@ impl Collocation {
     }
 }
 
-/// Writes the numbers of a group of points where their samples stand.
+/// Writes the values of a group of points to the positions of their samples.
 #[inline(always)]
 fn write_samples(samples: Samples, values: Lanes, out: &mut [f64]) {
     for (sample, value) in samples.into_iter().zip(values) {
@@ -289,8 +290,9 @@ fn write_samples(samples: Samples, values: Lanes, out: &mut [f64]) {
     }
 }
 
-/// A sum whose rounding does not grow with the number of its terms, so that a line search sees what a step gains
-/// (Ogita, Rump & Oishi, *Accurate sum and dot product*, SIAM J. Sci. Comput. 26, 2005), of the terms of each lane.
+/// A compensated sum, separate for each lane: its rounding does not grow with the number of terms, so that a line
+/// search can resolve the decrease of a step (Ogita, Rump & Oishi, *Accurate sum and dot product*, SIAM J. Sci. Comput.
+/// 26, 2005).
 #[derive(Default)]
 struct Sum {
     sum: Lanes,
@@ -309,7 +311,7 @@ impl Sum {
         }
     }
 
-    /// Where a term was infinite, what is lost is not a number.
+    /// After an infinite term, the compensation is not a number.
     fn value(&self) -> f64 {
         let sum: f64 = self.sum.iter().sum();
         match sum.is_finite() {
@@ -319,7 +321,7 @@ impl Sum {
     }
 }
 
-/// Writes the defects `c` of a run's elements, from its coefficient vectors `v` and the derivatives `f` at its
+/// Writes the defects `c` of the elements of a run, from its coefficient vectors `v` and the derivatives `f` at its
 /// points.
 struct Defects<'a> {
     grid: &'a Grid,
@@ -342,7 +344,7 @@ impl Task for Defects<'_> {
                 let of_node = |j: usize| &v[(element.first + j) * n..][..n];
                 let of_point = |i: usize| &f[points[i] as usize * n..][..n];
                 match (defect.e.as_slice(), defect.a.as_slice()) {
-                    // Two nodes and two points, as the trapezoid has, in one pass.
+                    // Two nodes and two points, as in the trapezoidal scheme, in one pass.
                     (&[(j, e), (k, d)], &[(i, a), (l, b)]) => {
                         let (a, b) = (element.h * a, element.h * b);
                         let (v, w) = (of_node(j), of_node(k));
@@ -368,7 +370,7 @@ impl Task for Defects<'_> {
     }
 }
 
-/// [`Collocation::evaluate_points`].
+/// The task of [`Collocation::evaluate_points`].
 struct Evaluate<'a, F> {
     problem: &'a Collocation,
     z: &'a [f64],
@@ -391,7 +393,7 @@ impl<F: FnMut(Samples, &[Lanes])> Task for Evaluate<'_, F> {
         let (grid, n) = (&problem.grids[j], problem.n_states());
         let v = problem.coefficients(z, j);
         let mut model = problem.model.values(problem.theta(z));
-        // Where points take derivatives of those before, one after the other.
+        // If points use derivatives of previous ones, they are evaluated one by one.
         let step = if grid.has_nested() { 1 } else { LANES };
         let mut f = vec![[0.0; LANES]; n];
         let mut outputs = vec![[0.0; LANES]; problem.model.n_outputs()];
@@ -413,10 +415,10 @@ impl<F: FnMut(Samples, &[Lanes])> Task for Evaluate<'_, F> {
     }
 }
 
-/// Derivatives at all points of a run, and the states of those that are combinations.
+/// Derivatives at all points of a run, and the states of the points that are combinations.
 #[derive(Debug, Default)]
 pub(super) struct PointValues {
-    /// Scaled, `n` for each point.
+    /// Scaled derivatives, `n` per point.
     pub f: Vec<f64>,
     combined: Vec<f64>,
 }
@@ -430,7 +432,7 @@ impl PointValues {
         }
     }
 
-    /// Forms point `i` if it is a combination.
+    /// Computes the states of point `i` if it is a combination.
     #[inline]
     fn combine(&mut self, grid: &Grid, v: &[f64], i: usize, n: usize) {
         let PointState::Combination(c) = &grid.points[i].state else {
@@ -450,7 +452,7 @@ impl PointValues {
         }
     }
 
-    /// The states of point `i`, given the run's coefficient vectors.
+    /// The states of point `i`, given the coefficient vectors of the run.
     #[inline]
     pub fn states<'a>(&'a self, grid: &Grid, v: &'a [f64], i: usize, n: usize) -> &'a [f64] {
         grid.points[i].state.of(v, &self.combined, n)

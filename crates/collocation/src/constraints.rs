@@ -1,4 +1,4 @@
-//! Constraints on the parameters alone.
+//! Constraints that depend only on the parameters.
 
 use num_dual::DualNum;
 use pilotage_expression::{Graph, Node, Obstacle, Tape, Traced, trace};
@@ -8,15 +8,15 @@ use pilotage_expression::{Graph, Node, Obstacle, Tape, Traced, trace};
 pub struct ParameterConstraints {
     tape: Tape,
     count: usize,
-    /// Parameters that are known, by their places among all, ascending.
+    /// Known parameters with their indices among all parameters, ascending.
     known: Vec<(usize, f64)>,
 }
 
 impl ParameterConstraints {
-    /// The constraints of equations on so many parameters.
+    /// The constraints given by equations on this number of parameters.
     ///
     /// # Errors
-    /// Where the equations do what no graph says.
+    /// If the equations perform an operation that a graph cannot represent.
     pub fn trace(
         parameters: usize,
         values: impl FnOnce(&[Traced]) -> Vec<Traced>,
@@ -25,7 +25,7 @@ impl ParameterConstraints {
         Ok(Self::of(&graph, parameters, &values))
     }
 
-    /// The constraints that these expressions over the parameters are.
+    /// The constraints given by these expressions over the parameters.
     pub fn of(graph: &Graph, parameters: usize, values: &[Node]) -> Self {
         Self {
             tape: Tape::new(graph, parameters, |_| true, &[values]),
@@ -34,10 +34,10 @@ impl ParameterConstraints {
         }
     }
 
-    /// The same with one of the parameters known.
+    /// The same constraints with one of the parameters known.
     pub fn with_parameter(&self, parameter: usize, value: f64) -> Self {
         let mut own = self.clone();
-        // Its place among all of them.
+        // Its index among all parameters.
         let place =
             (self.known.iter()).fold(parameter, |at, (known, _)| at + usize::from(*known <= at));
         own.known.push((place, value));
@@ -50,7 +50,7 @@ impl ParameterConstraints {
         self.count
     }
 
-    /// Their values; each must be at least zero.
+    /// Values of the constraints; each must be at least zero.
     pub fn values<T: DualNum<Primitive = f64> + Copy>(&self, theta: &[T]) -> Vec<T> {
         match (self.count, self.known.is_empty()) {
             (0, _) => Vec::new(),

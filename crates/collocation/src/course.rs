@@ -1,43 +1,43 @@
-//! Simulations with error control: where a search begins, the mesh that it needs there, and what a solution is held
-//! against.
+//! Simulations with error control. They provide the start of a search, the mesh it needs there, and a reference for a
+//! solution.
 
 use super::mesh::Run;
 use super::node::Differentiated;
 use super::reference::{Reference, Stop};
 
-/// Of so many steps one ends at a node, at least: three steps of a method of order 5 make about 3⁶ times the error of
-/// one, enough for a mesh to begin with.
+/// Minimum number of steps per mesh interval: three steps of a method of order 5 in one have about 3⁶ times the error
+/// of a single step, which is accurate enough for an initial mesh.
 const STEPS_PER_INTERVAL: usize = 3;
-/// Between two samples with fewer steps there is no node: where the data are that dense they are mesh enough.
+/// Minimum number of steps between two samples for additional nodes; denser data form a sufficient mesh by themselves.
 const FEW_STEPS: usize = 10;
 
-/// What a simulation may get wrong.
+/// Permitted error of a simulation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Quality {
-    /// Error of a step, relative to the states, or to their magnitudes where those are larger.
+    /// Permitted error of a step, relative to the states or, if larger, to their magnitudes.
     pub tolerance: f64,
     /// Typical magnitudes of the states.
     pub magnitudes: Vec<f64>,
 }
 
-/// A run, simulated.
+/// A simulated run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Course {
-    /// Times \[s\], increasing: of the samples, and of the ends of steps between them.
+    /// Increasing times \[s\] of the samples and of the ends of steps between them.
     pub time: Vec<f64>,
     /// The states at these times.
     pub states: Vec<Vec<f64>>,
-    /// Places of the samples among these times.
+    /// Indices of the samples among these times.
     pub samples: Vec<usize>,
-    /// Whether the equations were stiff: an explicit method would have taken far more steps.
+    /// Whether the equations were stiff, so that an explicit method would have taken far more steps.
     pub is_stiff: bool,
-    /// Whether there is a solution to the end. Behind where it ends the states stay as they are.
+    /// Whether the solution extends to the end. Beyond the end of the solution the states are constant.
     pub is_whole: bool,
 }
 
 impl Differentiated {
-    /// States of a run, simulated with this θ from these initial states with error control throughout, Radau IIA where the
-    /// equations are stiff; for runs of any duration.
+    /// States of a run, simulated with this θ from these initial states, with error control and with Radau IIA for
+    /// stiff equations. Suitable for runs of any duration.
     pub fn course(
         &self,
         run: &Run,
@@ -87,8 +87,8 @@ impl Course {
         (0..self.states[0].len()).map(largest).collect()
     }
 
-    /// Leaves the samples, and between them as many steps as a mesh needs on which a scheme is about as exact as a rough
-    /// simulation; about `most` of these at most.
+    /// Keeps the samples, and between them about as many steps, at most `most`, as a mesh needs for a scheme to be as
+    /// accurate as a coarse simulation.
     pub fn thin(&mut self, most: usize) {
         let steps = self.time.len() - self.samples.len();
         let every = STEPS_PER_INTERVAL.max(steps.div_ceil(most.max(1)));
@@ -109,14 +109,14 @@ impl Course {
         self.samples = samples;
     }
 
-    /// Its times as a mesh.
+    /// The times as a mesh.
     pub fn mesh(&self) -> Vec<f64> {
         let mut mesh = self.time.clone();
         mesh.dedup();
         mesh
     }
 
-    /// Goes on to the next sample, if there is a solution up to there.
+    /// Continues to the next sample. Returns whether the solution extends to it.
     fn advance(
         &mut self,
         solution: &mut Reference<'_>,

@@ -1,15 +1,15 @@
-//! What a scheme makes of one run: its unknowns, and the points at which the model is evaluated.
+//! The discretisation of one run by a scheme: its unknowns, and the points at which the model is evaluated.
 //!
-//! A run's unknowns are coefficient vectors `V_k` of `n` states each, in time order; for most schemes
-//! they are the states at nodes. The model is evaluated at points `Y_i`, which are unknowns themselves
-//! or combinations of unknowns and earlier points' derivatives:
+//! The unknowns of a run are coefficient vectors `V_k` of `n` states each, in time order; for most schemes they are the
+//! states at nodes. The model is evaluated at points `Y_i`, which are unknowns or combinations of unknowns and
+//! derivatives at earlier points:
 //!
 //! ```text
 //! Y_i = V_k    or    Y_i = Σ_k p_k V_k + Σ_l q_l f(Y_l)
 //! ```
 //!
-//! Points serve the defects (collocated), the samples (observed), or both; neighbouring elements share
-//! the point at their common boundary.
+//! Points are used for the defects (collocated), the samples (observed), or both; adjacent elements share the point at
+//! their common boundary.
 
 use super::mesh::Run;
 use super::simd::LANES;
@@ -19,46 +19,46 @@ use std::sync::Arc;
 /// Unknowns, points and elements of one run.
 #[derive(Debug, Clone)]
 pub struct Grid {
-    /// Time at which each coefficient vector stands \[s\]: of a node, or where it has most influence.
+    /// Time of each coefficient vector \[s\]: that of a node, or of its largest influence.
     pub times: Vec<f64>,
     /// Points; combinations refer to earlier ones.
     pub points: Vec<Point>,
-    /// Inputs at the points, `n_inputs` each, and the time \[s\] behind them.
+    /// Inputs at the points, `n_inputs` per point, each followed by the time \[s\].
     pub inputs: Vec<f64>,
     /// Elements in time order.
     pub elements: Vec<Element>,
-    /// Points of all elements, in the order of their tableaus' points.
+    /// Indices of the points of all elements, in the order of their tableaus.
     pub element_points: Vec<u32>,
-    /// Point of each sample.
+    /// Index of the point of each sample.
     pub observed: Vec<usize>,
     /// Number of points that are combinations.
     pub combinations: usize,
 }
 
-/// Where the model is evaluated.
+/// A point at which the model is evaluated.
 #[derive(Debug, Clone)]
 pub struct Point {
-    /// Its states.
+    /// The states at the point.
     pub state: PointState,
-    /// Sample at its time.
+    /// The sample at its time, if any.
     pub sample: Option<u32>,
 }
 
 /// The states of a point.
 #[derive(Debug, Clone)]
 pub enum PointState {
-    /// Those of an unknown.
+    /// The states of an unknown.
     Node(usize),
     /// A combination.
     Combination(Box<Combination>),
 }
 
-/// The sample of each of a group of points; None where there is none, and for lanes beyond the group.
+/// The sample of each point of a group; None if there is none, and for excess lanes.
 pub type Samples = [Option<u32>; LANES];
 
 impl PointState {
-    /// The point's part of a quantity that has `size` numbers for each of the run's unknowns, `nodes`, and
-    /// for each of its combinations.
+    /// The values of this point for a quantity that has `size` values for each of the run's unknowns, in `nodes`, and
+    /// for each of its combinations, in `combined`.
     #[inline]
     pub fn of<'a>(&self, nodes: &'a [f64], combined: &'a [f64], size: usize) -> &'a [f64] {
         match self {
@@ -71,24 +71,24 @@ impl PointState {
 /// `Σ_k p_k V_k + Σ_l q_l f(Y_l)`.
 #[derive(Debug, Clone)]
 pub struct Combination {
-    /// Counted over the run's combinations.
+    /// Index among the combinations of the run.
     pub index: usize,
-    /// Over the run's unknowns.
+    /// Coefficients of the unknowns of the run.
     pub p: Row,
-    /// Over the run's points \[s\].
+    /// Coefficients of the derivatives at the points of the run \[s\].
     pub q: Row,
 }
 
-/// One element: a span of the mesh with the same polynomial, or system of equations.
+/// One element: a part of the mesh with one polynomial or system of equations.
 #[derive(Debug, Clone)]
 pub struct Element {
-    /// Its first unknown, shared with the element before.
+    /// Index of the first unknown, shared with the previous element.
     pub first: usize,
-    /// Its first entry in [`Grid::element_points`].
+    /// Start in [`Grid::element_points`].
     pub points: usize,
-    /// Its length \[s\].
+    /// Length \[s\].
     pub h: f64,
-    /// Its coefficients.
+    /// Coefficients of the scheme.
     pub tableau: Arc<Tableau>,
 }
 
@@ -104,7 +104,7 @@ impl Grid {
             observed: Vec::new(),
             combinations: 0,
         };
-        // Times of the points, and whether a jump of the inputs is still to come there.
+        // Times of the points, and whether a point precedes a jump of the inputs at that time.
         let mut point_times: Vec<(f64, bool)> = Vec::new();
         for part in scheme.elements(&run.mesh) {
             let start = run.mesh[part.first];
@@ -121,7 +121,7 @@ impl Grid {
             }
             out[n_inputs] = *time;
         }
-        // A sample is compared at its own inputs, before a jump too.
+        // A sample is compared at its own inputs, also before a jump.
         for (sample, point) in grid.observed.iter().enumerate() {
             let first = point * (n_inputs + 1);
             grid.inputs[first..first + n_inputs].copy_from_slice(&run.inputs[sample]);
@@ -129,7 +129,7 @@ impl Grid {
         grid
     }
 
-    /// The samples of a group of points, of which `count` count.
+    /// The samples of the first `count` points of a group.
     #[inline(always)]
     pub fn samples(&self, members: [usize; LANES], count: usize) -> Samples {
         let of = |lane: usize| self.points[members[lane]].sample;
@@ -148,7 +148,7 @@ impl Grid {
         &self.element_points[element.points..element.points + element.tableau.points.len()]
     }
 
-    /// True when some point takes derivatives of others.
+    /// True if a point uses derivatives at other points.
     pub fn has_nested(&self) -> bool {
         let takes = |point: &Point| match &point.state {
             PointState::Node(_) => false,
@@ -165,7 +165,7 @@ impl Grid {
         times: &mut Vec<(f64, bool)>,
     ) {
         let (first, h) = (self.nodes() - 1, end - start);
-        // The end to the last bit: inputs may jump there.
+        // The exact end of the element, since inputs may jump there.
         let at = |c: f64| if c == 1.0 { end } else { start + c * h };
         self.times
             .extend(tableau.abscissae[1..].iter().map(|c| at(*c)));
@@ -175,8 +175,8 @@ impl Grid {
             h,
             tableau,
         };
-        // The point at the common boundary exists when the element before is collocated there too, and serves both
-        // unless inputs jump there.
+        // The point at the common boundary exists if the previous element is collocated there too. Both share it unless
+        // inputs jump there.
         let before = self.elements.last().filter(|_| !run.jumps_at(start));
         let shared = before.and_then(|last| {
             let mut own = self.points_of(last).iter().copied();
@@ -206,7 +206,7 @@ impl Grid {
         self.elements.push(element);
     }
 
-    /// Finds or adds the point of each sample.
+    /// Determines or adds the point of each sample.
     fn observe(&mut self, run: &Run, times: &mut Vec<(f64, bool)>) {
         let mut point_of = vec![None; self.nodes()];
         for (i, point) in self.points.iter().enumerate() {
@@ -223,7 +223,7 @@ impl Grid {
                 (&[(j, 1.0)], []) => Some(element.first + j),
                 _ => None,
             };
-            // Samples of one instant have points of their own: inputs may jump there.
+            // Samples at the same time have separate points, since inputs may jump there.
             let is_alone = |_: &usize| !run.jumps_at(time);
             let found = node.and_then(|k| point_of[k]).filter(is_alone);
             let index = found.unwrap_or_else(|| {
@@ -245,7 +245,7 @@ impl Grid {
     }
 }
 
-/// A combination over an element's unknowns and points, counted by `count`.
+/// A combination over the unknowns and points of an element, numbered by `count`.
 fn combination(
     count: &mut usize,
     element: &Element,
@@ -263,7 +263,7 @@ fn combination(
     }))
 }
 
-/// The scheme's interpolant at a time; at a node, the node.
+/// The interpolant of the scheme at a time; at a node, the unknown itself.
 pub(super) fn place(element: &Element, time: f64, start: f64) -> (Row, Row) {
     let c = (time - start) / element.h;
     element.tableau.interpolate(c.clamp(0.0, 1.0))

@@ -1,4 +1,4 @@
-//! Where each unknown and each constraint stands in the NLP's vectors.
+//! Positions of the unknowns and constraints in the vectors of the NLP.
 //!
 //! ```text
 //! z = [V¹ | V² | ... | V^M | θ]     V^j: the run's coefficient vectors in time order, n numbers each
@@ -10,7 +10,7 @@ use super::grid::Grid;
 use super::mesh::Run;
 use std::ops::Range;
 
-/// Offsets of one run.
+/// Offsets and sizes of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RunLayout {
     /// First variable.
@@ -32,26 +32,26 @@ pub struct RunLayout {
 }
 
 impl RunLayout {
-    /// Its variables.
+    /// Range of its variables.
     #[inline]
     pub fn variables(&self) -> Range<usize> {
         self.z..self.z + self.n * self.nodes
     }
 
-    /// Its equalities.
+    /// Range of its equalities.
     #[inline]
     pub fn equalities(&self) -> Range<usize> {
         self.c..self.c + self.known + self.n * (self.nodes - 1)
     }
 
-    /// Its inequalities.
+    /// Range of its inequalities.
     #[inline]
     pub fn inequalities(&self) -> Range<usize> {
         self.g..self.g + self.samples * self.bounded
     }
 }
 
-/// Offsets of everything.
+/// Offsets of all runs and of the parameters.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Layout {
     /// The runs.

@@ -1,30 +1,30 @@
-//! Parameters of ordinary differential equations from data, by direct collocation.
+//! Parameter estimation for ordinary differential equations by direct collocation.
 //!
 //! ```text
 //! minimise    Σ w ℓ(y_k - h(x(t_k); θ))            over θ and the states x(t) of every run
 //! subject to  ẋ = f(t, x, u; θ),  lb ≤ g(x(t_k); θ) ≤ ub,  c(θ) ≥ 0
 //! ```
 //!
-//! Every state on a mesh is an unknown, so that nothing is integrated while θ is still wrong: unstable and
-//! stiff models are fitted as calm ones are. Several runs share θ; inputs, measured and bounded outputs are
-//! as many as one likes; a [bound](Bound) holds at all samples, or at the start or the end of each run, and equal
-//! limits are an equation; samples need not stand on the mesh. The [schemes](Scheme) reach from Euler's to
-//! pseudospectral ones. The nonlinear program goes to the SQP of `pilotage-sqp`, with a QP of its own that
-//! eliminates the states at a cost linear in their number ([`Condensed`]).
+//! All states on a mesh are unknowns, so nothing is integrated while θ is still wrong: unstable and stiff models can be
+//! fitted like stable ones. Several runs share θ, with any number of inputs and of measured and bounded outputs. A
+//! [bound](Bound) holds at all samples, or at the start or the end of each run, and equal limits form an equation.
+//! Samples need not coincide with mesh points. The [schemes](Scheme) range from Euler to pseudospectral ones. The SQP
+//! of `pilotage-sqp` solves the nonlinear program, with a dedicated QP solver that eliminates the states at a cost
+//! linear in their number ([`Condensed`]).
 //!
-//! The loss ℓ of a recording is the square, or one for data with outliers; with the residual over an estimated
-//! standard deviation as output, and [`Loss::Linear`], noise levels are estimated too.
+//! The loss ℓ of a recording is the square, or a robust one for data with outliers. With the residual divided by an
+//! estimated standard deviation as an output, and [`Loss::Linear`], noise levels can be estimated too.
 //!
-//! How good a mesh is, [`Collocation::mesh_errors`] tells; [`solve_refined`] divides intervals until their local errors
-//! are below a tolerance.
+//! [`Collocation::mesh_errors`] estimates the accuracy of a mesh; [`solve_refined`] divides intervals until their local
+//! errors are below a tolerance.
 //!
-//! Three things are the caller's: weights that bring residuals to the order of one (`1/sd²`; the solver's
-//! tolerance is absolute), scales of the right size (a parameter that starts at 0 tells [`Scales::of`] none, so write
-//! one), and start states (those of [`Differentiated::simulate`], or from the data). A parameter that no measured
-//! output depends on stays where it starts; the solution's `curvature` is then 0.
+//! The caller provides three things: weights that bring residuals to the order of one (`1/sd²`; the tolerance of the
+//! solver is absolute), scales of the right magnitude ([`Scales::of`] cannot derive one from a parameter that starts at
+//! 0, so set it explicitly), and start states (from [`Differentiated::simulate`] or from the data). A parameter that
+//! affects no measured output keeps its start value; the `curvature` of the solution is then 0.
 //!
-//! Take it where a model is given by equations and data by samples. A single short fit of a model that can
-//! be simulated safely from any θ is as well served by a simulation and a least-squares solver.
+//! Collocation suits models given by equations and data given by samples. For a single short fit of a model that can be
+//! simulated safely with any θ, a simulation with a least-squares solver is just as good.
 //!
 //! ```
 //! use pilotage_collocation::{Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme};
@@ -61,17 +61,17 @@
 //! # Ok::<(), pilotage_expression::Obstacle>(())
 //! ```
 //!
-//! | module | what it holds |
+//! | module | content |
 //! | --- | --- |
-//! | [`mesh`], [`grid`], [`tableau`] | runs, schemes, and what a scheme makes of a run |
-//! | [`node`], [`constraints`] | the model and the conditions on θ, with derivatives |
-//! | `bound`, `loss` | what outputs keep, and what residuals cost |
+//! | [`mesh`], [`grid`], [`tableau`] | runs, schemes, and the discretisation of a run |
+//! | [`node`], [`constraints`] | the model and the constraints on θ, with derivatives |
+//! | `bound`, `loss` | limits of outputs, and losses of residuals |
 //! | [`collocation`], [`layout`] | the nonlinear program |
-//! | `coarse` | the same with fewer intervals and samples, solved first |
-//! | `course` | simulations with error control, and the meshes that they ask for |
-//! | `refinement` | local errors, and meshes that make them small |
-//! | [`condensed`] | its QP by elimination of the states, and what outputs make of parameters |
-//! | [`simd`] | numbers of several points at once, for vector instructions |
+//! | `coarse` | the same problem with fewer intervals and samples, solved first |
+//! | `course` | simulations with error control, and meshes derived from them |
+//! | `refinement` | local errors and mesh refinement |
+//! | [`condensed`] | its QP by elimination of the states, and sensitivities of the outputs |
+//! | [`simd`] | groups of points for vector instructions |
 
 mod bound;
 mod coarse;

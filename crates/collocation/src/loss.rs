@@ -1,20 +1,20 @@
-//! What a residual costs.
+//! Losses of residuals.
 
 use std::f64::consts::SQRT_2;
 
-/// Term `w ℓ` of a recorded value `y` and the output `h` that belongs to it, with the weight `w` of the recording
-/// and `r = y - h`.
+/// Term `w ℓ` of a recorded value `y` and the corresponding output `h`, with the weight `w` of the recording and
+/// `r = y - h`.
 ///
-/// All but the linear one are, up to a constant, −2 log likelihoods of noise. Gauss–Newton takes each as the weighted
-/// square that has its slope, `ℓ'(r)/(2r) · r²`, whose curvature is never negative (iteratively reweighted least
-/// squares: Holland & Welsch, Commun. Stat. A 6, 1977).
+/// All but the linear loss are, up to a constant, −2 log likelihoods of noise. Gauss–Newton replaces each by the
+/// weighted square with the same slope, `ℓ'(r)/(2r) · r²`, whose curvature is never negative (iteratively reweighted
+/// least squares: Holland & Welsch, Commun. Stat. A 6, 1977).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Loss {
-    /// `r²`: normal noise, at `w = 1/sd²`.
+    /// `r²`: normal noise, with `w = 1/sd²`.
     #[default]
     Square,
-    /// `h` itself; of `y` counts only whether it is missing. It carries terms of a likelihood such as `2 ln sd` of a
-    /// noise level that is estimated.
+    /// `h` itself; of `y` it only matters whether it is missing. It represents terms of a likelihood such as `2 ln sd`
+    /// of an estimated noise level.
     Linear,
     /// `(dof + 1) ln(1 + r²/dof)`: noise of Student's t distribution, for data with outliers (Lange, Little & Taylor,
     /// J. Am. Stat. Assoc. 84, 1989).
@@ -22,27 +22,27 @@ pub enum Loss {
         /// Degrees of freedom, above 0.
         dof: f64,
     },
-    /// `r²` up to the threshold k and `2k|r| - k²` beyond: what lies far off pulls no more than what lies at k (Huber, Ann.
-    /// Math. Stat. 35, 1964).
+    /// `r²` up to the threshold k and `2k|r| - k²` beyond: outliers have no more influence than residuals of size k
+    /// (Huber, Ann. Math. Stat. 35, 1964).
     Huber {
         /// k, in the output's unit, above 0.
         threshold: f64,
     },
-    /// `2√2 (√(r² + s²) - s)`: Laplace noise of unit standard deviation where `|r| ≫ s`, smooth at 0.
+    /// `2√2 (√(r² + s²) - s)`: Laplace noise of unit standard deviation for `|r| ≫ s`, smooth at 0.
     Absolute {
         /// s, in the output's unit, above 0.
         smoothing: f64,
     },
 }
 
-/// Half the derivatives of a loss: those of a weighted square, and what there is beyond it.
+/// Half the derivatives of a loss: those of a weighted square, and the differences from them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct HalfLoss {
-    /// Of the square: `ℓ'/(2r)`.
+    /// Weight of the square: `ℓ'/(2r)`.
     pub weight: f64,
-    /// Slope by `h` beyond that of the square, which is `-weight r`.
+    /// Derivative with respect to `h` minus that of the square, which is `-weight r`.
     pub slope: f64,
-    /// Second derivative beyond that of the square, which is `weight`.
+    /// Second derivative minus that of the square, which is `weight`.
     pub curvature: f64,
 }
 
@@ -90,7 +90,7 @@ impl Loss {
     }
 
     /// # Panics
-    /// Where its number is not above 0.
+    /// If its parameter is not above 0.
     pub(super) fn check(self) {
         match self {
             Self::Square | Self::Linear => {}

@@ -1,46 +1,47 @@
-//! One run: what is known of it, and the mesh on which it is solved.
+//! One run: its data, and the mesh on which it is solved.
 
 use super::grid::Samples;
 use super::loss::Loss;
 use super::simd::{LANES, Lanes};
 
-/// A run as the transcription needs it.
+/// A run to be transcribed.
 ///
-/// The mesh and the samples are apart: the mesh may be finer or coarser than the samples, neither need
-/// be uniform, and samples may be missing. Residuals are taken at the samples' own times.
+/// Mesh and samples are independent: the mesh may be finer or coarser than the samples, neither needs to be uniform,
+/// and samples may be missing. Residuals are taken at the times of the samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
     /// Interval boundaries \[s\], strictly increasing, at least two; from the first sample to the last.
     pub mesh: Vec<f64>,
     /// Times of the samples \[s\], increasing, within the mesh.
     pub time: Vec<f64>,
-    /// Inputs at each sample; linear in between. Of two samples of one time the first is before a jump.
+    /// Inputs at each sample, linear in between. If two samples have the same time, the inputs jump from the first to
+    /// the second.
     pub inputs: Vec<Vec<f64>>,
-    /// What was recorded of each measured output.
+    /// Recordings of the measured outputs.
     pub measured: Vec<Recording>,
-    /// Known initial states; None where free.
+    /// Known initial states; None if free.
     pub initial: Vec<Option<f64>>,
 }
 
-/// What a run recorded of one output.
+/// The recording of one output in a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording {
-    /// Its value at each sample; NaN where it is missing.
+    /// Value at each sample; NaN if it is missing.
     pub values: Vec<f64>,
     /// Weight of its terms in the objective.
     pub weight: f64,
-    /// What its residuals cost.
+    /// Loss of its residuals.
     pub loss: Loss,
 }
 
 impl Recording {
-    /// What was recorded at these samples; NaN where nothing was.
+    /// Recorded values at these samples; NaN if missing.
     #[inline(always)]
     pub(super) fn at(&self, samples: Samples) -> Lanes {
         samples.map(|sample| sample.map_or(f64::NAN, |sample| self.values[sample as usize]))
     }
 
-    /// Terms of the objective at these samples, for outputs of the model; zero where nothing was recorded.
+    /// Terms of the objective at these samples, for outputs of the model; zero if nothing was recorded.
     #[inline(always)]
     pub(super) fn costs(&self, samples: Samples, outputs: Lanes) -> Lanes {
         let recorded = self.at(samples);
@@ -60,10 +61,10 @@ impl Recording {
 }
 
 impl Run {
-    /// Holds the run against what its fields ask for, and the model's numbers of states, inputs and recordings.
+    /// Checks the requirements of the fields, and the model's numbers of states, inputs and recordings.
     ///
     /// # Panics
-    /// At the first that does not hold.
+    /// At the first violation.
     pub(super) fn check(&self, [states, inputs, measured]: [usize; 3]) {
         let (mesh, time) = (&self.mesh, &self.time);
         assert!(mesh.len() > 1, "a mesh has at least two boundaries");
@@ -96,18 +97,18 @@ impl Run {
         self.inputs_between(self.time.partition_point(|t| *t <= time), time, out);
     }
 
-    /// The same, but before the jump where inputs jump: where two samples are of that time.
+    /// The same, but before the jump if inputs jump at that time.
     pub fn inputs_before(&self, time: f64, out: &mut [f64]) {
         self.inputs_between(self.time.partition_point(|t| *t < time), time, out);
     }
 
-    /// Whether inputs may jump at a time.
+    /// True if inputs may jump at this time, that is, if it has two samples.
     pub(super) fn jumps_at(&self, time: f64) -> bool {
         let first = self.time.partition_point(|t| *t < time);
         self.time.get(first + 1) == Some(&time)
     }
 
-    /// On the line from the sample before the one of that number to it.
+    /// Linear interpolation between sample `after` and the previous one.
     fn inputs_between(&self, after: usize, time: f64, out: &mut [f64]) {
         let from = after.saturating_sub(1);
         let to = after.min(self.time.len() - 1);

@@ -1,7 +1,7 @@
 //! Values and derivatives of the model at a group of points, in scaled variables.
 //!
-//! The equations are an expression graph, and so are their derivatives: which of them are ever other than
-//! zero, and which depend on θ alone, stands in the graph. Tapes compute them.
+//! The equations and their derivatives are expression graphs, which show which derivatives are structurally nonzero and
+//! which depend only on θ. Tapes evaluate them.
 
 use super::simd::{LANES, Lanes, plus, scaled, times};
 use nalgebra::DMatrix;
@@ -9,50 +9,50 @@ use num_dual::DualNum;
 use pilotage_expression::{Node, Registers, System, Tape};
 use std::sync::Arc;
 
-/// Typical magnitudes, by which variables are divided.
+/// Typical magnitudes by which variables are divided.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scales {
-    /// Of the states, in their units.
+    /// Magnitudes of the states, in their units.
     pub states: Vec<f64>,
-    /// Of the parameters, in their units.
+    /// Magnitudes of the parameters, in their units.
     pub parameters: Vec<f64>,
 }
 
-/// A system's tapes: `[ẋ; y]`, and its derivatives by states and parameters.
+/// The tapes of a system: `[ẋ; y]`, and its derivatives with respect to states and parameters.
 #[derive(Debug)]
 pub struct Differentiated {
     /// The system.
     pub system: System,
-    /// Entries `(row, column)` of `∂f/∂[x; θ]` that may be other than zero, column by column.
+    /// Structurally nonzero entries `(row, column)` of `∂f/∂[x; θ]`, column by column.
     entries: Vec<(usize, usize)>,
-    /// For each output, the columns of `[x; θ]` where its gradient may be other than zero.
+    /// For each output, the columns of `[x; θ]` at which its gradient is structurally nonzero.
     columns: Vec<Vec<usize>>,
     /// Pairs `i ≤ j` of variables `[x; θ]` with a second derivative.
     pairs: Vec<(usize, usize)>,
     values: Tape,
-    /// First the outputs, the entries and the gradients; then the pairs' sums over weighted rows, whose weights
-    /// are variables behind the system's.
+    /// First the outputs, the Jacobian entries and the gradients; then, for each pair, the weighted sum of the second
+    /// derivatives of all rows. The weights are variables that follow those of the system.
     derivatives: Tape,
 }
 
-/// The model seen through scaled variables `x̄ = x / s_x`, `θ̄ = θ / s_θ`.
+/// The model in scaled variables `x̄ = x / s_x`, `θ̄ = θ / s_θ`.
 #[derive(Debug, Clone)]
 pub struct NodeModel {
-    /// Its tapes, which know nothing of scales.
+    /// Its tapes, in physical units.
     pub tapes: Arc<Differentiated>,
     /// Scales of its variables.
     pub scales: Scales,
-    /// Entries `(row, column)` of `∂f̄/∂[x̄; θ̄]` that may be other than zero, column by column.
+    /// Structurally nonzero entries `(row, column)` of `∂f̄/∂[x̄; θ̄]`, column by column.
     pub entries: Vec<(usize, usize)>,
-    /// Number of those entries that belong to states: the first ones.
+    /// Number of those entries that belong to states; they come first.
     pub state_entries: usize,
-    /// For each entry, whether it depends on θ alone: it has one value at all points.
+    /// True for entries that depend only on θ and so have the same value at all points.
     pub shared: Vec<bool>,
     /// Pairs `i ≤ j` of variables `[x̄; θ̄]` with a second derivative.
     pub pairs: Vec<(usize, usize)>,
     /// `1 / s_x`.
     inverse: Vec<f64>,
-    /// What the tape's numbers are multiplied with: entries, gradients, pairs.
+    /// Factors for the values of the tape: Jacobian entries, gradients, pairs.
     entry_scales: Vec<f64>,
     gradient_scales: Vec<Vec<f64>>,
     pair_scales: Vec<f64>,
@@ -65,7 +65,7 @@ pub struct Values<'m> {
     registers: Registers<LANES>,
 }
 
-/// The model's derivatives at one θ, at the group of points that was evaluated last.
+/// The model's derivatives at one θ, at the group of points evaluated last.
 #[derive(Debug)]
 pub struct Derivatives<'m> {
     model: &'m NodeModel,
@@ -103,7 +103,7 @@ impl Differentiated {
                 }
             }
         }
-        // The Lagrangian's part of a point, and its gradient.
+        // Contribution of a point to the Lagrangian, and its gradient.
         let mut sum = graph.constant(0.0);
         for (k, row) in rows.iter().enumerate() {
             let weight = graph.variable(system.variables() + k);
@@ -140,7 +140,7 @@ impl Differentiated {
         }
     }
 
-    /// The same at a known θ: without parameters.
+    /// The same at a known θ, without parameters.
     pub fn at(&self, theta: &[f64]) -> Self {
         let values: Vec<Option<f64>> = theta.iter().map(|value| Some(*value)).collect();
         Self::new(&self.system.with_parameters(&values))
@@ -199,7 +199,7 @@ impl Differentiated {
 }
 
 impl NodeModel {
-    /// The model with its scales.
+    /// The model with scales.
     pub fn new(tapes: Arc<Differentiated>, scales: Scales) -> Self {
         let inverse: Vec<f64> = scales.states.iter().map(|s| 1.0 / s).collect();
         let scale = |variable: usize| match variable.checked_sub(tapes.n_states()) {
@@ -272,7 +272,7 @@ impl NodeModel {
         }
     }
 
-    /// A tape's registers at a scaled θ.
+    /// The registers of a tape at a scaled θ.
     fn begin(&self, tape: &Tape, theta: &[f64]) -> Registers<LANES> {
         let mut registers = tape.registers();
         let values = theta.iter().zip(&self.scales.parameters);
@@ -283,7 +283,7 @@ impl NodeModel {
         registers
     }
 
-    /// Sets a group of points: scaled states; inputs, with the time behind them.
+    /// Sets the values at a group of points: scaled states, and inputs followed by the time.
     #[inline(always)]
     fn set(&self, registers: &mut Registers<LANES>, x: [&[f64]; LANES], input: [&[f64]; LANES]) {
         let (system, n) = (&self.tapes.system, self.scales.states.len());
@@ -301,7 +301,7 @@ impl NodeModel {
 }
 
 impl Values<'_> {
-    /// Writes `f̄` and the outputs at a group of points with these scaled states and these inputs, whose last is the
+    /// Writes `f̄` and the outputs at a group of points with these scaled states and inputs; the last input is the
     /// time.
     #[inline(always)]
     pub fn evaluate(
@@ -325,8 +325,8 @@ impl Values<'_> {
 }
 
 impl Derivatives<'_> {
-    /// Evaluates the model at a group of points with these scaled states and these inputs, whose last is the
-    /// time; writes its outputs.
+    /// Evaluates the model at a group of points with these scaled states and inputs, the last of which is the time, and
+    /// writes its outputs.
     #[inline(always)]
     pub fn evaluate(&mut self, x: [&[f64]; LANES], input: [&[f64]; LANES], outputs: &mut [Lanes]) {
         let tape = &self.model.tapes.derivatives;
@@ -383,7 +383,7 @@ impl Derivatives<'_> {
 }
 
 /// Adds the derivatives of `ωᵀ f̄` over `[x̄; θ̄]` at a group of points to `out`, given the Jacobian's values at these
-/// entries; `omega` gives a rate's weights.
+/// entries; `omega` returns the weights of a state derivative.
 #[inline(always)]
 pub fn pull_back(
     entries: &[(usize, usize)],

@@ -1,10 +1,10 @@
-//! Work on all runs at once. Each run writes to its own part only, and sums over runs are formed
-//! afterwards in their order: results have the same bits for any number of threads.
+//! Parallel work on all runs. Each run writes only to its own data, and sums over runs are computed afterwards in their
+//! order, so results are bitwise identical for any number of threads.
 
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Calls `work(index, item)` for every item, in parallel where there is more than one thread.
+/// Calls `work(index, item)` for every item, in parallel if there is more than one thread.
 pub fn each<T: Send>(items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
     if items.len() > 1 && rayon::current_num_threads() > 1 {
         items
@@ -19,7 +19,7 @@ pub fn each<T: Send>(items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
     }
 }
 
-/// The parts of a slice at consecutive ranges that follow each other.
+/// Splits a slice at consecutive ranges.
 pub fn parts<'a>(
     mut rest: &'a mut [f64],
     ranges: impl Iterator<Item = Range<usize>> + 'a,

@@ -1,22 +1,22 @@
-//! A run's states as functions of time, and what is carried from one mesh to another.
+//! The states of a run as functions of time, and the transfer of variables to another mesh.
 
 use super::Collocation;
 use super::collocation::PointValues;
 use super::grid::{Grid, place};
 use super::tableau::dot;
 
-/// The states of a run by the scheme's interpolant.
+/// The states of a run by the interpolant of the scheme.
 pub(super) struct Path<'a> {
     grid: &'a Grid,
     v: &'a [f64],
     values: PointValues,
     scales: &'a [f64],
-    /// Where the elements begin \[s\].
+    /// Start times of the elements \[s\].
     starts: Vec<f64>,
 }
 
 impl<'a> Path<'a> {
-    /// Of run `j`.
+    /// The path of run `j`.
     pub fn new(problem: &'a Collocation, z: &'a [f64], j: usize) -> Self {
         let grid = &problem.grids[j];
         Self {
@@ -44,11 +44,11 @@ impl<'a> Path<'a> {
 }
 
 impl Collocation {
-    /// The variables of another problem of the same runs, such as one with other meshes, scales or another scheme:
-    /// a warm start with the states of this one, by its scheme's interpolant, and its θ.
+    /// Variables of another problem with the same runs, but for example other meshes, scales or another scheme. They
+    /// are a warm start with the states of this problem, from the interpolant of its scheme, and its θ.
     ///
     /// # Panics
-    /// Where the numbers of runs, states or parameters differ.
+    /// If the numbers of runs, states or parameters differ.
     pub fn carried(&self, z: &[f64], onto: &Self) -> Vec<f64> {
         assert_eq!(self.runs.len(), onto.runs.len(), "the same runs");
         assert_eq!(self.n_states(), onto.n_states(), "the same states");
@@ -61,7 +61,7 @@ impl Collocation {
                 let times = &grid.times[element.first..=end];
                 let states: Vec<Vec<f64>> = times.iter().map(|t| path.at(*t)).collect();
                 let coefficients = element.tableau.through(states);
-                // The first is the last of the element before.
+                // The first coefficient belongs to the previous element.
                 let new = coefficients.iter().skip(usize::from(k > 0)).flatten();
                 let scales = onto.model.scales.states.iter().cycle();
                 out.extend(new.zip(scales).map(|(x, s)| x / s));

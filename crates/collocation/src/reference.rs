@@ -1,4 +1,4 @@
-//! A run's equations solved with error control: Dormand–Prince, and Radau IIA where they are stiff.
+//! Solution of the equations of a run with error control: Dormand–Prince, and Radau IIA if they are stiff.
 
 use super::mesh::Run;
 use super::node::Differentiated;
@@ -6,19 +6,19 @@ use nalgebra::DMatrix;
 use pilotage_ode::{Method, Solver, SolverOptions, System};
 use std::convert::Infallible;
 
-/// Steps between two times before a solution is given up, unless [`Reference::patience`] says otherwise.
+/// Maximum number of steps between two times, unless [`Reference::patience`] is set.
 const MOST_STEPS: usize = 20_000;
-/// Steps after which it is asked again whether to stop.
+/// Number of steps between two queries of the stop condition.
 const ASKED: usize = 64;
 
-/// Whether long work is to stop; what it has then is as good as nothing.
+/// Stop condition of long computations; their results are then discarded.
 pub type Stop<'a> = dyn Fn() -> bool + Sync + 'a;
 
-/// The flow of a model along a run's inputs, with a θ.
+/// The flow of a model with a given θ and the inputs of a run.
 pub(super) struct Reference<'a> {
     flow: Flow<'a>,
     solver: Solver,
-    /// Steps between two times before a solution is given up.
+    /// Maximum number of steps between two times.
     pub patience: usize,
 }
 
@@ -32,7 +32,7 @@ struct Flow<'a> {
 }
 
 impl<'a> Reference<'a> {
-    /// Of states with these typical magnitudes; a step may have an error of `tolerance` relative to them.
+    /// For states with these typical magnitudes and a permitted step error of `tolerance` relative to them.
     pub fn new(
         (model, run): (&'a Differentiated, &'a Run),
         theta: &'a [f64],
@@ -59,13 +59,13 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// The states at the second time, from those at the first; no samples are in between. None where there is no
-    /// such solution, or where it is to stop.
+    /// The states at the second time, from those at the first, without samples in between. None if there is no solution
+    /// or the computation is stopped.
     pub fn between(&mut self, times: (f64, f64), x: &[f64], stop: &Stop<'_>) -> Option<Vec<f64>> {
         self.along(times, x, stop, |_, _| {})
     }
 
-    /// The same, with each step's end shown.
+    /// The same, calling `see` at the end of each step.
     pub fn along(
         &mut self,
         (from, to): (f64, f64),
@@ -88,7 +88,7 @@ impl<'a> Reference<'a> {
         None
     }
 
-    /// Whether the equations were stiff: the implicit method is in use.
+    /// True if the equations were stiff, so that the implicit method is in use.
     pub fn is_stiff(&self) -> bool {
         self.solver.is_implicit()
     }

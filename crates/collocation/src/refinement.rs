@@ -1,5 +1,5 @@
-//! Local errors of a solution, and meshes that make them small (J. T. Betts, *Practical Methods for Optimal Control
-//! and Estimation Using Nonlinear Programming*, 2nd ed. 2010, section 4.7).
+//! Local errors of a solution and mesh refinement (J. T. Betts, *Practical Methods for Optimal Control and Estimation
+//! Using Nonlinear Programming*, 2nd ed. 2010, section 4.7).
 
 use super::mesh::Run;
 use super::parallel;
@@ -10,29 +10,30 @@ use super::{Collocation, solve};
 use pilotage_sqp::{Iteration, Solution, SqpOptions, Status};
 use std::ops::ControlFlow;
 
-/// Relative error of the solution that the scheme's is held against.
+/// Relative error of the reference solution.
 const REFERENCE_TOLERANCE: f64 = 1e-10;
-/// Part of a state's scale below which its magnitude does not matter.
+/// Fraction of a state's scale below which its magnitude does not matter.
 const SMALL: f64 = 1e-3;
-/// Steps of that solution over a part of an interval, at most: one that takes more is far too long for any scheme.
+/// Maximum number of steps of the reference solution in a part of an interval; if it needs more, the interval is far
+/// too long for any scheme.
 const MOST_STEPS: usize = 2000;
-/// Parts into which an interval is divided at a time, at most.
+/// Maximum number of parts into which an interval is divided at a time.
 const MOST_PARTS: f64 = 8.0;
 
 impl Collocation {
-    /// Relative local errors of every run's states, interval by interval of its mesh.
+    /// Relative local errors of the states of every run, for each interval of its mesh.
     ///
-    /// From the states at an interval's start, the equations are solved with error control to the samples inside and
-    /// to the interval's end, by an L-stable method where they are stiff. The error is the largest difference of a
-    /// state there, over that state's largest magnitude on the run's mesh plus 10⁻³ of its scale. Errors below 10⁻⁹ are
-    /// rounding; where there is no such solution, or it is to stop, the error is infinite.
+    /// From the states at the start of an interval, the equations are solved with error control to the samples inside
+    /// it and to its end, with an L-stable method if they are stiff. The error is the largest difference of a state
+    /// there, divided by the largest magnitude of that state on the mesh of the run plus 10⁻³ of its scale. Errors
+    /// below 10⁻⁹ are rounding; without a solution, or if stopped, the error is infinite.
     pub fn mesh_errors(&self, z: &[f64], stop: &Stop<'_>) -> Vec<Vec<f64>> {
         let mut errors = vec![Vec::new(); self.runs.len()];
         parallel::each(&mut errors, |j, out| *out = self.run_errors(z, j, stop));
         errors
     }
 
-    /// Typical magnitudes of a run's states: the largest on its mesh, plus a part of the state's scale.
+    /// Typical magnitudes of the states of a run: the largest on its mesh, plus a fraction of the scale of the state.
     pub fn magnitudes(&self, z: &[f64], j: usize) -> Vec<f64> {
         let path = Path::new(self, z, j);
         let nodes: Vec<Vec<f64>> = self.runs[j].mesh.iter().map(|t| path.at(*t)).collect();
@@ -69,7 +70,7 @@ impl Collocation {
         run.mesh.windows(2).zip(&nodes).map(error).collect()
     }
 
-    /// The same problem with these meshes of its runs.
+    /// The same problem with other meshes of its runs.
     ///
     /// # Panics
     /// As [`Self::new`].
@@ -91,7 +92,7 @@ impl Collocation {
     }
 }
 
-/// Times of the samples within an interval, each once.
+/// Distinct times of the samples within an interval.
 fn inside(run: &Run, ends: &[f64]) -> impl Iterator<Item = f64> {
     let first = run.time.partition_point(|t| *t <= ends[0]);
     let last = run.time.partition_point(|t| *t < ends[1]).max(first);
@@ -100,14 +101,15 @@ fn inside(run: &Run, ends: &[f64]) -> impl Iterator<Item = f64> {
     times.filter(move |t| *t > std::mem::replace(&mut before, *t))
 }
 
-/// Boundaries of a mesh on which a run's [local errors](Collocation::mesh_errors) come below a tolerance.
+/// Boundaries of a mesh on which the [local errors](Collocation::mesh_errors) of a run are expected to be below a
+/// tolerance.
 ///
-/// An interval whose error is too large is divided into as many equal parts as the scheme's order asks for, and into
-/// eight at most; all boundaries stay, since inputs may jump there.
+/// An interval with too large an error is divided into equal parts, according to the order of the scheme, but at most
+/// eight. All boundaries are kept, since inputs may jump there.
 pub fn refined(run: &Run, errors: &[f64], scheme: Scheme, tolerance: f64) -> Vec<f64> {
     let mut mesh = vec![run.mesh[0]];
     for (ends, error) in run.mesh.windows(2).zip(errors) {
-        // At samples within the interval the error is that of the interpolant.
+        // At samples inside the interval the error is that of the interpolant.
         let power = match inside(run, ends).next() {
             Some(_) => scheme.degree() + 1,
             None => scheme.order() + 1,
@@ -133,13 +135,13 @@ pub struct Refined {
     pub solution: Solution,
     /// Its [local errors](Collocation::mesh_errors).
     pub errors: Vec<Vec<f64>>,
-    /// How often the meshes were refined.
+    /// Number of refinements of the meshes.
     pub rounds: usize,
 }
 
-/// Solves a problem from these variables on meshes that are refined until every [local
-/// error](Collocation::mesh_errors) is below `tolerance`, `rounds` times at most, each time from the solution before.
-/// It ends with the first solve that does not converge.
+/// Solves a problem from these variables on meshes that are refined until every [local error](Collocation::mesh_errors)
+/// is below `tolerance`, at most `rounds` times, each time from the previous solution. It ends with the first solve
+/// that does not converge.
 pub fn solve_refined(
     mut problem: Collocation,
     mut z: Vec<f64>,

@@ -1,13 +1,12 @@
-//! Several points or elements at once: numbers in groups, which vector instructions take together.
+//! Groups of points or elements whose values are processed together by vector instructions.
 
-/// Members of a group.
+/// Number of members of a group.
 pub const LANES: usize = 4;
 
-/// One number of each member of a group.
+/// One value for each member of a group.
 pub type Lanes = [f64; LANES];
 
-/// A group of members that follow each other, from `first`: their numbers, and how many they are. The lanes
-/// beyond repeat the last.
+/// A group of consecutive members from `first`: their indices and their number. Excess lanes repeat the last one.
 #[inline(always)]
 pub fn group(first: usize, limit: usize, end: usize) -> ([usize; LANES], usize) {
     let count = limit.min(LANES).min(end - first);
@@ -15,7 +14,7 @@ pub fn group(first: usize, limit: usize, end: usize) -> ([usize; LANES], usize) 
     (members, count)
 }
 
-/// Rows of a group's members, number by number.
+/// Transposes the rows of a group's members: one [`Lanes`] per column.
 #[inline(always)]
 pub fn side_by_side(rows: [&[f64]; LANES], out: &mut [Lanes]) {
     let rows = rows.map(|row| &row[..out.len()]);
@@ -24,7 +23,7 @@ pub fn side_by_side(rows: [&[f64]; LANES], out: &mut [Lanes]) {
     }
 }
 
-/// A few numbers at each of many points: those of a group of points stand side by side.
+/// A few values at each of many points; those of a group of points are stored side by side.
 #[derive(Debug, Clone, Default)]
 pub struct Grouped {
     count: usize,
@@ -32,7 +31,7 @@ pub struct Grouped {
 }
 
 impl Grouped {
-    /// Zeros: `count` at each of these points.
+    /// Zeros: `count` values at each of these points.
     pub fn zeros(points: usize, count: usize) -> Self {
         Self {
             count,
@@ -40,45 +39,45 @@ impl Grouped {
         }
     }
 
-    /// Those of a group.
+    /// The values of a group.
     #[inline(always)]
     pub fn group(&self, group: usize) -> &[Lanes] {
         &self.values[group * self.count..(group + 1) * self.count]
     }
 
-    /// The same, to write.
+    /// The values of a group, mutable.
     #[inline(always)]
     pub fn group_mut(&mut self, group: usize) -> &mut [Lanes] {
         &mut self.values[group * self.count..(group + 1) * self.count]
     }
 
-    /// Those of a point, one after the other.
+    /// The values of a point.
     #[inline(always)]
     pub fn of(&self, point: usize) -> impl Iterator<Item = f64> {
         let lane = point % LANES;
         self.group(point / LANES).iter().map(move |own| own[lane])
     }
 
-    /// All numbers: number `k` of a point is [`LANES`]` k` behind its [`first`](Self::first).
+    /// All values: value `k` of a point is at [`LANES`]` k` after its [`first`](Self::first).
     #[inline]
     pub fn flat(&self) -> &[f64] {
         self.values.as_flattened()
     }
 
-    /// Place of a point's first number.
+    /// Index of the first value of a point.
     #[inline(always)]
     pub fn first(&self, point: usize) -> usize {
         point / LANES * self.count * LANES + point % LANES
     }
 }
 
-/// `factor · a` of each lane.
+/// `factor · a` in each lane.
 #[inline(always)]
 pub fn scaled(factor: f64, a: Lanes) -> Lanes {
     times([factor; LANES], a)
 }
 
-/// `a + b · c` of each lane.
+/// `a + b · c` in each lane.
 #[inline(always)]
 pub fn plus(a: Lanes, b: Lanes, c: Lanes) -> Lanes {
     let mut out = a;
@@ -86,7 +85,7 @@ pub fn plus(a: Lanes, b: Lanes, c: Lanes) -> Lanes {
     out
 }
 
-/// `a · b` of each lane.
+/// `a · b` in each lane.
 #[inline(always)]
 pub fn times(a: Lanes, b: Lanes) -> Lanes {
     let mut out = a;
@@ -94,7 +93,7 @@ pub fn times(a: Lanes, b: Lanes) -> Lanes {
     out
 }
 
-/// `a - b · c` of each lane.
+/// `a - b · c` in each lane.
 #[inline(always)]
 pub fn less(a: Lanes, b: Lanes, c: Lanes) -> Lanes {
     let mut out = a;
@@ -102,33 +101,33 @@ pub fn less(a: Lanes, b: Lanes, c: Lanes) -> Lanes {
     out
 }
 
-/// `a` in the lanes where something holds, else `b`.
+/// `a` in the lanes where `holds` is true, else `b`.
 #[inline(always)]
 pub fn select(holds: [bool; LANES], a: Lanes, b: Lanes) -> Lanes {
     std::array::from_fn(|l| if holds[l] { a[l] } else { b[l] })
 }
 
-/// A computation on rows whose width is a constant, so that the inner loops have a length that the
-/// compiler knows. What is to gain by vector instructions must be inlined into `run`.
+/// A computation on rows of constant width, so that the compiler knows the length of the inner loops. Code that should
+/// use vector instructions must be inlined into `run`.
 pub trait Kernel {
-    /// What it gives.
+    /// Result of the computation.
     type Output;
 
     /// The computation.
     fn run<const W: usize>(self) -> Self::Output;
 }
 
-/// Widths that rows are padded to.
+/// Widths to which rows are padded.
 const WIDTHS: [usize; 6] = [8, 16, 24, 36, 64, 128];
 
-/// The width for rows of at least `columns`, where there is one.
+/// The width for rows of at least `columns`, if there is one.
 pub fn width(columns: usize) -> Option<usize> {
     WIDTHS.into_iter().find(|width| columns <= *width)
 }
 
-/// Runs a kernel on rows of a [`width`], with the vector instructions that this machine has. The results are
-/// the same bits on any machine: the order of operations does not depend on it, and where a product is
-/// fused with a sum (`mul_add`), it is so everywhere, by the C library where the processor cannot.
+/// Runs a kernel on rows of a [`width`], with the vector instructions of this machine. The results are bitwise
+/// identical on all machines: the order of operations does not depend on the machine, and products fused with sums
+/// (`mul_add`) are fused everywhere, by the C library if the processor lacks the instruction.
 pub fn run<K: Kernel>(width: usize, kernel: K) -> K::Output {
     let machine = pulp::Arch::new();
     match width {
@@ -142,16 +141,16 @@ pub fn run<K: Kernel>(width: usize, kernel: K) -> K::Output {
     }
 }
 
-/// A computation on groups. What is to gain by vector instructions must be inlined into `run`.
+/// A computation on groups. Code that should use vector instructions must be inlined into `run`.
 pub trait Task {
-    /// What it gives.
+    /// Result of the computation.
     type Output;
 
     /// The computation.
     fn run(self) -> Self::Output;
 }
 
-/// Runs a computation with the vector instructions that this machine has, as [`run`].
+/// Runs a computation with the vector instructions of this machine, as [`run`] does.
 pub fn vectorised<T: Task>(task: T) -> T::Output {
     pulp::Arch::new().dispatch(Vectorised(task))
 }

@@ -1,30 +1,30 @@
-//! Simulated states, from which a solve may start.
+//! Simulated states as a start of a solve.
 
 use super::mesh::Run;
 use super::node::Differentiated;
 use super::reference::Reference;
 use nalgebra::{Complex, DMatrix, Schur};
 
-/// Steps of the explicit method between two samples, at least and at most, and the longest one \[s\] where these are not
-/// the limit.
+/// Minimum and maximum number of steps of the explicit method between two samples, and its longest step \[s\] within
+/// these limits.
 const LEAST_STEPS: f64 = 4.0;
 const MOST_STEPS: f64 = 100.0;
 const LONGEST_STEP: f64 = 0.01;
 /// Relative error of a step of the implicit method.
 const TOLERANCE: f64 = 1e-6;
-/// Least magnitude of a state to which that is relative, as in [`Scales::of`](super::Scales::of).
+/// Smallest magnitude of a state to which the error is relative, as in [`Scales::of`](super::Scales::of).
 const LEAST_MAGNITUDE: f64 = 1e-3;
-/// The classical Runge–Kutta method is stable in the left half of the disc of this radius.
+/// Radius of a disc in whose left half the classical Runge–Kutta method is stable.
 const STABLE_RADIUS: f64 = 2.6;
-/// Limit on iterations for eigenvalues.
+/// Maximum number of iterations for eigenvalues.
 const MOST_ITERATIONS: usize = 1000;
 
 impl Differentiated {
     /// States of a run at its samples, simulated with this θ from these initial states, as a start for the solver.
     ///
-    /// Between two samples the method is the classical Runge–Kutta one, in steps of 10 ms at most, four at least and a hundred
-    /// at most, where it is stable for every mode of the model that is; else one with error control, Radau IIA where the model
-    /// is stiff. A state that grows beyond all bounds stays where it was.
+    /// Between two samples the classical Runge–Kutta method is used, in 4 to 100 steps of at most 10 ms where possible,
+    /// if it is stable for every stable mode of the model. Otherwise a method with error control is used, Radau IIA for
+    /// stiff models. A state that diverges keeps its last finite value.
     pub fn simulate(&self, run: &Run, theta: &[f64], initial: &[f64]) -> Vec<Vec<f64>> {
         let sizes = initial.iter().map(|x| x.abs().max(LEAST_MAGNITUDE));
         let sizes: Vec<f64> = sizes.collect();
@@ -42,7 +42,7 @@ impl Differentiated {
         states
     }
 
-    /// States at the second time by the explicit method, and whether all its steps were finite.
+    /// States at the second time by the explicit method, and whether all steps were finite.
     fn explicit(&self, run: &Run, theta: &[f64], times: (f64, f64), x: &[f64]) -> (Vec<f64>, bool) {
         let mut u = vec![0.0; self.n_inputs()];
         let (mut x, mut is_finite) = (x.to_vec(), true);
@@ -51,7 +51,7 @@ impl Differentiated {
             let mut next = x.clone();
             rk4(&mut next, step, 1, |x, c| {
                 let part = (k as f64 + c) / steps;
-                // The end to the last bit: inputs may jump there.
+                // The exact end of the interval, since inputs may jump there.
                 if part == 1.0 {
                     run.inputs_before(times.1, &mut u);
                     return self.evaluate(times.1, x, &u, theta);
@@ -68,18 +68,18 @@ impl Differentiated {
         (x, is_finite)
     }
 
-    /// Whether the explicit method keeps every mode bounded that the model does, where the first sample is.
+    /// True if the explicit method is stable for every stable mode of the model at the first time.
     fn is_stable(&self, run: &Run, theta: &[f64], times: (f64, f64), x: &[f64]) -> bool {
         let mut u = vec![0.0; self.n_inputs()];
         run.inputs_at(times.0, &mut u);
         let matrix = self.jacobian(times.0, x, &u, theta) * steps(times).1;
-        // No eigenvalue is larger than the norm.
+        // The norm bounds all eigenvalues.
         let size = matrix.norm();
         size < STABLE_RADIUS || (size.is_finite() && keeps_stable_modes(matrix))
     }
 }
 
-/// Number and length \[s\] of the explicit method's steps between two times.
+/// Number and length \[s\] of the steps of the explicit method between two times.
 fn steps((from, to): (f64, f64)) -> (f64, f64) {
     let duration = to - from;
     let steps = (duration / LONGEST_STEP)
@@ -88,8 +88,8 @@ fn steps((from, to): (f64, f64)) -> (f64, f64) {
     (steps, duration / steps)
 }
 
-/// Whether `|R(z)| ≤ 1` for all eigenvalues z in the left half-plane, with the classical method's `R(z) = Σ zᵏ/k!`,
-/// k = 0..4 (Hairer & Wanner II, section IV.2).
+/// True if `|R(z)| ≤ 1` for all eigenvalues z in the left half-plane, with `R(z) = Σ zᵏ/k!`, k = 0..4, of the classical
+/// method (Hairer & Wanner II, section IV.2).
 fn keeps_stable_modes(matrix: DMatrix<f64>) -> bool {
     let grows = |z: &Complex<f64>| {
         let horner = |sum: Complex<f64>, k: f64| sum * z / k + 1.0;
@@ -104,9 +104,9 @@ fn keeps_stable_modes(matrix: DMatrix<f64>) -> bool {
     }
 }
 
-/// Classical Runge–Kutta over `h` in `substeps`; `f(x, c)` at the fraction `c` of `h`.
+/// Classical Runge–Kutta over `h` in `substeps`; `f(x, c)` is evaluated at the fraction `c` of `h`.
 ///
-/// `f` may give more than the derivatives: what stands behind them is left.
+/// `f` may return more values than the derivatives; they are ignored.
 pub fn rk4(x: &mut [f64], h: f64, substeps: usize, mut f: impl FnMut(&[f64], f64) -> Vec<f64>) {
     let dt = h / substeps as f64;
     let shifted = |x: &[f64], k: &[f64], s: f64| -> Vec<f64> {

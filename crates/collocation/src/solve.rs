@@ -1,11 +1,11 @@
-//! From a problem to its solution: what the solver starts from, and with which QP it goes on.
+//! Start variables and solution of a problem, and the choice of the QP solver.
 
 use super::node::Scales;
 use super::{Collocation, Condensed};
 use pilotage_sqp::{Iteration, Solution, SparseQp, SqpOptions, Status};
 use std::ops::ControlFlow;
 
-/// Runs the SQP from these variables, with the fast QP where it [takes](Condensed::takes) the problem.
+/// Runs the SQP from these variables, with the condensed QP if it [supports](Condensed::takes) the problem.
 pub fn solve(
     problem: &Collocation,
     z: Vec<f64>,
@@ -19,8 +19,8 @@ pub fn solve(
 }
 
 impl Scales {
-    /// The largest magnitude of each state over all runs, and that of each parameter; `states` are those of
-    /// each run at its samples.
+    /// The largest magnitude of each state over all runs, and the magnitude of each parameter; `states` holds the
+    /// states of each run at its samples.
     pub fn of(states: &[Vec<Vec<f64>>], theta: &[f64]) -> Self {
         let n = states[0][0].len();
         let largest = |i: usize| {
@@ -39,13 +39,13 @@ impl Scales {
 }
 
 impl Collocation {
-    /// The NLP's variables from states at the samples (linear in between) and θ, both in their units.
+    /// The variables of the NLP from states at the samples (linear in between) and θ, both in their units.
     pub fn variables(&self, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec<f64> {
         let runs = self.runs.iter().zip(states);
         self.variables_along(runs.map(|(run, own)| (&run.time[..], &own[..])), theta)
     }
 
-    /// The same from the states of each run at times of their own.
+    /// The same from the states of each run at given times.
     pub fn variables_along<'s>(
         &self,
         runs: impl Iterator<Item = (&'s [f64], &'s [Vec<f64>])>,
@@ -72,7 +72,7 @@ impl Collocation {
         z
     }
 
-    /// Puts the known initial states into the variables.
+    /// Sets the known initial states in the variables.
     pub(super) fn set_known(&self, z: &mut [f64]) {
         for (run, at) in self.runs.iter().zip(&self.layout.runs) {
             for (i, known) in run.initial.iter().enumerate() {

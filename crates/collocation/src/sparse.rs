@@ -1,7 +1,7 @@
-//! The collocation problem with sparse derivatives, for the general QP path
-//! ([`SparseQp`](pilotage_sqp::SparseQp)). It is written from the definition of points and defects, with
-//! each point's tangent over the unknowns that it depends on as a dense matrix, apart from the sweeps
-//! of [`Condensed`](super::Condensed), so that each checks the other.
+//! The collocation problem with sparse derivatives, for the general QP solver ([`SparseQp`](pilotage_sqp::SparseQp)).
+//! It follows directly from the definition of points and defects, with the tangent of each point over the unknowns on
+//! which it depends as a dense matrix. It is independent of the sweeps of [`Condensed`](super::Condensed), so that each
+//! checks the other.
 
 use super::Collocation;
 use super::grid::{Grid, PointState};
@@ -22,8 +22,8 @@ struct PointDerivatives {
     outputs: Vec<f64>,
 }
 
-/// A matrix with blocks of `n` columns for some of a run's unknowns, and `p` for θ: rows of derivatives
-/// by `[V; θ]`.
+/// A matrix with blocks of `n` columns for some unknowns of a run, and `p` columns for θ. Its rows are derivatives with
+/// respect to `[V; θ]`.
 #[derive(Clone)]
 struct Tangent {
     nodes: BTreeMap<usize, DMatrix<f64>>,
@@ -53,7 +53,7 @@ impl Tangent {
         *own.or_insert_with(|| DMatrix::zeros(n, n)) += DMatrix::identity(n, n) * factor;
     }
 
-    /// `rows [T; 0 I]`: derivatives of something by `[V; θ]` from those by a point's `[x̄; θ̄]`.
+    /// `rows [T; 0 I]`: derivatives with respect to `[V; θ]` from those with respect to `[x̄; θ̄]` at a point.
     fn chain(&self, rows: &DMatrix<f64>) -> Self {
         let n = self.theta.nrows();
         let (x, theta) = (rows.columns(0, n), rows.columns(n, rows.ncols() - n));
@@ -67,7 +67,7 @@ impl Tangent {
         }
     }
 
-    /// Entries `(row, column in z, value)`, whatever their value, node by node.
+    /// All entries `(row, column in z, value)`, including zeros, node by node.
     fn entries<'a>(
         &'a self,
         z: usize,
@@ -84,16 +84,16 @@ impl Tangent {
     }
 }
 
-/// The part of a run's derivatives: the tangent of each point, and its model derivatives.
+/// Derivatives of a run: the tangent of each point, and its model derivatives.
 struct RunDerivatives {
     tangents: Vec<Tangent>,
     points: Vec<PointDerivatives>,
-    /// True when these are patterns.
+    /// True if these are patterns.
     pattern: bool,
 }
 
 impl Collocation {
-    /// Derivatives at all points of a run; at `None` their patterns, with weights as magnitudes so that
+    /// Derivatives at all points of a run; for `None` their patterns, with absolute values of the weights so that
     /// nothing cancels.
     fn run_derivatives(&self, z: Option<&[f64]>, j: usize) -> RunDerivatives {
         let (n, p, grid) = (self.n_states(), self.n_parameters(), &self.grids[j]);
@@ -134,7 +134,7 @@ impl Collocation {
         let mut jacobian = vec![[0.0; LANES]; self.model.entries.len()];
         let mut derivatives = self.model.derivatives(theta);
         let mut outputs = vec![[0.0; LANES]; self.model.n_outputs()];
-        // A group of points that are all this one.
+        // A group that repeats this point.
         derivatives.evaluate([x; LANES], [self.inputs_at(j, i); LANES], &mut outputs);
         derivatives.jacobian(&mut jacobian);
         let gradient = |output: usize| {
@@ -167,7 +167,7 @@ impl Collocation {
         }
     }
 
-    /// Derivatives of run `j`'s defects: `(first row, derivatives)` of each block of `n`.
+    /// Derivatives of the defects of run `j`: `(first row, derivatives)` of each block of `n`.
     fn defect_tangents(&self, j: usize, at: &RunDerivatives) -> Vec<(usize, Tangent)> {
         let (n, p, grid) = (self.n_states(), self.n_parameters(), &self.grids[j]);
         let place = self.layout.runs[j];
@@ -201,8 +201,8 @@ impl Collocation {
         }
     }
 
-    /// First and second derivatives of the objective by the measured outputs at a sample, zero where none is
-    /// recorded; the second ones exact, or those of Gauss–Newton.
+    /// First and second derivatives of the objective with respect to the measured outputs at a sample, zero if none is
+    /// recorded. The second ones are exact or those of Gauss–Newton.
     fn loss_derivatives(
         &self,
         (j, sample): (usize, u32),
@@ -225,14 +225,14 @@ impl Collocation {
         self.runs[j].measured.iter().enumerate().map(of).collect()
     }
 
-    /// The first ones alone.
+    /// Only the first derivatives.
     fn pull(&self, j: usize, sample: u32, outputs: &[f64]) -> Vec<f64> {
         let both = self.loss_derivatives((j, sample), outputs, Hessian::GaussNewton);
         both.into_iter().map(|(first, _)| first).collect()
     }
 
-    /// Weights of every point's `f̄` in the Lagrangian, as matrices of one column, given the weights of
-    /// the outputs at the samples.
+    /// Weights of `f̄` at every point in the Lagrangian, as matrices of one column, given the weights of the outputs at
+    /// the samples.
     fn derivative_weights(
         &self,
         j: usize,
@@ -266,8 +266,8 @@ impl Collocation {
         omega
     }
 
-    /// The local variables `[V; θ]` of a point, as columns of `z`, and the point's tangent over them:
-    /// rows `[x̄; θ̄]`.
+    /// The local variables `[V; θ]` of a point, as columns of `z`, and the tangent of the point over them, with rows
+    /// `[x̄; θ̄]`.
     fn local(&self, j: usize, tangent: &Tangent) -> (Vec<usize>, DMatrix<f64>) {
         let (n, p) = (self.n_states(), self.n_parameters());
         let z = self.layout.runs[j].z;
@@ -286,7 +286,7 @@ impl Collocation {
         (columns, matrix)
     }
 
-    /// Upper triangle of a point's part of the Hessian, `Tᵀ W T`: calls `visit(row, column, value)`.
+    /// Upper triangle of a point's contribution to the Hessian, `Tᵀ W T`: calls `visit(row, column, value)`.
     fn point_hessian(
         &self,
         j: usize,
@@ -309,7 +309,7 @@ fn upper_triangle(v: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..v).flat_map(move |i| (i..v).map(move |j| (i, j)))
 }
 
-/// Drops the entries of `values` whose place in `pattern` is zero.
+/// Drops the entries of `values` whose entry in `pattern` is zero.
 fn kept<'a>(
     values: impl Iterator<Item = (usize, usize, f64)> + 'a,
     pattern: impl Iterator<Item = (usize, usize, f64)> + 'a,
@@ -502,7 +502,7 @@ impl SparseProblem for Collocation {
 }
 
 impl Collocation {
-    /// Ones where a point that is not observed may have second derivatives.
+    /// Ones where a point without sample may have second derivatives.
     fn curvature_pattern(&self) -> DMatrix<f64> {
         let v = self.n_states() + self.n_parameters();
         let mut out = DMatrix::zeros(v, v);

@@ -1,4 +1,4 @@
-//! Communication points, counted and not summed.
+//! Communication points, computed by counting steps, not by summing step sizes.
 
 use thiserror::Error;
 
@@ -11,13 +11,13 @@ pub struct Clock {
     steps: u64,
 }
 
-/// Why there is no such clock.
+/// Why a clock is invalid.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ClockError {
     /// The step is not a positive number.
     #[error("the communication step is {step} s, expected a positive number")]
     Step {
-        /// As given \[s\].
+        /// The given step \[s\].
         step: f64,
     },
     /// The times are not in order.
@@ -30,7 +30,8 @@ pub enum ClockError {
     },
     /// The step does not divide the duration.
     #[error(
-        "{duration} s are {} steps of {step} s, expected a whole number: stop at {} s or {} s, or change the step", readable(*ratio), readable(*below), readable(*above)
+        "{duration} s are {} steps of {step} s, expected a whole number: stop at {}{} s, or change the step", readable(*ratio),
+        if *ratio < 1.0 { String::new() } else { format!("{} s or ", readable(*below)) }, readable(*above)
     )]
     NotWhole {
         /// Stop minus start \[s\].
@@ -39,12 +40,12 @@ pub enum ClockError {
         step: f64,
         /// Their ratio.
         ratio: f64,
-        /// The last communication point before the stop \[s\].
+        /// Last communication point before the stop \[s\].
         below: f64,
-        /// The first one after it \[s\].
+        /// First communication point after the stop \[s\].
         above: f64,
     },
-    /// More steps than can be told apart in time.
+    /// Too many steps to be distinguished in floating-point time.
     #[error("{ratio:e} steps are too many: times would no longer differ")]
     TooMany {
         /// Number of steps.
@@ -52,13 +53,12 @@ pub enum ClockError {
     },
 }
 
-/// The number to nine digits, without the noise of binary arithmetic.
+/// The number rounded to nine digits, without binary rounding noise.
 fn readable(value: f64) -> f64 {
     format!("{value:.8e}").parse().unwrap_or(value)
 }
 
-/// How far from whole the number of steps may be, relative to it: input is decimal, so that 15/0.05
-/// need not be 300 to the last bit.
+/// Relative tolerance for a whole number of steps: with decimal input, 15/0.05 need not be exactly 300.
 const TOLERANCE: f64 = 1e-9;
 
 impl Clock {
@@ -78,7 +78,7 @@ impl Clock {
         if ratio >= 1e15 {
             return Err(ClockError::TooMany { ratio });
         }
-        if (ratio - whole).abs() > TOLERANCE * ratio.max(1.0) {
+        if whole == 0.0 || (ratio - whole).abs() > TOLERANCE * ratio.max(1.0) {
             return Err(ClockError::NotWhole {
                 duration: stop - start,
                 step,
@@ -95,7 +95,7 @@ impl Clock {
         })
     }
 
-    /// No step at all: the components are initialised at `start` \[s\], for a simulation in steps of `step` \[s\].
+    /// No step: the components are only initialized at `start` \[s\], for a simulation with step `step` \[s\].
     ///
     /// # Errors
     /// As [`Clock::new`].
@@ -185,7 +185,7 @@ mod tests {
                 0.0,
                 1.0,
                 2.0,
-                "1 s are 0.5 steps of 2 s, expected a whole number: stop at 0 s or 2 s, or change the step",
+                "1 s are 0.5 steps of 2 s, expected a whole number: stop at 2 s, or change the step",
             ),
             (
                 0.0,

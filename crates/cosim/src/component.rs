@@ -1,55 +1,55 @@
-//! What the master knows of a simulation unit.
+//! The interface between the master and a simulation unit.
 
 use pilotage_linear::StateSpace;
 pub use pilotage_units::{Base, Conversion, Unit};
 use serde::{Deserialize, Serialize};
 
-/// Why a component's call failed, in the component's own words.
+/// Error of a component's call, with the component's own message.
 pub type ComponentError = Box<dyn std::error::Error + Send + Sync>;
 
 /// A simulation unit.
 ///
-/// The master calls [`setup`](Self::setup), sets parameters, then
-/// [`enter_initialization`](Self::enter_initialization), exchanges values until they are consistent,
-/// [`exit_initialization`](Self::exit_initialization), then in turn sets inputs,
-/// [`step`](Self::step)s and gets outputs, and at the end [`terminate`](Self::terminate)s.
+/// The master calls [`setup`](Self::setup), sets parameters, calls
+/// [`enter_initialization`](Self::enter_initialization), exchanges values until they are consistent, and calls
+/// [`exit_initialization`](Self::exit_initialization). Then it repeatedly sets inputs, [`step`](Self::step)s and gets
+/// outputs, and finally calls [`terminate`](Self::terminate).
 pub trait Component: Send {
-    /// The variables, in an order that never changes.
+    /// The variables, in a fixed order.
     fn variables(&self) -> &[Variable];
 
-    /// Says when the simulation starts and ends and how exact it shall be.
+    /// Passes start time, stop time and tolerance of the simulation.
     fn setup(&mut self, experiment: &Experiment) -> Result<(), ComponentError> {
         let _ = experiment;
         Ok(())
     }
 
-    /// Begins to solve for consistent initial values.
+    /// Enters initialization, where initial values are made consistent.
     fn enter_initialization(&mut self) -> Result<(), ComponentError> {
         Ok(())
     }
 
-    /// Ends it; the component is at the start time.
+    /// Exits initialization; the component is at the start time.
     fn exit_initialization(&mut self) -> Result<(), ComponentError> {
         Ok(())
     }
 
-    /// What it said last of a step or an evaluation that it could not do, for messages.
+    /// The component's last message about a discarded step or evaluation.
     fn words_of_discard(&mut self) -> Option<String> {
         None
     }
 
-    /// Sets reals by their handles, in their units.
+    /// Sets reals by handle, in their units.
     fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), ComponentError>;
 
-    /// Gets reals by their handles, in their units.
+    /// Gets reals by handle, in their units.
     fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), ComponentError>;
 
-    /// Sets a variable of any kind: as it stands here, of a component that has numbers alone.
+    /// Sets a variable of any kind. The default suits components with numbers only.
     fn set(&mut self, handle: u32, value: &Value) -> Result<(), ComponentError> {
         self.set_reals(&[handle], &[value.as_number()])
     }
 
-    /// Gets a variable of any kind: as it stands here, of a component that has reals alone.
+    /// Gets a variable of any kind. The default suits components with reals only.
     fn get(&mut self, handle: u32, kind: ValueKind) -> Result<Value, ComponentError> {
         let _ = kind;
         let mut value = [0.0];
@@ -57,10 +57,10 @@ pub trait Component: Send {
         Ok(Value::Real(value[0]))
     }
 
-    /// Advances from time `t` by `h` \[s\], inputs as they were set last.
+    /// Steps from time `t` by `h` \[s\], with the inputs set last.
     fn step(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError>;
 
-    /// When the component suggests to end the simulation \[s\].
+    /// Suggested stop time \[s\].
     fn suggested_stop(&self) -> Option<f64> {
         None
     }
@@ -70,38 +70,37 @@ pub trait Component: Send {
         Ok(())
     }
 
-    /// The linear system that the component is in continuous time for small changes about where it stands, with
-    /// its inputs as they were set last. States have names of its own; inputs and outputs are named as in
-    /// [`variables`](Self::variables), and those that are left out count as constant. `step` \[s\] is for components
-    /// of which nothing is known but what they do in steps; all others take none.
+    /// The continuous-time linearization of the component about its current state, with the inputs set last. States
+    /// have the component's own names; inputs and outputs are named as in [`variables`](Self::variables), and omitted
+    /// ones count as constant. `step` \[s\] is used only by components known only by their response to steps.
     fn linearize(&mut self, step: f64) -> Result<Linear, ComponentError> {
         let _ = step;
         Err("it does not say how it depends on its states and inputs".into())
     }
 
-    /// What the component can do beyond these calls. The calls below are made only where it says so.
+    /// Optional capabilities. The methods below are called only if the corresponding ability is set.
     fn abilities(&self) -> Abilities {
         Abilities::default()
     }
 
-    /// Saves the complete state in a place of that number, over what was saved there before. The
-    /// places used are few and small numbers; saving again shall not allocate.
+    /// Saves the complete state in slot `place` and overwrites what was saved there. Slot numbers are few and small;
+    /// saving again must not allocate.
     fn save(&mut self, place: usize) -> Result<(), ComponentError> {
         Err(format!("the state cannot be saved (in place {place})").into())
     }
 
-    /// Goes back to what was saved in a place, any number of times.
+    /// Restores the state saved in a slot, any number of times.
     fn restore(&mut self, place: usize) -> Result<(), ComponentError> {
         Err(format!("the state cannot be restored (from place {place})").into())
     }
 
-    /// As [`step`](Self::step), but the component may be restored to a state saved before it.
+    /// As [`step`](Self::step), but the component can be restored to a state saved before the step.
     fn step_revocably(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError> {
         self.step(t, h)
     }
 
-    /// Sets the first time derivatives of real inputs [their units per second] for the next step, at
-    /// whose begin they have the values that were set.
+    /// Sets the first time derivatives of real inputs [their units per second] for the next step, at whose beginning
+    /// the inputs have the values set last.
     fn set_input_derivatives(
         &mut self,
         handles: &[u32],
@@ -111,8 +110,7 @@ pub trait Component: Send {
         Err(format!("the inputs {handles:?} cannot be given derivatives").into())
     }
 
-    /// Gets the first time derivatives of real outputs [their units per second] at the end of the last
-    /// step.
+    /// Gets the first time derivatives of real outputs [their units per second] at the end of the last step.
     fn get_output_derivatives(
         &mut self,
         handles: &[u32],
@@ -122,14 +120,14 @@ pub trait Component: Send {
         Err(format!("the derivatives of the outputs {handles:?} are not known").into())
     }
 
-    /// The next time after `t` \[s\] at which outputs jump, where that is known beforehand.
+    /// The next time after `t` \[s\] at which outputs jump, if known in advance.
     fn next_jump(&self, t: f64) -> Option<f64> {
         let _ = t;
         None
     }
 
-    /// The derivatives of real outputs in the direction of `seed`, a part for each of `inputs`:
-    /// `Σ ∂output/∂input · part` at this instant.
+    /// Directional derivatives of real outputs along `seed`, which has one entry per element of `inputs`: `Σ
+    /// ∂output/∂input · seed` at the current time.
     fn directional_derivative(
         &mut self,
         outputs: &[u32],
@@ -142,7 +140,7 @@ pub trait Component: Send {
     }
 }
 
-/// A linear system, and how it was found where that is not by derivatives.
+/// A linear system, with a note on how it was found if not by derivatives.
 #[derive(Debug, Clone)]
 pub struct Linear {
     /// The system.
@@ -157,40 +155,40 @@ impl From<StateSpace> for Linear {
     }
 }
 
-/// What a component can do beyond stepping forward; by default nothing.
+/// Optional capabilities of a component; none by default.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Abilities {
     /// [`save`](Component::save) and [`restore`](Component::restore) its complete state (rollback).
     pub rollback: bool,
     /// Take communication steps of different lengths.
     pub variable_steps: bool,
-    /// Take [the derivatives of inputs](Component::set_input_derivatives), so that these are ramps within
-    /// a step instead of held.
+    /// Accept [the derivatives of inputs](Component::set_input_derivatives), so that inputs are ramps within a step
+    /// instead of held.
     pub input_derivatives: bool,
-    /// Give [the derivatives of outputs](Component::get_output_derivatives).
+    /// Provide [the derivatives of outputs](Component::get_output_derivatives).
     pub output_derivatives: bool,
-    /// Give [directional derivatives](Component::directional_derivative), during initialization too.
+    /// Provide [directional derivatives](Component::directional_derivative), during initialization too.
     pub directional_derivatives: bool,
 }
 
-/// How far a step came.
+/// Result of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Progress {
-    /// To its end.
+    /// The step is complete.
     Done,
-    /// The component could not finish the step; it stands at this time \[s\].
+    /// The component could not finish the step.
     Discarded {
-        /// Where it stands \[s\].
+        /// Time reached \[s\].
         reached: f64,
     },
-    /// The component wants the simulation to end at this time \[s\].
+    /// The component requests the end of the simulation.
     EndRequested {
-        /// Where it stands \[s\].
+        /// Time reached \[s\].
         reached: f64,
     },
 }
 
-/// When a simulation starts and ends and how exact it shall be.
+/// Start time, stop time and tolerance of a simulation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Experiment {
     /// Start time \[s\].
@@ -206,27 +204,26 @@ pub struct Experiment {
 pub struct Variable {
     /// Name, unique within the component.
     pub name: String,
-    /// Other names of it.
+    /// Aliases.
     pub aliases: Vec<String>,
-    /// What calls refer to it by.
+    /// Handle used in calls.
     pub handle: u32,
     /// Type of its values.
     pub kind: ValueKind,
-    /// What it is for.
+    /// Role in the simulation.
     pub role: Role,
-    /// Whether a user may give its start value.
+    /// Whether the user may set its start value.
     pub settable: bool,
-    /// Whether it keeps its value between instants at which it jumps, though it may be a real.
+    /// Whether it is piecewise constant between events, even if it is a real.
     pub is_discrete: bool,
-    /// Unit of a real; `None` if the component does not say.
+    /// Unit of a real; `None` if not specified.
     pub unit: Option<Unit>,
-    /// Smallest and largest start value that a user may give, in the unit; infinite where there is no limit.
+    /// Smallest and largest start value allowed, in the unit; infinite if unlimited.
     pub range: [f64; 2],
-    /// Magnitude of a real that counts as not small, in its unit: what tolerances refer to. 1 where
-    /// the component does not say (FMI 2.0, section 2.2.7, `nominal`).
+    /// Nominal magnitude of a real, in its unit, to which tolerances refer; 1 if not specified (FMI 2.0, section 2.2.7,
+    /// `nominal`).
     pub nominal: f64,
-    /// Of an output: positions in [`Component::variables`] of the inputs that it depends on at once
-    /// (direct feedthrough).
+    /// For an output: positions in [`Component::variables`] of the inputs with direct feedthrough to it.
     pub feedthrough: Vec<usize>,
     /// The same during initialization.
     pub initial_feedthrough: Vec<usize>,
@@ -239,7 +236,7 @@ impl Variable {
         std::iter::once(self.name.as_str()).chain(aliases)
     }
 
-    /// A variable without unit and feedthrough; parameters and inputs are settable, all but reals are
+    /// A variable without unit and feedthrough; parameters and inputs are settable, and all kinds except reals are
     /// discrete.
     pub fn new(name: impl Into<String>, handle: u32, kind: ValueKind, role: Role) -> Self {
         Self {
@@ -264,7 +261,7 @@ impl Variable {
 pub enum ValueKind {
     /// Floating point.
     Real,
-    /// Integer, of 32 bits in FMI 2.0.
+    /// Integer; 32 bits in FMI 2.0.
     Integer,
     /// True or false.
     Boolean,
@@ -275,8 +272,8 @@ pub enum ValueKind {
 }
 
 impl ValueKind {
-    /// Whether outputs of this type may feed inputs of another one. A real may feed an integer, which is an
-    /// error at the time where its value is not whole.
+    /// Whether outputs of this type may feed inputs of another type. A real may feed an integer; a value that is not
+    /// whole is an error when it occurs.
     pub fn feeds(self, input: Self) -> bool {
         use ValueKind::*;
         self == input
@@ -302,16 +299,16 @@ impl std::fmt::Display for ValueKind {
     }
 }
 
-/// What a variable is for.
+/// Role of a variable in the simulation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// Constant while the simulation runs.
+    /// Constant during the simulation.
     Parameter,
-    /// Fed by another component, or kept at its start value.
+    /// Fed by another component, or constant at its start value.
     Input,
-    /// May feed inputs, and is recorded.
+    /// May feed inputs; recorded.
     Output,
-    /// Neither.
+    /// None of the above.
     Local,
 }
 
@@ -326,21 +323,21 @@ impl std::fmt::Display for Role {
     }
 }
 
-/// A value of any kind; an enumeration's is an integer.
+/// A value of any kind; enumerations have integer values.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Value {
-    /// Of a real.
+    /// A real.
     Real(f64),
-    /// Of an integer or an enumeration.
+    /// An integer or an enumeration.
     Integer(i64),
-    /// Of a boolean.
+    /// A boolean.
     Boolean(bool),
-    /// Of a string.
+    /// A string.
     String(String),
 }
 
 impl Value {
-    /// The value of that kind which a user wrote.
+    /// Parses a value of that kind as written by the user.
     pub fn parse(text: &str, kind: ValueKind) -> Option<Self> {
         Some(match kind {
             ValueKind::Real => Self::Real(text.trim().parse().ok()?),
@@ -354,7 +351,7 @@ impl Value {
         })
     }
 
-    /// Its type; that of an enumeration's value is an integer.
+    /// Its type; `Integer` for an enumeration's value.
     pub fn kind(&self) -> ValueKind {
         match self {
             Self::Real(_) => ValueKind::Real,
@@ -364,13 +361,13 @@ impl Value {
         }
     }
 
-    /// As a value for an input of type `kind`, which its own type [may feed](ValueKind::feeds).
+    /// Converts to a value for an input of type `kind`, which this value's type [may feed](ValueKind::feeds).
     ///
     /// # Errors
-    /// If something would be lost: it is a real that is not whole, or too large, and an integer is wanted; or an
-    /// integer of more digits than a real has.
+    /// If information would be lost: a real that is not whole or too large for an integer, or an integer with more
+    /// digits than a real has.
     pub fn converted(self, kind: ValueKind) -> Result<Self, ComponentError> {
-        // All whole reals in between are of type i64.
+        // All whole reals within this limit fit into an i64.
         const LIMIT: f64 = (1_u64 << 63) as f64;
         match (self, kind) {
             (Self::Integer(value), ValueKind::Real) => {
@@ -393,7 +390,7 @@ impl Value {
         }
     }
 
-    /// As a number for a table; booleans are 0 and 1, a string is NaN.
+    /// As a number for a table; booleans become 0 or 1, strings NaN.
     pub fn as_number(&self) -> f64 {
         match self {
             Self::Real(value) => *value,

@@ -1,21 +1,21 @@
-//! What of a result is no finite number.
+//! Detects results that are not finite numbers.
 
 use super::recorder::{Recorder, Signal};
 use std::io;
 
-/// How many signals are named.
+/// Maximum number of signals that are named.
 const NAMED: usize = 10;
 
-/// A recorder that notes which signals are NaN or infinite.
+/// A recorder that records which signals are NaN or infinite.
 pub struct Finite<'r> {
     inner: &'r mut dyn Recorder,
     names: Vec<String>,
-    /// Of each signal the first value that is no finite number, with its time, and in how many rows there is one.
+    /// For each signal, time and value of the first non-finite sample, and the number of rows with one.
     seen: Vec<Option<(f64, f64, u64)>>,
 }
 
 impl<'r> Finite<'r> {
-    /// Of rows that go there.
+    /// Forwards rows to `inner`.
     pub fn new(inner: &'r mut dyn Recorder) -> Self {
         Self {
             inner,
@@ -24,7 +24,7 @@ impl<'r> Finite<'r> {
         }
     }
 
-    /// What was seen.
+    /// The non-finite signals.
     pub fn finish(self) -> NotFinite {
         let seen = self.names.into_iter().zip(self.seen);
         let seen = seen.filter_map(|(name, seen)| {
@@ -48,7 +48,7 @@ impl Recorder for Finite<'_> {
     }
 
     fn row(&mut self, time: f64, values: &[f64]) -> io::Result<()> {
-        // Of finite numbers, times 0, the sum is finite, and this is one sweep.
+        // Finite numbers times 0 sum to a finite number; this needs only one pass.
         if !values
             .iter()
             .map(|value| value * 0.0)
@@ -78,11 +78,11 @@ impl Recorder for Finite<'_> {
 pub struct NotFiniteSignal {
     /// `instance.variable`.
     pub name: String,
-    /// When it is so first \[s\].
+    /// Time of the first such sample \[s\].
     pub time: f64,
-    /// What it is then.
+    /// Value of that sample.
     pub value: f64,
-    /// In how many rows.
+    /// Number of rows with such samples.
     pub rows: u64,
 }
 
@@ -91,18 +91,18 @@ pub struct NotFiniteSignal {
 pub struct NotFinite(pub Vec<NotFiniteSignal>);
 
 impl NotFinite {
-    /// Whether all of the result is finite.
+    /// Whether the whole result is finite.
     pub fn is_none(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// A line for each signal.
+    /// One line per signal.
     pub fn words(&self) -> Vec<String> {
         let line = |own: &NotFiniteSignal| {
             let NotFiniteSignal {
                 name, value, rows, ..
             } = own;
-            // Times are counted: 3 · 0.1 s.
+            // Removes rounding noise of `k·h`, as in 3 · 0.1 s.
             let time = (own.time * 1e9).round() / 1e9;
             match rows {
                 1 => format!("`{name}` is {value} at {time} s"),

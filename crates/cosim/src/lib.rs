@@ -1,28 +1,28 @@
-//! Co-simulation: components that are wired together and stepped side by side.
+//! Co-simulation: connected components that are stepped together.
 //!
 //! ```text
 //! components + connections -> System -> run(clock, algorithm) -> Recorder
 //! ```
 //!
-//! The master knows [`Component`]s, not FMUs, and counts time (`t = t0 + k·h`) instead of summing it. It
-//! never gets a value after a set without a step between them, as FMI 2.0 asks (section 4.2.4).
+//! The master handles [`Component`]s, independent of FMI, and counts time (`t = t0 + k·h`) instead of summing it. It
+//! never gets a value after a set without a step in between, as FMI 2.0 requires (section 4.2.4).
 //!
-//! | module | what it holds |
+//! | module | content |
 //! | --- | --- |
-//! | [`component`] | what a component offers: variables, and ten calls |
-//! | [`fmu_component`] | FMUs of FMI 2.0 and 3.0 as components: co-simulation, and model exchange with a solver; in this process or in one of their own |
-//! | [`native_component`] | models in Rust as components |
-//! | [`system`] | who is wired to whom, checked |
-//! | [`description`] | what a system is made of, as files and command lines say it |
-//! | [`clock`] | communication points, counted |
+//! | [`component`] | interface of a component: variables and calls |
+//! | [`fmu_component`] | FMI 2.0 and 3.0 FMUs as components: co-simulation, and model exchange with a solver; in this or a separate process |
+//! | [`native_component`] | Rust models as components |
+//! | [`system`] | instances and connections, with checks |
+//! | [`description`] | description of a system in files and command lines |
+//! | [`clock`] | communication points |
 //! | [`algorithms`] | Jacobi, Gauss-Seidel and strong coupling; extrapolation; step-size control |
 //! | [`master`] | initialization and the stepping loop |
-//! | [`finite`] | which signals of a run are NaN or infinite |
-//! | [`mod@linearize`] | the linear system about where the components stand, and its loops |
-//! | [`recorder`] | where the rows go |
-//! | [`report`] | what a run did, and how far its coupling is to be trusted |
-//! | [`selection`] | which signals are recorded, and how often |
-//! | [`source`] | signals over time, from a table |
+//! | [`finite`] | detection of signals that are NaN or infinite |
+//! | [`mod@linearize`] | linearization of the coupled system about its current state, and its loops |
+//! | [`recorder`] | output of recorded rows |
+//! | [`report`] | statistics of a run and estimates of its coupling error |
+//! | [`selection`] | selection of recorded signals and their sampling |
+//! | [`source`] | signals over time from a table |
 
 pub mod algorithms;
 pub mod clock;

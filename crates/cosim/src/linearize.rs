@@ -1,4 +1,4 @@
-//! The linear system that a coupled system is for small changes about where it stands.
+//! Linearization of a coupled system about its current state.
 
 use super::algorithms::Coupling;
 use super::clock::Clock;
@@ -11,20 +11,20 @@ use pilotage_linear::{AlgebraicLoop, Margins, Response, Sampled, StateSpace, Wir
 use pilotage_text::suggestion::{did_you_mean, suggestion};
 use thiserror::Error;
 
-/// Why a coupled system has no linear one.
+/// Why a coupled system cannot be linearized.
 #[derive(Debug, Error)]
 pub enum LinearizeError {
-    /// The loop at the connection is asked for, but there is none.
+    /// There is no connection at which the loop can be cut.
     #[error("there is no connection `{from}={to}`{}", did_you_mean(suggestion.as_deref()))]
     NoConnection {
         /// Output.
         from: String,
         /// Input.
         to: String,
-        /// A connection that is alike.
+        /// A similar connection.
         suggestion: Option<String>,
     },
-    /// Nothing comes back to where a loop is cut.
+    /// The connection is not in a loop.
     #[error("the connection `{from}={to}` is in no loop: what goes in there does not come back")]
     NoLoop {
         /// Output.
@@ -32,7 +32,7 @@ pub enum LinearizeError {
         /// Input.
         to: String,
     },
-    /// Direct feedthrough without a solution.
+    /// An algebraic loop without a solution.
     #[error(transparent)]
     AlgebraicLoop(#[from] AlgebraicLoop),
 }
@@ -44,23 +44,23 @@ pub struct Linearization {
     pub parts: StateSpace,
     /// Wires between them.
     pub wires: Vec<Wire>,
-    /// Connections that carry no changes: of other types than reals, or of what a component counts as constant.
+    /// Connections that carry no changes: not of reals, or of variables that a component treats as constant.
     pub constant: Vec<String>,
-    /// How the parts were found whose derivatives are not known.
+    /// For parts without known derivatives: how they were linearized.
     pub notes: Vec<String>,
 }
 
-/// How a loop responds where it is cut.
+/// Frequency response of a loop at the cut.
 #[derive(Debug, Clone)]
 pub struct Loop {
-    /// `L(jω)`, such that `1 + L = 0` is the closed loop.
+    /// `L(jω)`; the closed loop's characteristic equation is `1 + L = 0`.
     pub response: Response,
     /// Its margins.
     pub margins: Margins,
 }
 
-/// Runs a system to the clock's stop and linearises it there. There is no linearization if the run ends
-/// earlier, or a component cannot be linearised: [`Run::ending`] says why. The components are still alive, as after
+/// Runs a system to the clock's stop and linearizes it there. There is no linearization if the run ends earlier or a
+/// component cannot be linearized; [`Run::ending`] gives the reason. The components are not terminated, as in
 /// [`run_open`](super::run_open).
 ///
 /// # Errors
@@ -73,7 +73,7 @@ pub fn linearize(
     recorder: &mut dyn Recorder,
 ) -> Result<(Run, Option<Linearization>), MasterError> {
     let names: Vec<String> = system.instance_names().map(str::to_owned).collect();
-    // Connections by the names of their ends; a real one with its factor.
+    // Connections as names of output and input; connections of reals with their factor.
     let connections: Vec<(String, String, Option<f64>)> = (system.connections.iter())
         .map(|c| {
             let factor = system.is_real(c).then_some(c.conversion.factor);
@@ -100,7 +100,7 @@ pub fn linearize(
     Ok((run, linearization))
 }
 
-/// A part whose names begin with that of its instance.
+/// Prefixes a part's names with its instance's name.
 fn prefixed(mut part: StateSpace, instance: &str) -> StateSpace {
     for names in [&mut part.states, &mut part.inputs, &mut part.outputs] {
         for name in names {
@@ -122,7 +122,7 @@ fn wired(parts: &[StateSpace], connections: &[(String, String, Option<f64>)]) ->
                 input,
                 factor,
             }),
-            // What a table feeds is an input from outside.
+            // An input fed by a table is an external input.
             (None, Some(_), _) => {}
             _ => constant.push(format!("{from}={to}")),
         }
@@ -136,10 +136,10 @@ fn wired(parts: &[StateSpace], connections: &[(String, String, Option<f64>)]) ->
 }
 
 impl Linearization {
-    /// The coupled system. Its inputs are those that nothing feeds, its outputs all.
+    /// The coupled system. Its inputs are the unconnected ones, its outputs all outputs.
     ///
     /// # Errors
-    /// If direct feedthrough closes a loop without a solution.
+    /// If there is an algebraic loop without a solution.
     pub fn coupled(&self) -> Result<StateSpace, AlgebraicLoop> {
         let is_fed = |input: &usize| self.wires.iter().any(|wire| wire.input == *input);
         let free: Vec<usize> = (0..self.parts.inputs.len())
@@ -148,10 +148,10 @@ impl Linearization {
         Ok(self.parts.closed(&self.wires)?.from_inputs(&free))
     }
 
-    /// The wire of a connection.
+    /// The index of a connection's wire.
     ///
     /// # Errors
-    /// If there is none of these names.
+    /// If there is no such connection.
     pub fn wire(&self, from: &str, to: &str) -> Result<usize, LinearizeError> {
         let name = |wire: &Wire| {
             let (output, input) = (
@@ -172,10 +172,10 @@ impl Linearization {
         })
     }
 
-    /// The loop that is cut open at a wire, in continuous time.
+    /// The loop cut at a wire, in continuous time.
     ///
     /// # Errors
-    /// If there is no loop, or direct feedthrough closes one without a solution.
+    /// If there is no loop, or an algebraic loop has no solution.
     ///
     /// # Panics
     /// If there is no such wire.
@@ -184,7 +184,7 @@ impl Linearization {
         self.looped(wire, response, margins)
     }
 
-    /// The same loop in a co-simulation with Jacobi's scheme in steps of `step` \[s\].
+    /// The same loop in a co-simulation with Jacobi's scheme and a step of `step` \[s\].
     ///
     /// # Errors
     /// As [`loop_at`](Self::loop_at).
@@ -196,11 +196,11 @@ impl Linearization {
         self.looped(wire, response, margins)
     }
 
-    /// Poles of the coupled system in a co-simulation with Jacobi's scheme in steps of `step` \[s\], as
-    /// those of a system in continuous time [1/s].
+    /// Poles of the coupled system in a co-simulation with Jacobi's scheme and a step of `step` \[s\], as equivalent
+    /// continuous-time poles [1/s].
     ///
     /// # Errors
-    /// Never for want of a solution: what is held closes no algebraic loop.
+    /// Not because of algebraic loops: held inputs close none.
     pub fn poles_in_steps(&self, step: f64) -> Result<Vec<Complex<f64>>, AlgebraicLoop> {
         Sampled::new(&self.parts, step).poles(&self.wires)
     }

@@ -1,4 +1,4 @@
-//! Models in Rust as components, without FMUs between. They run the same [`Simulation`] as the exported FMUs.
+//! Rust models as components, without FMUs. They run the same [`Simulation`] as the exported FMUs.
 
 use super::component::{
     Abilities, Component, ComponentError, Experiment, Linear, Progress, Role, Unit, Value,
@@ -11,26 +11,26 @@ use pilotage_sdk::structure::{Structure, Unknown};
 use pilotage_sdk::{Equations, Simulation, Table, variable};
 use thiserror::Error;
 
-/// Why a native component refuses a call.
+/// Why a native component rejects a call.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum NativeError {
-    /// An expression is no finite number.
+    /// An expression is not finite.
     #[error("{name} is {value} ({cause})")]
     NotFinite {
         /// The variable.
         name: String,
         /// Its value.
         value: f64,
-        /// Which expression, and where it stands.
+        /// The expression and its location.
         cause: String,
     },
-    /// A handle that is no variable's.
+    /// An invalid handle.
     #[error("there is no variable with handle {handle}")]
     NoSuchVariable {
         /// The handle.
         handle: u32,
     },
-    /// Models have real variables, and modes, which are Boolean and only read.
+    /// Models have real variables and read-only Boolean modes.
     #[error("there is no variable of type {kind} with handle {handle}")]
     NoSuchKind {
         /// The type asked for.
@@ -38,13 +38,13 @@ pub enum NativeError {
         /// The handle.
         handle: u32,
     },
-    /// Nothing was saved there.
+    /// The slot is empty.
     #[error("no state is saved in place {place}")]
     NothingSaved {
-        /// Number of the place.
+        /// Number of the slot.
         place: usize,
     },
-    /// Only outputs have derivatives to be asked for.
+    /// Only outputs have derivatives.
     #[error("the variable with handle {handle} is no output")]
     NoOutput {
         /// The handle.
@@ -60,13 +60,13 @@ pub struct NativeComponent<E> {
     saved: Vec<Option<Snapshot>>,
 }
 
-/// A built-in model or one of a model file. It is compiled here, where steps are optimised, and not where it is wired.
+/// A built-in model or a model from a file. Compiled in this crate, where steps are optimized, and not in the caller's.
 pub fn of_model(model: AnyModel) -> Box<dyn Component> {
     Box::new(NativeComponent::new(model))
 }
 
 impl<E: Equations> NativeComponent<E> {
-    /// The model at its start values.
+    /// A model at its start values.
     pub fn new(model: E) -> Self {
         let table = model.table();
         let structure = Structure::of(&model, &table);
@@ -88,7 +88,7 @@ impl<E: Equations> NativeComponent<E> {
         }
     }
 
-    /// Refuses a value that is no finite number where the equations say why; others may be meant.
+    /// Rejects a non-finite value if the equations report a cause; other non-finite values may be intended.
     #[cold]
     fn check_defined(&self, handle: u32, value: f64) -> Result<(), NativeError> {
         let name = self.variables[handle as usize].name.clone();
@@ -106,7 +106,7 @@ impl<E: Equations> NativeComponent<E> {
     }
 }
 
-/// A model's variable as the master sees it.
+/// Converts a model's variable to the master's.
 fn seen(
     variable: &variable::Variable,
     handle: u32,
@@ -162,6 +162,7 @@ impl<E: Equations + Send> Component for NativeComponent<E> {
         if let Some(tolerance) = experiment.tolerance {
             self.simulation.set_tolerance(tolerance);
         }
+        self.simulation.set_time(experiment.start);
         Ok(())
     }
 
@@ -243,7 +244,7 @@ impl<E: Equations + Send> Component for NativeComponent<E> {
             self.saved.resize(place + 1, None);
         }
         match &mut self.saved[place] {
-            // `clone_from` of the derive would allocate anew.
+            // The derived `clone_from` would allocate.
             Some(saved) => copy(self.simulation.snapshot(), saved),
             empty => *empty = Some(self.simulation.snapshot().clone()),
         }

@@ -1,4 +1,4 @@
-//! Where the rows of a run go.
+//! Recorders for the rows of a run.
 
 use pilotage_series::{Column, Series, head};
 use std::io::{self, Write};
@@ -12,7 +12,7 @@ pub struct Signal {
     pub unit: String,
 }
 
-/// Takes the rows of a run as they are computed.
+/// Receives the rows of a run as they are computed.
 pub trait Recorder: Send {
     /// Called once, before the first row.
     fn begin(&mut self, signals: &[Signal]) -> io::Result<()>;
@@ -25,7 +25,7 @@ pub trait Recorder: Send {
         Ok(())
     }
 
-    /// Whether the run shall end after this row: asked after each.
+    /// Whether the run should end after this row; called after each row.
     fn is_stop_asked(&mut self) -> bool {
         false
     }
@@ -34,12 +34,12 @@ pub trait Recorder: Send {
 /// Keeps the rows as a [`Series`].
 #[derive(Debug, Clone, Default)]
 pub struct SeriesRecorder {
-    /// What was recorded.
+    /// The recorded series.
     pub series: Series,
 }
 
 impl SeriesRecorder {
-    /// An empty series with room for `rows` rows, so that recording does not allocate.
+    /// An empty series with capacity for `rows` rows, so that recording does not allocate.
     pub fn with_capacity(rows: usize) -> Self {
         let mut recorder = Self::default();
         recorder.series.time.reserve(rows);
@@ -68,30 +68,29 @@ impl Recorder for SeriesRecorder {
     }
 }
 
-/// Writes the rows as CSV: each by one call as it comes, so that in a file without buffer all rows survive
-/// whatever ends the process; or, which is faster, in larger portions.
+/// Writes the rows as CSV: either each row with one call, so that with an unbuffered file all rows survive a crash of
+/// the process, or in larger portions, which is faster.
 ///
-/// The header is `time,instance.variable [unit],...`, numbers are the shortest that read back as the same
-/// `f64` (`NaN` and `inf` among them): [`Series::read_table`] reads names and units back. So does
-/// `fmpy.util.read_csv`, to which the unit is part of the name; it looks for a column `time`, which therefore
-/// has none \[s\].
+/// The header is `time,instance.variable [unit],...`; numbers are the shortest that read back as the same `f64`
+/// (including `NaN` and `inf`). [`Series::read_table`] restores names and units. `fmpy.util.read_csv` reads the file
+/// too, with the unit as part of the name; it requires a column `time`, which therefore has no unit \[s\].
 #[derive(Debug)]
 pub struct CsvRecorder<W: Write> {
     to: W,
-    /// Bytes that are waited for before they are written, those there are, and room for them and the
-    /// longest row.
+    /// Number of bytes to collect before writing, number of bytes collected, and a buffer for these plus the longest
+    /// row.
     portion: usize,
     filled: usize,
     room: Vec<u8>,
 }
 
 impl<W: Write> CsvRecorder<W> {
-    /// Writes each row to `to` as it comes.
+    /// Writes each row to `to` immediately.
     pub fn new(to: W) -> Self {
         Self::in_portions(to, 0)
     }
 
-    /// Writes as soon as there are so many bytes, and at the [end](Self::finish).
+    /// Writes once `portion` bytes are collected, and at the [end](Self::finish).
     pub fn in_portions(to: W, portion: usize) -> Self {
         Self {
             to,
@@ -101,10 +100,10 @@ impl<W: Write> CsvRecorder<W> {
         }
     }
 
-    /// Writes what is left, flushes and hands the writer back.
+    /// Writes the remaining bytes, flushes and returns the writer.
     ///
     /// # Errors
-    /// If that fails.
+    /// If writing fails.
     pub fn finish(mut self) -> io::Result<W> {
         self.write()?;
         self.to.flush()?;
@@ -143,14 +142,14 @@ impl<W: Write + Send> Recorder for CsvRecorder<W> {
     }
 }
 
-/// Bytes that a number and what follows it take at most: 24 and one.
+/// Maximum length of a number and its separator in bytes: 24 and one.
 const LONGEST: usize = 25;
 
-/// Numbers that are formatted before the first is copied, since what was just written is slow to read.
+/// Number of values formatted before the first is copied, since data just written is slow to read.
 const TOGETHER: usize = 8;
 
-/// Writes up to [`TOGETHER`] numbers from `at` on, each with a comma behind it; where the last comma ends. A
-/// text is the shortest that reads back as the same number; whole numbers are without `.0`.
+/// Writes up to [`TOGETHER`] numbers at `at`, each followed by a comma, and returns the end. Each text is the shortest
+/// that reads back as the same number; whole numbers have no `.0`.
 fn put_numbers(line: &mut [u8], mut at: usize, numbers: &[f64]) -> usize {
     let mut buffers: [zmij::Buffer; TOGETHER] = std::array::from_fn(|_| zmij::Buffer::new());
     let mut texts = [""; TOGETHER];
@@ -167,8 +166,8 @@ fn put_numbers(line: &mut [u8], mut at: usize, numbers: &[f64]) -> usize {
     at
 }
 
-/// Copies up to 32 bytes in overlapping pieces of fixed sizes: a call of `memcpy` for a length that changes
-/// from number to number takes a fourth of the time of formatting it.
+/// Copies up to 32 bytes in overlapping pieces of fixed size: a `memcpy` call with varying length takes a fourth of the
+/// time of formatting the number.
 #[inline]
 fn copy_short(to: &mut [u8], from: &[u8]) {
     let n = from.len();
@@ -196,7 +195,7 @@ mod tests {
             rng_seed: proptest::test_runner::RngSeed::Fixed(4),
             ..ProptestConfig::default()
         })]
-        /// Names, units and bits; a NaN is a missing sample, and times may repeat.
+        /// Names, units and bits are kept; a NaN is a missing sample, and times may repeat.
         #[test]
         fn a_result_reads_back_as_a_table(
             names in prop::collection::btree_set("[a-z]{1,3}\\.[a-z_.()']{1,4}(\\[[0-9]{1,2}(,[0-9])?\\])?", 1..5),

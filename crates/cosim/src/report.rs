@@ -1,54 +1,53 @@
-//! What a run did, and how far its coupling is to be trusted.
+//! Statistics of a run and estimates of its coupling error.
 
-/// What a run did, and how far its coupling is to be trusted.
+/// Statistics of a run and estimates of its coupling error.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Report {
     /// The communication steps.
     pub steps: Steps,
-    /// Each instance, in the order in which they were added.
+    /// The instances, in the order in which they were added.
     pub instances: Vec<InstanceReport>,
-    /// Each connection of reals.
+    /// The connections of reals.
     pub connections: Vec<ConnectionReport>,
-    /// Names of the instances that feed on others and cannot go back to a saved state, where the
-    /// coupling would need it: strong coupling gives them extrapolated inputs, and with step-size
-    /// control no step is repeated.
+    /// Names of instances with connected inputs but without rollback, if the coupling needs it: strong coupling gives
+    /// them extrapolated inputs, and step-size control repeats no step.
     pub irrevocable: Vec<String>,
-    /// Names of the instances that cannot vary their steps, where [jumps became ramps](Steps::ramps).
+    /// Names of the instances without variable steps, if [jumps became ramps](Steps::ramps).
     pub fixed: Vec<String>,
-    /// Names of the instances that hold their inputs within each step, or part of it, where these could change:
-    /// they take no input derivatives (FMI 2.0) and no intermediate updates (FMI 3.0).
+    /// Names of the instances that hold inputs within each step or part of it although these could change: they support
+    /// neither input derivatives (FMI 2.0) nor intermediate updates (FMI 3.0).
     pub holding: Vec<String>,
-    /// Time of the stepping loop without the calls to the instances \[s\]: the master and the recorder. With
-    /// components that step at the same time, it says little.
+    /// Time of the stepping loop without calls to instances \[s\]: the master and the recorder. It is of little
+    /// significance if components step concurrently.
     pub master_seconds: f64,
-    /// Steps of the clock in which calls were timed; the components' times are estimates from these. All of
-    /// them with [`Coupling::measure`](super::Coupling::measure).
+    /// Number of clock steps in which calls were timed; the components' times are estimated from these. With
+    /// [`Coupling::measure`](super::Coupling::measure) all steps are timed.
     pub timed_steps: u64,
 }
 
-/// Communication steps, counted.
+/// Counts of communication steps.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Steps {
-    /// Steps that count.
+    /// Accepted steps.
     pub accepted: u64,
-    /// Steps that were taken back, since their error was too large (of strong coupling in steps of fixed length: seen to
-    /// be a hundredth of the signal, or else, it may be half of it) or a component could not do them.
+    /// Rejected steps: the error was too large (with strong coupling and fixed steps: an observed error of a hundredth
+    /// of the signal, or a possible one of half of it), or a component could not complete the step.
     pub rejected: u64,
-    /// Accepted steps whose error was larger than the tolerance, since they were the shortest allowed
-    /// or a component could not go back.
+    /// Accepted steps whose error exceeded the tolerance, because they had the minimum length or a component has no
+    /// rollback.
     pub over_tolerance: u64,
     /// Corrections of strong coupling, each of which repeats the step.
     pub corrections: u64,
-    /// How often the matrix of these corrections was made anew.
+    /// Number of matrices computed for these corrections.
     pub matrices: u64,
-    /// Steps in which the corrections were ended before they had converged.
+    /// Steps whose corrections did not converge.
     pub unconverged: u64,
-    /// Steps that were repeated, since values that are no reals had changed within them.
+    /// Steps repeated because non-real values changed within them.
     pub repeated: u64,
-    /// Steps in which such values did not settle; those of their begin were passed on.
+    /// Steps in which such values did not settle; their values at the beginning were used.
     pub unsettled: u64,
-    /// Jumps of signals at which steps were cut, and those that became ramps over a step, since a component
-    /// cannot vary its steps.
+    /// Jumps of signals at which steps were cut, and jumps that became ramps over a step because a component has no
+    /// variable steps.
     pub jumps: u64,
     /// See [`Self::jumps`].
     pub ramps: u64,
@@ -69,11 +68,11 @@ pub struct Calls {
     pub gets: u64,
     /// Saving the state.
     pub saves: u64,
-    /// Going back to a saved one.
+    /// Restoring a saved state.
     pub restores: u64,
 }
 
-/// What an instance did.
+/// Statistics of an instance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InstanceReport {
     /// Name.
@@ -84,7 +83,7 @@ pub struct InstanceReport {
     pub seconds: f64,
 }
 
-/// What a connection did.
+/// Statistics of a connection.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConnectionReport {
     /// The output.
@@ -93,27 +92,27 @@ pub struct ConnectionReport {
     pub to: String,
     /// Unit of the output; empty if unknown.
     pub unit: String,
-    /// What the input got while the output's next value was not known.
+    /// Value given to the input while the output's next value was unknown.
     pub transfer: Transfer,
-    /// How late the input's values are, averaged over a step \[s\]; negative if early. Parts of second
-    /// order in the step are left to the errors.
+    /// Mean lag of the input's values over a step \[s\]; negative if early. Terms of second order in the step are part
+    /// of the errors.
     pub lag: f64,
-    /// By how much the input was wrong; `None` without a step.
+    /// Error of the input; `None` without a step.
     pub error: Option<CouplingError>,
-    /// Whether the output ran away from step to step.
+    /// Divergence of the output, if detected.
     pub divergence: Option<Divergence>,
 }
 
-/// What an input gets within a communication step.
+/// Value of an input within a communication step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Transfer {
-    /// The output's value at the begin of the step.
+    /// The output's value at the beginning of the step.
     Held,
     /// The output's value at the end of the step.
     Ahead,
-    /// A polynomial through the values until the begin of the step.
+    /// A polynomial through the values up to the beginning of the step.
     Extrapolated,
-    /// A polynomial through the values until the end of the step.
+    /// A polynomial through the values up to the end of the step.
     Interpolated,
 }
 
@@ -128,14 +127,14 @@ impl std::fmt::Display for Transfer {
     }
 }
 
-/// By how much the mean of an input over a step of the clock was wrong, in the unit of the feeding output.
+/// Error of an input's mean over a step of the clock, in the unit of the feeding output.
 ///
-/// In strong coupling, what it should have been is seen: an FMU that can go back, follows lines and tells slopes steps
-/// to points within the step, so that what two fast poles do between its ends is found. Else it is estimated from the communication points:
-/// of an input that is held in a fixed step, by a straight line; else by a polynomial of degree 2 or, where the slopes
-/// are known, 3. Where the input was just that, it is the polynomial's own error: from the fourth derivative where
-/// slopes are known, else by what the next lower degree makes of it. How far the outputs stray from the exact ones in the course of time
-/// is another matter: that is what all these errors make together.
+/// In strong coupling the exact mean is observed if the FMU has rollback, linear inputs and output derivatives: it is
+/// stepped to points within the step, which resolves even fast poles. Otherwise the mean is estimated from the
+/// communication points: for an input held in a fixed step by a line; else by a polynomial of degree 2 or, if slopes
+/// are known, 3. If the input was this polynomial, the polynomial's own error is used: from the fourth derivative if
+/// slopes are known, otherwise from the next lower degree. These errors do not give the deviation of the outputs from
+/// the exact solution over time, which results from all of them together.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct CouplingError {
     /// Magnitude, averaged over time.
@@ -144,12 +143,12 @@ pub struct CouplingError {
     pub max: f64,
 }
 
-/// How an output ran away.
+/// Kind of divergence of an output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Divergence {
-    /// Up and down in turn, each time further: this comes from the coupling.
+    /// Alternating changes of growing size: caused by the coupling.
     Alternating,
-    /// Each few steps ten times as far: this comes from the coupling, or the system is unstable.
+    /// Changes that keep growing: caused by the coupling or by an unstable system.
     Growing,
 }
 

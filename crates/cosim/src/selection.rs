@@ -1,4 +1,4 @@
-//! Which signals of a run are recorded, and how often.
+//! Selection of recorded signals and rows.
 
 use super::component::{Conversion, Role, ValueKind};
 use super::recorder::{Recorder, Signal};
@@ -8,10 +8,10 @@ use std::collections::{HashMap, HashSet};
 use std::io;
 use thiserror::Error;
 
-/// Why a choice of signals cannot be had.
+/// Why signals cannot be selected.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum SelectionError {
-    /// A pattern that fits no variable.
+    /// A pattern that matches no variable.
     #[error("no variable is named like `{pattern}`{}", did_you_mean(suggestion.as_deref()))]
     Nothing {
         /// The pattern.
@@ -19,7 +19,7 @@ pub enum SelectionError {
         /// The most similar name.
         suggestion: Option<String>,
     },
-    /// Patterns that fit only variables that no table of numbers can hold.
+    /// A pattern that matches only variables that a table of numbers cannot hold.
     #[error("`{pattern}` is text and cannot be in a table of numbers")]
     Text {
         /// The pattern.
@@ -27,7 +27,7 @@ pub enum SelectionError {
     },
 }
 
-/// Chosen signals, in the order in which they are recorded.
+/// Selected signals, in recording order.
 #[derive(Debug, Clone, Default)]
 pub struct Selection {
     chosen: Vec<Chosen>,
@@ -36,21 +36,19 @@ pub struct Selection {
 #[derive(Debug, Clone)]
 struct Chosen {
     signal: Signal,
-    /// Name of the signal of the run that holds it: its own, or of an input that is fed that of the
-    /// output.
+    /// Name of the run's signal with its values: its own name or, for a connected input, that of the output.
     source: String,
     conversion: Conversion,
 }
 
 impl Selection {
-    /// The variables whose `instance.variable`, or whose alias, fits one of the patterns, in which `*` stands for any
-    /// characters and `?` for one; parameters, which do not change, only if nothing else fits it. Tells
-    /// the system to read those that are not read anyway: locals, parameters and inputs that nothing
-    /// feeds. An input that is fed has at each time the value of the output that feeds it, in the input's
-    /// unit.
+    /// Selects the variables whose `instance.variable` or alias matches one of the patterns, in which `*` matches any
+    /// characters and `?` one. Parameters, which do not change, are selected only if nothing else matches. The system
+    /// is set to read those that it otherwise would not: locals, parameters and unconnected inputs. A connected input
+    /// has the value of the output that feeds it, in the input's unit.
     ///
     /// # Errors
-    /// If a pattern fits nothing that can be recorded.
+    /// If a pattern matches nothing that can be recorded.
     pub fn new(system: &mut System, patterns: &[String]) -> Result<Self, SelectionError> {
         let names: Vec<(Port, String)> = system.names().collect();
         let (mut chosen, mut known) = (Vec::new(), HashSet::new());
@@ -58,7 +56,7 @@ impl Selection {
             let mut fitting: Vec<&(Port, String)> = (names.iter())
                 .filter(|(_, name)| fits(pattern, name))
                 .collect();
-            // Where a variable's own name fits, its aliases do not count.
+            // If a variable's own name matches, its aliases are ignored.
             fitting.retain(|(port, name)| {
                 let own = system.port_name(*port);
                 *name == own || !fits(pattern, &own)
@@ -86,8 +84,8 @@ impl Selection {
         Ok(Self::of(system, chosen))
     }
 
-    /// All outputs but those of some components, in whose stead the inputs that they feed are recorded:
-    /// what a table feeds is known best by the name of the input.
+    /// All outputs except those of some components; instead, the inputs that these feed are recorded, since the input's
+    /// name describes a table's signal best.
     pub fn without(system: &mut System, sources: &[String]) -> Self {
         let is_source = |port: Port| sources.contains(&system.instances[port.instance].name);
         let is_wanted = |port: &Port| {
@@ -129,7 +127,7 @@ impl Selection {
     }
 }
 
-/// Whether a name fits a pattern with `*` and `?`.
+/// Whether a name matches a pattern with `*` and `?`.
 fn fits(pattern: &str, name: &str) -> bool {
     let mut rest = name.chars();
     let mut parts = pattern.chars();
@@ -149,28 +147,28 @@ fn fits(pattern: &str, name: &str) -> bool {
     }
 }
 
-/// Records chosen signals at every `every`-th row, the first one included, and at the last.
+/// Records selected signals in every `every`-th row, starting with the first, and in the last row.
 pub struct Thinned<'r> {
-    /// Where the chosen values go.
+    /// Recorder of the selected values.
     inner: &'r mut dyn Recorder,
     selection: Option<Selection>,
-    /// Slot in the run's row and conversion of each chosen signal; empty without a selection.
+    /// Slot in the run's row and conversion of each selected signal; empty without a selection.
     slots: Vec<(usize, Conversion)>,
     row: Vec<f64>,
     every: u64,
-    /// Rows until the next one that is kept.
+    /// Number of rows to skip before the next recorded one.
     wait: u64,
-    /// Time and values of the last row, if it was left out.
+    /// Time and values of the last row, if it was skipped.
     skipped: Option<f64>,
     last: Vec<f64>,
-    /// What is recorded.
+    /// The recorded signals.
     pub signals: Vec<Signal>,
-    /// Rows that were recorded.
+    /// Number of recorded rows.
     pub rows: u64,
 }
 
 impl<'r> Thinned<'r> {
-    /// All signals where nothing is selected.
+    /// Without a selection, all signals are recorded.
     ///
     /// # Panics
     /// If `every` is 0.
@@ -214,7 +212,7 @@ impl Recorder for Thinned<'_> {
         let slots: HashMap<&str, usize> = (signals.iter().enumerate())
             .map(|(slot, signal)| (signal.name.as_str(), slot))
             .collect();
-        // Every chosen signal is an output or observed, so that the run has it.
+        // Every selected signal is an output or observed, so the run contains it.
         let (chosen, found): (Vec<Signal>, Vec<(usize, Conversion)>) = (selection.chosen.iter())
             .filter_map(|chosen| {
                 let slot = *slots.get(chosen.source.as_str())?;

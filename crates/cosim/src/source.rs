@@ -1,4 +1,4 @@
-//! Signals over time, from a table, as a component that feeds others.
+//! A table of signals over time as a component that feeds inputs.
 
 use super::component::{
     Abilities, Component, ComponentError, Experiment, Linear, Progress, Role, Unit, Value,
@@ -9,16 +9,19 @@ use pilotage_series::{Column, Series};
 use std::sync::Arc;
 use thiserror::Error;
 
+/// 2^63, beyond which a number is no 64-bit integer.
+const TWO_TO_63: f64 = 9_223_372_036_854_775_808.0;
+
 /// Why a table's column cannot feed an input.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum SourceError {
-    /// A column of missing samples only.
+    /// A column with missing samples only.
     #[error("column `{column}` has no samples")]
     Empty {
         /// The column.
         column: String,
     },
-    /// An infinite sample, between which and others there is no straight line.
+    /// An infinite sample, which cannot be interpolated linearly.
     #[error("column `{column}` is {value} at {time} s; expected finite numbers")]
     Infinite {
         /// The column.
@@ -28,7 +31,7 @@ pub enum SourceError {
         /// Its time \[s\].
         time: f64,
     },
-    /// A sample that is no value of the input's type.
+    /// A sample that is not a valid value of the input's type.
     #[error("column `{column}` is {value} at {time} s, which is no {kind}")]
     NotOfKind {
         /// The column.
@@ -37,10 +40,10 @@ pub enum SourceError {
         value: f64,
         /// Its time \[s\].
         time: f64,
-        /// The type of the input that it shall feed.
+        /// Type of the input to be fed.
         kind: ValueKind,
     },
-    /// Text cannot come from a table of numbers.
+    /// A table of numbers cannot provide text.
     #[error("column `{column}` holds numbers and cannot feed a String")]
     Text {
         /// The column.
@@ -50,23 +53,23 @@ pub enum SourceError {
 
 /// A table whose columns are outputs; a handle is a column's position.
 ///
-/// Between samples reals go along straight lines, other types keep the last sample. A time that stands
-/// in several rows is a jump: from it on the last of these rows counts. Before the first and after the
-/// last sample of a column its value is held.
+/// Reals are interpolated linearly between samples; other types hold the last sample. A time in several rows is a jump:
+/// from then on the last of these rows applies. Before the first and after the last sample of a column its value is
+/// held.
 ///
-/// A master sees a table as it sees any component, at its communication points; so that a jump is one for a master
-/// that interpolates between them, [`next_jump`](Component::next_jump) tells when it comes.
+/// Like any component, a table is sampled at communication points. [`next_jump`](Component::next_jump) reports its
+/// jumps, so that a master that interpolates between communication points can reproduce them.
 #[derive(Debug, Clone)]
 pub struct Source {
     variables: Vec<Variable>,
     columns: Vec<Samples>,
-    /// Times at which some column jumps, in order.
+    /// Times of jumps in any column, in increasing order.
     jumps: Vec<f64>,
     time: f64,
     saved: Vec<f64>,
 }
 
-/// The samples of one column, missing ones left out; the times are shared by all columns that miss none.
+/// The samples of one column without missing ones; columns without missing samples share their times.
 #[derive(Debug, Clone, Default)]
 struct Samples {
     times: Arc<Vec<f64>>,
@@ -75,11 +78,11 @@ struct Samples {
 }
 
 impl Source {
-    /// A table whose columns are reals, in the units of its header. It keeps the values where they are: 8 bytes
-    /// for each, and for each time.
+    /// A table whose columns are reals, in the units of its header. It takes over the values without copying: 8 bytes
+    /// for each value and each time.
     ///
     /// # Errors
-    /// If a column has no samples, or an infinite one.
+    /// If a column has no samples or an infinite one.
     pub fn new(series: Series) -> Result<Self, SourceError> {
         let mut source = Self {
             variables: Vec::new(),
@@ -106,17 +109,19 @@ impl Source {
         self.jumps.dedup();
     }
 
-    /// Turns a column into one of another type, whose values are held between samples.
+    /// Converts a column to another type, whose values are held between samples.
     ///
     /// # Errors
-    /// If a sample is no value of that type.
+    /// If a sample is not a valid value of that type.
     pub fn hold_as(&mut self, column: usize, kind: ValueKind) -> Result<(), SourceError> {
         let variable = &mut self.variables[column];
         let name = || variable.name.clone();
         let samples = &mut self.columns[column];
         let fits = |value: f64| match kind {
             ValueKind::Real => true,
-            ValueKind::Integer | ValueKind::Enumeration => (value as i64) as f64 == value,
+            ValueKind::Integer | ValueKind::Enumeration => {
+                value.fract() == 0.0 && (-TWO_TO_63..TWO_TO_63).contains(&value)
+            }
             ValueKind::Boolean => value == 0.0 || value == 1.0,
             ValueKind::String => false,
         };
@@ -175,7 +180,7 @@ fn samples(times: &Arc<Vec<f64>>, column: Column) -> Result<Samples, SourceError
 }
 
 impl Samples {
-    /// Where values change at once.
+    /// Times of discontinuities.
     fn jumps(&self) -> impl Iterator<Item = f64> {
         let pairs = self.times.windows(2).zip(self.values.windows(2));
         let jumping = pairs.filter(|(times, values)| {
@@ -184,7 +189,7 @@ impl Samples {
         jumping.map(|(times, _)| times[1])
     }
 
-    /// The value at a time; at a jump the one after it.
+    /// The value at a time; at a jump the value after it.
     fn at(&self, time: f64) -> f64 {
         let next = self.times.partition_point(|&t| is_reached(t, time));
         let last = match next {
@@ -200,8 +205,8 @@ impl Samples {
     }
 }
 
-/// Whether `time` is at a sample or after it. Communication points are counted, samples are decimals:
-/// 3 · 0.3 is a little less than 0.9 and means it.
+/// Whether `time` is at or after a sample. Communication points are counted and samples are decimals: 3 · 0.3 is
+/// slightly less than 0.9 but means the same time.
 fn is_reached(sample: f64, time: f64) -> bool {
     const ROUNDING: f64 = 4.0 * f64::EPSILON;
     sample <= time + ROUNDING * time.abs().max(sample.abs())
@@ -246,8 +251,8 @@ impl Component for Source {
         Ok(Progress::Done)
     }
 
-    /// All that it is, is a time. It gives no derivatives: at a corner there are two, and without them
-    /// a straight line between communication points is just what the table means.
+    /// The state consists of a time only. Derivatives are not provided: they are not unique at corners, and without
+    /// them the master's linear interpolation between communication points is what the table means.
     fn abilities(&self) -> Abilities {
         Abilities {
             rollback: true,
@@ -277,7 +282,7 @@ impl Component for Source {
         Ok(())
     }
 
-    /// Nothing: what it feeds are inputs from outside.
+    /// An empty system: what it feeds are external inputs.
     fn linearize(&mut self, _step: f64) -> Result<Linear, ComponentError> {
         Ok(StateSpace::empty().into())
     }
@@ -287,7 +292,7 @@ impl Component for Source {
 mod tests {
     use super::*;
 
-    /// What a column gives at these times.
+    /// Values of a column at these times.
     fn followed(csv: &str, kind: ValueKind, times: &[f64]) -> Vec<f64> {
         let after = csv.replace(' ', "\n");
         let folder = tempfile::tempdir().unwrap();
@@ -329,7 +334,7 @@ mod tests {
         }
     }
 
-    /// Communication points are `k·h`, the samples decimals: for none of these steps a jump comes late.
+    /// Communication points are `k·h`, samples are decimals: for none of these steps is a jump late.
     #[test]
     fn a_jump_at_a_communication_point_is_not_missed_by_rounding() {
         for (h, k) in [(0.3, 3), (0.1, 7), (0.05, 3), (0.7, 9), (0.001, 9_999)] {

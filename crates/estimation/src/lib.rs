@@ -1,4 +1,4 @@
-//! Problem files: what was measured and what is sought, of any system of models, and their fit.
+//! Problem files, which state the measured signals and the sought parameters of a system of models, and their fit.
 //!
 //! ```
 //! use pilotage_estimation::{Posed, ProblemFile, fit, part};
@@ -34,18 +34,19 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Take it where models are text and data are files; `pilotage-collocation` is beneath it, for equations in Rust.
+//! Use this crate if models are text and data are files. It builds on `pilotage-collocation`, which takes equations in
+//! Rust.
 //!
-//! | module, each beneath the next | what it holds |
+//! | module, each used by the next | contents |
 //! | --- | --- |
-//! | [`problem`] | what a problem file says |
-//! | [`system`] | the instances as equations, and wired |
-//! | [`mod@posed`] | from these, the runs and the unknowns to one system of equations |
-//! | [`search`] | where the search begins, and what a solution is |
-//! | `innovations` | the fit of predictions from sample to sample, where noise drives the system |
-//! | [`result`] | what was found, how sure it is, what speaks against it |
-//! | [`mod@fit`] | the search itself, and the problem without one |
-//! | [`studies`] | what is fitted again: runs left out, other data, other models |
+//! | [`problem`] | contents of a problem file |
+//! | [`system`] | the instances as equations, and their connections |
+//! | [`mod@posed`] | one system of equations, built from these, the runs and the unknowns |
+//! | [`search`] | initial guesses and solutions |
+//! | `innovations` | fit of one-step predictions, for systems driven by noise |
+//! | [`result`] | estimates, their uncertainty and diagnostics |
+//! | [`mod@fit`] | the search itself, and evaluation without a search |
+//! | [`studies`] | repeated fits: with runs left out, other data or other models |
 
 pub mod fit;
 mod innovations;

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 const MUTATIONS: usize = 10_000;
 
 /// Of each problem one mutation of so many is fitted, if it can be.
-const FIT_EVERY: usize = 20;
+const FIT_EVERY: usize = 5;
 
 /// What is put in the place of a number or a word.
 const WORDS: [&str; 28] = [

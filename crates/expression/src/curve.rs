@@ -1,26 +1,26 @@
-//! Curves through points: what tables of measurements are.
+//! Curves through points, for tables of measurements.
 
 use num_dual::DualNum;
 
-/// A function of one number by points, held at its end values beyond them.
+/// A function of one variable given by points, constant beyond the ends.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curve {
     /// Abscissas, strictly increasing.
     x: Vec<f64>,
-    /// For straight lines a value at each abscissa; for steps one between each two.
+    /// Piecewise linear curves have a value at each abscissa, step functions one between each two.
     y: Vec<f64>,
 }
 
 impl Curve {
-    /// Straight lines between points. `None` unless there are two at least, all finite, with abscissas that
-    /// increase strictly.
+    /// The piecewise linear curve through these points. `None` unless there are at least two, all finite, with strictly
+    /// increasing abscissas.
     pub fn through(x: Vec<f64>, y: Vec<f64>) -> Option<Self> {
         let increases = x.windows(2).all(|pair| pair[0] < pair[1]);
         let finite = x.iter().chain(&y).all(|value| value.is_finite());
         (x.len() >= 2 && x.len() == y.len() && increases && finite).then_some(Self { x, y })
     }
 
-    /// Its derivative: steps, 0 beyond the ends.
+    /// The derivative: a step function, 0 beyond the ends.
     pub fn slope(&self) -> Self {
         let steps = self.is_steps();
         let slope = |k: usize| match steps {
@@ -33,14 +33,14 @@ impl Curve {
         }
     }
 
-    /// Its value everywhere, if it has but one.
+    /// The value of the curve, if it is constant.
     pub fn constant(&self) -> Option<f64> {
         let zero = self.is_steps() && self.y.iter().all(|value| *value == 0.0);
         let equal = self.y.iter().all(|value| *value == self.y[0]);
         (zero || (!self.is_steps() && equal)).then_some(self.y[0])
     }
 
-    /// Its value at a number.
+    /// The value at `x`.
     pub fn at(&self, x: f64) -> f64 {
         match self.place(x) {
             Ok(k) if self.is_steps() => self.y[k],
@@ -49,7 +49,7 @@ impl Curve {
                 false => 0.0,
             },
             Ok(k) => {
-                // Halves: differences of large numbers overflow.
+                // Halved, since differences of large numbers may overflow.
                 let part = (x / 2.0 - self.x[k] / 2.0) / (self.x[k + 1] / 2.0 - self.x[k] / 2.0);
                 (1.0 - part) * self.y[k] + part * self.y[k + 1]
             }
@@ -57,7 +57,7 @@ impl Curve {
         }
     }
 
-    /// Its value at a number of any type, with the derivatives that there are: those of the line on which it lies.
+    /// The value at a number of any type, with the derivatives of the line on which it lies.
     pub fn of<T: DualNum<Primitive = f64> + Copy>(&self, x: T) -> T {
         let value = T::from(self.at(x.re()));
         match self.is_steps() {
@@ -77,7 +77,7 @@ impl Curve {
         self.y.len() < self.x.len()
     }
 
-    /// The interval in which a number lies, or the end value beyond it; NaN for what is no number.
+    /// The interval in which a number lies, or the end value beyond it; NaN for NaN.
     fn place(&self, x: f64) -> Result<usize, f64> {
         let last = self.x.len() - 1;
         if x.is_nan() {

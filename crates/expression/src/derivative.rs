@@ -4,7 +4,7 @@ use super::graph::{Graph, Node};
 use super::operation::{Function, Operation, Operator};
 
 impl Graph {
-    /// Derivatives of some expressions by a variable, forward through the graph.
+    /// Derivatives of expressions with respect to a variable, in forward mode.
     pub fn derivatives(&mut self, of: &[Node], variable: usize) -> Vec<Node> {
         let zero = self.constant(0.0);
         let needed = self.ancestors(of);
@@ -21,7 +21,7 @@ impl Graph {
         of.iter().map(|node| by[node.index()]).collect()
     }
 
-    /// The gradient of an expression by these variables, backward through the graph.
+    /// The gradient of an expression with respect to these variables, in reverse mode.
     pub fn gradient(&mut self, of: Node, variables: &[Node]) -> Vec<Node> {
         let zero = self.constant(0.0);
         let one = self.constant(1.0);
@@ -42,7 +42,7 @@ impl Graph {
         variables.iter().map(own).collect()
     }
 
-    /// The chain rule for one node, whose arguments have these derivatives.
+    /// The chain rule for one node, given the derivatives of its arguments.
     fn chain(&mut self, node: Node, by: &[Node]) -> Node {
         if let Operation::Select(condition, yes, no) = self.operation(node) {
             return self.select(condition, by[yes.index()], by[no.index()]);
@@ -55,7 +55,7 @@ impl Graph {
         sum
     }
 
-    /// The partial derivatives of a node by its arguments, one entry for each place of an argument.
+    /// The partial derivatives of a node with respect to its arguments, one entry per argument position.
     fn partials(&mut self, node: Node) -> Vec<(Node, Node)> {
         match self.operation(node) {
             Operation::Constant(_) | Operation::Variable(_) => Vec::new(),
@@ -158,7 +158,7 @@ impl Graph {
         }
     }
 
-    /// The derivatives of an operator by both arguments, whose value is the node `own`.
+    /// The derivatives of an operator, whose value is the node `own`, with respect to both arguments.
     fn slopes(&mut self, operator: Operator, a: Node, b: Node, own: Node) -> Vec<(Node, Node)> {
         let one = self.constant(1.0);
         match operator {

@@ -1,5 +1,5 @@
-//! Expressions as a graph of operations: equal ones stand in it once, and what is constant is computed as it
-//! is built.
+//! Expressions as a graph of operations: equal expressions are stored once, and constants are folded during
+//! construction.
 
 use super::curve::Curve;
 use super::opaque::{Call, Opaque, Partial};
@@ -7,24 +7,24 @@ use super::operation::{Function, Operation, Operator};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Largest whole exponent whose power becomes products.
+/// Largest integer exponent for which a power is expanded into products.
 const LONGEST_CHAIN: f64 = 32.0;
 
-/// An expression: a place in a [`Graph`].
+/// An expression: an index into a [`Graph`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Node(u32);
 
 impl Node {
-    /// Its place in the graph; arguments stand before what uses them.
+    /// The index in the graph; arguments precede the nodes that use them.
     #[inline]
     pub fn index(self) -> usize {
         self.0 as usize
     }
 }
 
-/// Expressions over variables, which are counted from 0.
+/// Expressions over variables, which are numbered from 0.
 ///
-/// A product with the constant 0 is 0, whatever the other factor: derivatives become as sparse as they are.
+/// A product with the constant 0 is 0, whatever the other factor, which keeps derivatives sparse.
 #[derive(Debug, Clone, Default)]
 pub struct Graph {
     operations: Vec<Operation>,
@@ -34,27 +34,27 @@ pub struct Graph {
 }
 
 impl Graph {
-    /// The operations, in an order in which they can be computed.
+    /// The operations in an order of evaluation.
     pub fn operations(&self) -> &[Operation] {
         &self.operations
     }
 
-    /// What a node computes.
+    /// The operation of a node.
     pub fn operation(&self, node: Node) -> Operation {
         self.operations[node.index()]
     }
 
-    /// The curves that are looked up.
+    /// The curves used by lookups.
     pub fn curves(&self) -> &[Arc<Curve>] {
         &self.curves
     }
 
-    /// The calls of functions that are no expressions.
+    /// The calls of opaque functions.
     pub fn calls(&self) -> &[Call] {
         &self.calls
     }
 
-    /// The nodes that an operation takes.
+    /// The arguments of an operation.
     pub fn arguments(&self, operation: Operation) -> impl Iterator<Item = Node> {
         let (few, called) = match operation {
             Operation::Constant(_) | Operation::Variable(_) => ([None; 3], None),
@@ -68,7 +68,7 @@ impl Graph {
         few.into_iter().flatten().chain(taken.map(|(_, node)| node))
     }
 
-    /// A number.
+    /// A constant.
     pub fn constant(&mut self, value: f64) -> Node {
         self.insert(Operation::Constant(value.to_bits()))
     }
@@ -78,12 +78,12 @@ impl Graph {
         self.insert(Operation::Variable(index as u32))
     }
 
-    /// A variable that stands in the graph.
+    /// A variable, if it is in the graph.
     pub fn known_variable(&self, index: usize) -> Option<Node> {
         self.known.get(&Operation::Variable(index as u32)).copied()
     }
 
-    /// The number that a node is, if it is one.
+    /// The value of a node, if it is a constant.
     pub fn value(&self, node: Node) -> Option<f64> {
         match self.operation(node) {
             Operation::Constant(bits) => Some(f64::from_bits(bits)),
@@ -91,7 +91,7 @@ impl Graph {
         }
     }
 
-    /// True where a node is the number 0.
+    /// True if a node is the constant 0.
     pub fn is_zero(&self, node: Node) -> bool {
         self.value(node) == Some(0.0)
     }
@@ -107,7 +107,7 @@ impl Graph {
         }
     }
 
-    /// Two expressions joined by an operator.
+    /// A binary operator applied to two expressions.
     pub fn binary(&mut self, operator: Operator, a: Node, b: Node) -> Node {
         let (left, right) = (self.value(a), self.value(b));
         if let (Some(left), Some(right)) = (left, right) {
@@ -128,7 +128,7 @@ impl Graph {
         }
     }
 
-    /// The second expression where the first is not 0, else the third.
+    /// The second expression if the first is not 0, else the third.
     pub fn select(&mut self, condition: Node, yes: Node, no: Node) -> Node {
         match self.value(condition) {
             Some(0.0) => no,
@@ -138,19 +138,19 @@ impl Graph {
         }
     }
 
-    /// The smaller of two.
+    /// The smaller of two expressions.
     pub fn smaller(&mut self, a: Node, b: Node) -> Node {
         let is_less = self.binary(Operator::Less, b, a);
         self.select(is_less, b, a)
     }
 
-    /// The larger of two.
+    /// The larger of two expressions.
     pub fn larger(&mut self, a: Node, b: Node) -> Node {
         let is_less = self.binary(Operator::Less, a, b);
         self.select(is_less, b, a)
     }
 
-    /// A curve at an expression.
+    /// The value of a curve at an expression.
     pub fn lookup(&mut self, curve: &Arc<Curve>, at: Node) -> Node {
         if let Some(constant) = curve.constant() {
             return self.constant(constant);
@@ -166,11 +166,11 @@ impl Graph {
         self.insert(Operation::Lookup(index as u32, at))
     }
 
-    /// A value of a function that is no expression, or a derivative of one. An argument without a node is one that it
-    /// does not depend on.
+    /// A value of an opaque function, or a derivative of it. Arguments without a node are those on which it does not
+    /// depend.
     ///
     /// # Panics
-    /// When there are not as many arguments as the function has, or one is missing.
+    /// If the number of arguments differs from that of the function, or a required one is missing.
     pub fn call(
         &mut self,
         function: &Arc<dyn Opaque>,
@@ -203,7 +203,7 @@ impl Graph {
     /// The values of all nodes at one point.
     ///
     /// # Panics
-    /// Where there are fewer variables than the graph has.
+    /// If there are fewer variables than in the graph.
     pub fn values(&self, variables: &[f64]) -> Vec<f64> {
         let mut values: Vec<f64> = Vec::with_capacity(self.operations.len());
         let mut called: HashMap<Operation, f64> = HashMap::new();
@@ -231,7 +231,7 @@ impl Graph {
         values
     }
 
-    /// What of a call can be told, once these nodes have their values.
+    /// The values of a call that can be computed once these nodes have their values.
     fn called(&self, number: u32, values: &[f64]) -> Vec<(Operation, f64)> {
         let call = &self.calls[number as usize];
         let is_ready = |operation: Operation| {
@@ -284,10 +284,10 @@ impl Graph {
         self.multiply(factor, a)
     }
 
-    /// Takes expressions over from another graph, whose variable `k` is `variables[k]` here.
+    /// Imports expressions from another graph, whose variable `k` is `variables[k]` here.
     ///
     /// # Panics
-    /// Where an expression has a variable that is not in the list.
+    /// If an expression has a variable that is not in the list.
     pub fn import(&mut self, from: &Self, expressions: &[Node], variables: &[Node]) -> Vec<Node> {
         let needed = from.ancestors(expressions);
         let mut here: Vec<Option<Node>> = vec![None; from.operations.len()];
@@ -315,7 +315,7 @@ impl Graph {
         expressions.iter().map(of).collect()
     }
 
-    /// Which nodes are needed for these, themselves among them.
+    /// True for the nodes needed for these, including themselves.
     pub fn ancestors(&self, of: &[Node]) -> Vec<bool> {
         let mut needed = vec![false; self.operations.len()];
         of.iter().for_each(|node| needed[node.index()] = true);
@@ -328,7 +328,7 @@ impl Graph {
         needed
     }
 
-    /// Which nodes depend on a variable that `is_meant`.
+    /// True for the nodes that depend on a variable for which `is_meant` holds.
     pub fn dependants(&self, is_meant: impl Fn(usize) -> bool) -> Vec<bool> {
         let mut depends = vec![false; self.operations.len()];
         for (k, operation) in self.operations.iter().enumerate() {
@@ -340,7 +340,7 @@ impl Graph {
         depends
     }
 
-    /// The expression whose opposite a node is.
+    /// The argument of a negation.
     fn negated(&self, node: Node) -> Option<Node> {
         match self.operation(node) {
             Operation::Unary(Function::Negate, inner) => Some(inner),
@@ -370,7 +370,7 @@ impl Graph {
         }
     }
 
-    /// A power whose exponent is a number: products where it is whole and small.
+    /// A power with a constant exponent: expanded into products if the exponent is a small integer.
     fn constant_power(&mut self, a: Node, exponent: f64) -> Node {
         if exponent == 0.5 {
             return self.unary(Function::Sqrt, a);
@@ -396,7 +396,7 @@ impl Graph {
         }
     }
 
-    /// The node at a place.
+    /// The node at an index.
     pub(super) fn node(&self, place: usize) -> Node {
         debug_assert!(place < self.operations.len());
         Node(place as u32)

@@ -1,14 +1,14 @@
 //! Equations as expression graphs.
 //!
-//! Equations that are written once, in Rust generic over the number type of `num-dual`, are taken down as a
-//! graph of operations ([`trace()`]): equal expressions stand in it once, constants are folded. Models with
-//! named signals are joined to one ([`Model::join`]), parameters become numbers, derivatives are expressions of
-//! the same graph with exactly the entries that are not zero ([`Graph::derivatives`], [`Graph::gradient`]). A
-//! [`Tape`] computes expressions at many points at once, with what depends on parameters alone done before, or
-//! at one point in any number type.
+//! Equations written once, in Rust generic over the number type of `num-dual`, are recorded as a graph of operations
+//! ([`trace()`]): equal expressions are stored once, and constants are folded. Models with named signals are joined
+//! into one ([`Model::join`]), and parameters are replaced by numbers. Derivatives are expressions of the same graph,
+//! and only structurally nonzero entries are kept ([`Graph::derivatives`], [`Graph::gradient`]). A [`Tape`] evaluates
+//! expressions at many points at once, with the parts that depend only on parameters evaluated beforehand, or at one
+//! point in any number type.
 //!
-//! It serves whoever needs the same equations with first and second derivatives many thousand times: a
-//! solver for estimation or control. For one derivative now and then, dual numbers alone are simpler.
+//! It is made for solvers for estimation or control, which need the same equations with first and second derivatives
+//! many thousand times. For occasional derivatives, dual numbers alone are simpler.
 //!
 //! ```
 //! use pilotage_expression::{System, Tape};

@@ -1,4 +1,4 @@
-//! Models with names, and how they are joined to one.
+//! Models with named signals, and how they are joined.
 
 use super::graph::{Graph, Node};
 use super::operation::Operation;
@@ -6,7 +6,7 @@ use super::system::{Point, System};
 use super::trace::{Obstacle, Traced};
 use std::collections::HashSet;
 
-/// A system `ẋ = f(t, x, u; p)` whose variables and outputs have names.
+/// A system `ẋ = f(t, x, u; p)` with names of its variables and outputs.
 #[derive(Debug, Clone)]
 pub struct Model {
     /// The equations.
@@ -17,30 +17,30 @@ pub struct Model {
     pub inputs: Vec<String>,
     /// Names of the parameters.
     pub parameters: Vec<String>,
-    /// Names of the outputs that are no states.
+    /// Names of the outputs that are not states.
     pub outputs: Vec<String>,
 }
 
-/// Why models cannot be joined, or a signal not be found.
+/// Why models cannot be joined, or a signal cannot be found.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ModelError {
-    /// No signal of that name.
+    /// There is no signal with that name.
     #[error("no {role} is called {name}; there are {known}")]
     Unknown {
-        /// What was looked for.
+        /// Kind of the name: signal, parameter, input or part.
         role: &'static str,
         /// The name.
         name: String,
-        /// Those that there are.
+        /// The known names.
         known: String,
     },
-    /// Two things of one name.
+    /// A name is used twice.
     #[error("two are called {0}; give the parts and their signals names of their own")]
     Same(String),
-    /// An input that two signals drive.
+    /// An input is driven by two signals.
     #[error("the input {0} is connected twice; one signal drives an input")]
     Twice(String),
-    /// Outputs that depend on each other at the same instant.
+    /// Outputs depend on each other at the same instant.
     #[error(
         "algebraic loop: {0} depends on itself at the same instant; put a state (a lag) into the loop"
     )]
@@ -48,13 +48,13 @@ pub enum ModelError {
 }
 
 impl Model {
-    /// A model of equations that return the states' derivatives and the outputs.
+    /// A model from equations that return the derivatives of the states and the outputs.
     ///
     /// # Errors
-    /// Where the equations do what no graph says.
+    /// If the equations perform an operation that a graph cannot represent.
     ///
     /// # Panics
-    /// When they do not return as many derivatives and outputs as there are names.
+    /// If the numbers of returned derivatives and outputs differ from the numbers of names.
     pub fn trace(
         [states, inputs, parameters, outputs]: [&[&str]; 4],
         equations: impl FnOnce(Point<'_>) -> [Vec<Traced>; 2],
@@ -79,7 +79,7 @@ impl Model {
     /// The expression of a state, an output or an input.
     ///
     /// # Errors
-    /// Where none has that name.
+    /// If there is no signal with that name.
     pub fn signal(&self, name: &str) -> Result<Node, ModelError> {
         let system = &self.system;
         let at = |names: &[String]| names.iter().position(|own| own == name);
@@ -95,10 +95,10 @@ impl Model {
         })
     }
 
-    /// The same with these signals as its outputs.
+    /// The system with these signals as its outputs.
     ///
     /// # Errors
-    /// Where a signal has no such name.
+    /// If there is no signal with a given name.
     pub fn observed(self, signals: &[&str]) -> Result<System, ModelError> {
         let outputs = signals.iter().map(|name| self.signal(name));
         let outputs = outputs.collect::<Result<_, _>>()?;
@@ -108,10 +108,10 @@ impl Model {
         })
     }
 
-    /// The same with some parameters as numbers.
+    /// The model with some parameters replaced by numbers.
     ///
     /// # Errors
-    /// Where a parameter has no such name.
+    /// If there is no parameter with a given name.
     pub fn with_values<'a>(
         self,
         values: impl IntoIterator<Item = (&'a str, f64)>,
@@ -133,13 +133,11 @@ impl Model {
         })
     }
 
-    /// One model of several, each with a name, whose inputs some connections drive: `(from, to)`, from
-    /// `part.signal` to `part.input`. States, parameters, outputs and the inputs that are left are called
-    /// `part.name`, part by part.
+    /// Joins several named models into one. Connections `(from, to)` drive inputs, from `part.signal` to `part.input`.
+    /// States, parameters, outputs and the remaining inputs are named `part.name`, part by part.
     ///
     /// # Errors
-    /// Where a name is unknown or stands twice, an input is driven twice, or the connections close a loop without a
-    /// state.
+    /// If a name is unknown or used twice, an input is driven twice, or the connections form a loop without a state.
     pub fn join(parts: &[(&str, Self)], connections: &[(&str, &str)]) -> Result<Self, ModelError> {
         check_names(parts)?;
         let drivers = drivers(parts, connections)?;
@@ -188,7 +186,7 @@ impl Model {
     }
 }
 
-/// Refuses names that stand twice.
+/// Rejects duplicate names.
 fn check_names(parts: &[(&str, Model)]) -> Result<(), ModelError> {
     let mut seen = HashSet::new();
     for (part, model) in parts {
@@ -208,10 +206,10 @@ fn check_names(parts: &[(&str, Model)]) -> Result<(), ModelError> {
     Ok(())
 }
 
-/// What drives an input: a part and its signal.
+/// The driver of an input: a part and its signal; `None` if it is not connected.
 type Driver = Option<(usize, Node)>;
 
-/// For each part and each of its inputs, what drives it.
+/// The drivers of all inputs of each part.
 fn drivers(
     parts: &[(&str, Model)],
     connections: &[(&str, &str)],
@@ -221,7 +219,7 @@ fn drivers(
             let rest = name.strip_prefix(part)?;
             Some((k, rest.strip_prefix('.')?.to_owned()))
         });
-        // Of parts `a` and `a.b` the longer one is meant.
+        // With parts `a` and `a.b`, the longer name takes precedence.
         let found = found.max_by_key(|(k, _)| parts[*k].0.len());
         let known = parts.iter().map(|(part, _)| format!("{part}."));
         found.ok_or_else(|| ModelError::Unknown {
@@ -255,14 +253,14 @@ fn drivers(
     Ok(drivers)
 }
 
-/// A joint model as it is built.
+/// A joint model under construction.
 struct Joint<'a> {
     parts: &'a [(&'a str, Model)],
     drivers: Vec<Vec<Driver>>,
     graph: Graph,
-    /// For each part, what its variables are here; those of driven inputs once they are found.
+    /// For each part, the nodes of its variables in the joint graph; those of driven inputs once they are resolved.
     variables: Vec<Vec<Option<Node>>>,
-    /// Inputs that are being looked for.
+    /// Inputs that are being resolved.
     open: Vec<(usize, usize)>,
 }
 
@@ -298,7 +296,7 @@ impl<'a> Joint<'a> {
         }
     }
 
-    /// Finds what drives those inputs of a part that are `wanted`.
+    /// Resolves those driven inputs of a part for which `wanted` holds.
     fn drive(&mut self, part: usize, wanted: &dyn Fn(usize) -> bool) -> Result<(), ModelError> {
         let parts = self.parts;
         for input in 0..self.drivers[part].len() {
@@ -330,7 +328,7 @@ impl<'a> Joint<'a> {
         Ok(())
     }
 
-    /// Expressions of a part, here. What they need of its inputs is known.
+    /// Imports expressions of a part. The inputs that they need are resolved.
     fn import(&mut self, part: usize, expressions: &[Node]) -> Vec<Node> {
         let zero = self.graph.constant(0.0);
         let known = self.variables[part].iter();

@@ -1,21 +1,21 @@
-//! Functions that are no expressions, such as those of an FMU: numbers in, numbers and their derivatives out.
+//! Opaque functions, such as those of an FMU, which are not expressions: they map numbers to values and derivatives.
 
 use super::graph::Node;
 use std::fmt;
 use std::sync::Arc;
 
-/// Values of some numbers, with first and second derivatives, that an expression takes as they are.
+/// A vector-valued function with first and second derivatives that is used in expressions without being one.
 pub trait Opaque: fmt::Debug + Send + Sync {
-    /// For each argument what stands for it where nothing wanted depends on it.
+    /// A neutral value for each argument, used if nothing requested depends on it.
     fn neutral(&self) -> &[f64];
 
-    /// Whether a value or a derivative can be other than zero, at any point.
+    /// True if a value or a derivative is not zero everywhere.
     fn depends(&self, partial: Partial) -> bool;
 
-    /// Writes values and derivatives at a point; NaN where there are none.
+    /// Writes values and derivatives at a point; NaN if they are undefined.
     fn evaluate(&self, at: &[f64], wanted: &[Partial], out: &mut [f64]);
 
-    /// Why the last point had no values, if any had none.
+    /// Why the last point had no values, if it had none.
     fn trouble(&self) -> Option<String> {
         None
     }
@@ -24,9 +24,9 @@ pub trait Opaque: fmt::Debug + Send + Sync {
 /// A value of an [`Opaque`] function, or a first or second derivative of one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Partial {
-    /// Number of the value.
+    /// Index of the value.
     pub value: u32,
-    /// Numbers of the arguments by which it is differentiated, the lower one first.
+    /// Indices of the arguments with respect to which it is differentiated, in ascending order.
     by: [Option<u32>; 2],
 }
 
@@ -39,7 +39,7 @@ impl Partial {
         }
     }
 
-    /// Its derivative by an argument; `None` beyond the second.
+    /// Its derivative with respect to an argument; `None` beyond the second derivative.
     #[must_use]
     pub fn by(self, argument: usize) -> Option<Self> {
         let other = argument as u32;
@@ -51,18 +51,18 @@ impl Partial {
         Some(Self { by, ..self })
     }
 
-    /// The arguments by which it is differentiated.
+    /// Indices of the arguments with respect to which it is differentiated.
     pub fn arguments(self) -> impl Iterator<Item = usize> {
         self.by.into_iter().flatten().map(|own| own as usize)
     }
 }
 
-/// A function with what it is given.
+/// An opaque function with its arguments.
 #[derive(Debug, Clone)]
 pub struct Call {
     /// The function.
     pub function: Arc<dyn Opaque>,
-    /// For each argument its node; `None` where nothing depends on it.
+    /// The node of each argument; `None` if nothing depends on it.
     pub arguments: Vec<Option<Node>>,
 }
 
@@ -80,10 +80,10 @@ impl Call {
         }
     }
 
-    /// The arguments that a value, and so each of its derivatives, depends on: places and nodes.
+    /// The arguments on which a value, and so each of its derivatives, depends: indices and nodes.
     ///
     /// # Panics
-    /// Where one of them has no node.
+    /// If one of them has no node.
     pub fn taken(&self, partial: Partial) -> impl Iterator<Item = (usize, Node)> {
         let value = Partial::of(partial.value as usize);
         let all = self.arguments.iter().enumerate();
@@ -93,7 +93,7 @@ impl Call {
         })
     }
 
-    /// Values and derivatives where each argument that they depend on has the value of its node.
+    /// Values and derivatives, given the values of the argument nodes.
     pub(super) fn evaluate(
         &self,
         wanted: &[Partial],
@@ -105,14 +105,14 @@ impl Call {
         self.evaluate_at(wanted, &point, out);
     }
 
-    /// The same where some arguments have these values.
+    /// Values and derivatives, given the values of some arguments by index.
     pub(super) fn evaluate_at(&self, wanted: &[Partial], point: &[(usize, f64)], out: &mut [f64]) {
         let mut at = self.function.neutral().to_vec();
         point.iter().for_each(|(place, value)| at[*place] = *value);
         self.function.evaluate(&at, wanted, out);
     }
 
-    /// One of them.
+    /// A single value or derivative.
     pub(super) fn at(&self, point: &[(usize, f64)], partial: Partial) -> f64 {
         if !self.function.depends(partial) {
             return 0.0;

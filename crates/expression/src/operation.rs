@@ -1,4 +1,4 @@
-//! What a node of a graph computes.
+//! Operations of the nodes of a graph.
 
 use super::graph::Node;
 use super::opaque::Partial;
@@ -9,17 +9,17 @@ use num_dual::DualNum;
 pub enum Operation {
     /// The number with these bits.
     Constant(u64),
-    /// The variable of that number.
+    /// The variable with this index.
     Variable(u32),
     /// A function of an expression.
     Unary(Function, Node),
-    /// Two expressions joined.
+    /// A binary operator applied to two expressions.
     Binary(Operator, Node, Node),
-    /// The second expression where the first is not 0, else the third.
+    /// The second expression if the first is not 0, else the third.
     Select(Node, Node, Node),
-    /// The graph's curve of that number at an expression.
+    /// The curve with this index, evaluated at an expression.
     Lookup(u32, Node),
-    /// A value of the graph's call of that number, or a derivative of one.
+    /// A value of the call with this index, or a derivative of it.
     Call(u32, Partial),
 }
 
@@ -48,12 +48,12 @@ pub enum Function {
     Acosh,
     Atanh,
     Abs,
-    /// 1 or -1, as `f64::signum` says: 1 at 0.
+    /// 1 or -1 as in `f64::signum`: 1 at 0.
     Sign,
 }
 
 impl Function {
-    /// Its value.
+    /// The value of the function.
     pub fn of<T: DualNum<Primitive = f64> + Copy>(self, x: T) -> T {
         match self {
             Self::Negate => -x,
@@ -85,7 +85,7 @@ impl Function {
     }
 }
 
-/// What joins two numbers.
+/// A binary operator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[expect(missing_docs, reason = "they are called as mathematics calls them")]
 pub enum Operator {
@@ -95,18 +95,18 @@ pub enum Operator {
     Divide,
     /// The first to the power of the second.
     Power,
-    /// The angle of the point whose ordinate is the first, and the abscissa the second.
+    /// The angle of the point with the first as ordinate and the second as abscissa.
     Atan2,
-    /// What is left of the first by the second, with the sign of the first.
+    /// The remainder of the first divided by the second, with the sign of the first.
     Remainder,
-    /// 1 where the first is less than the second, else 0.
+    /// 1 if the first is less than the second, else 0.
     Less,
-    /// 1 where both are equal, else 0.
+    /// 1 if both are equal, else 0.
     Equal,
 }
 
 impl Operator {
-    /// Its value.
+    /// The value of the operator.
     pub fn of<T: DualNum<Primitive = f64> + Copy>(self, a: T, b: T) -> T {
         match self {
             Self::Add => a + b,
@@ -122,11 +122,11 @@ impl Operator {
     }
 }
 
-/// `aᵇ`; where `a` is not positive, with the derivatives by `a` alone: there are no others.
+/// `aᵇ`. If `a` is not positive, only the derivatives with respect to `a` exist.
 fn power<T: DualNum<Primitive = f64> + Copy>(a: T, b: T) -> T {
     match a.re() {
         positive if positive > 0.0 => a.powd(b),
-        // There the formulas of dual numbers divide by 0.
+        // The formulas for dual numbers would divide by 0.
         0.0 if b.re() > 1.0 => T::from(0.0),
         _ => a.powf(b.re()),
     }

@@ -1,11 +1,11 @@
-//! A model as expressions: what is fitted, linearised and simulated.
+//! A model as expressions, for fitting, linearisation and simulation.
 
 use super::graph::{Graph, Node};
 use super::trace::{Obstacle, Traced, trace};
 
-/// A system `ẋ = f(t, x, u; p)` with some outputs `y = h(t, x, u; p)`, as an expression graph.
+/// A system `ẋ = f(t, x, u; p)` with outputs `y = h(t, x, u; p)`, as an expression graph.
 ///
-/// Its variables are counted in the order time, states, inputs, parameters; all of them stand in the graph.
+/// Its variables are numbered in the order time, states, inputs, parameters; all of them are in the graph.
 #[derive(Debug, Clone)]
 pub struct System {
     /// The expressions.
@@ -22,7 +22,7 @@ pub struct System {
     pub outputs: Vec<Node>,
 }
 
-/// Where equations in generic Rust are evaluated.
+/// The point at which equations in generic Rust are evaluated.
 #[derive(Debug, Clone, Copy)]
 pub struct Point<'a> {
     /// Time.
@@ -36,13 +36,13 @@ pub struct Point<'a> {
 }
 
 impl System {
-    /// The system of equations that return the states' derivatives and the outputs.
+    /// The system of equations that return the derivatives of the states and the outputs.
     ///
     /// # Errors
-    /// Where the equations do what no graph says.
+    /// If the equations perform an operation that a graph cannot represent.
     ///
     /// # Panics
-    /// When they do not return as many derivatives as there are states.
+    /// If the number of returned derivatives differs from the number of states.
     pub fn trace(
         [states, inputs, parameters]: [usize; 3],
         equations: impl FnOnce(Point<'_>) -> [Vec<Traced>; 2],
@@ -66,7 +66,7 @@ impl System {
         })
     }
 
-    /// The same with those parameters as numbers that have a value; the others stay, in their order.
+    /// The system with the parameters that have a value replaced by numbers; the others keep their order.
     pub fn with_parameters(&self, values: &[Option<f64>]) -> Self {
         let free = values.iter().filter(|value| value.is_none()).count();
         let first = self.variables() - self.parameters;
@@ -89,16 +89,16 @@ impl System {
         }
     }
 
-    /// The same with a parameter as another input, behind the others.
+    /// The system with a parameter turned into an additional, last input.
     ///
     /// # Panics
-    /// Where there is no such parameter.
+    /// If there is no such parameter.
     pub fn with_input(&self, parameter: usize) -> Self {
         assert!(parameter < self.parameters, "a parameter");
         let moved = self.parameter(parameter);
         let mut graph = Graph::default();
         let all: Vec<Node> = (0..self.variables()).map(|k| graph.variable(k)).collect();
-        // Behind the inputs is where the first parameter was.
+        // The position after the inputs is that of the first parameter.
         let first = self.parameter(0);
         let place = |variable: usize| match variable {
             _ if variable == moved => first,
@@ -121,17 +121,17 @@ impl System {
         1 + self.states + self.inputs + self.parameters
     }
 
-    /// The variable of a state.
+    /// Index of the variable of a state.
     pub fn state(&self, k: usize) -> usize {
         1 + k
     }
 
-    /// The variable of an input.
+    /// Index of the variable of an input.
     pub fn input(&self, k: usize) -> usize {
         1 + self.states + k
     }
 
-    /// The variable of a parameter.
+    /// Index of the variable of a parameter.
     pub fn parameter(&self, k: usize) -> usize {
         1 + self.states + self.inputs + k
     }

@@ -1,4 +1,4 @@
-//! Expressions as a list of instructions, computed at many points at once.
+//! Expressions as a list of instructions, evaluated at many points at once.
 
 use super::curve::Curve;
 use super::graph::{Graph, Node};
@@ -9,7 +9,7 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What one instruction does with the registers that it names. Sums of a product are one instruction.
+/// Operation of an instruction on its registers. A sum with a product is one instruction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Code {
     Function(Function),
@@ -20,17 +20,18 @@ enum Code {
     MultiplySubtract,
     /// `c - a b`.
     SubtractProduct,
-    /// `b` where `a` is not 0, else `c`.
+    /// `b` if `a` is not 0, else `c`.
     Select,
-    /// The curve of number `b` at `a`.
+    /// The curve with index `b`, evaluated at `a`.
     Lookup,
-    /// The call of number `a`: fills this register and those of the instructions behind that are [`Self::Filled`].
+    /// The call with index `a`. It fills this register and those of the following instructions that are
+    /// [`Self::Filled`].
     Call,
-    /// The call before has done it.
+    /// Result of a previous call instruction.
     Filled,
 }
 
-/// An instruction; its result is the register after that of the one before.
+/// An instruction; its result register follows that of the previous instruction.
 #[derive(Debug, Clone, Copy)]
 struct Instruction {
     code: Code,
@@ -41,9 +42,8 @@ struct Instruction {
 
 /// Instructions for some expressions, in stages.
 ///
-/// Registers hold the variables, then the constants, then a result of each instruction. The first stage
-/// needs the variables that are known early and no others; stage `k` computes what the `k`-th list of
-/// expressions needs beyond.
+/// Registers hold the variables, then the constants, then the result of each instruction. The first stage needs only
+/// the variables known early; stage `k` computes what the `k`-th list of expressions additionally needs.
 #[derive(Debug, Clone, Default)]
 pub struct Tape {
     variables: usize,
@@ -53,23 +53,23 @@ pub struct Tape {
     ends: Vec<usize>,
     /// Registers of each list's expressions.
     outputs: Vec<Vec<usize>>,
-    /// For each expression, whether it depends on early variables alone.
+    /// True for expressions that depend only on early variables.
     early: Vec<Vec<bool>>,
     curves: Vec<Arc<Curve>>,
     calls: Vec<Called>,
 }
 
-/// A call, and what is wanted of it.
+/// A call, and its requested values.
 #[derive(Debug, Clone)]
 struct Called {
     call: Call,
     wanted: Vec<Partial>,
-    /// Register of each argument that something wanted depends on.
+    /// Index and register of each argument on which a requested value depends.
     registers: Vec<(usize, u32)>,
 }
 
 impl Called {
-    /// Writes what is wanted at `B` points, of which neighbours are often the same.
+    /// Writes the requested values at `B` points, of which adjacent ones are often equal.
     #[inline(never)]
     fn fill<const B: usize>(&self, known: &[[f64; B]], out: &mut [[f64; B]]) {
         let mut found = vec![0.0; self.wanted.len()];
@@ -91,8 +91,8 @@ impl Called {
         }
     }
 
-    /// Writes what is wanted in any number type: by Taylor's series to the second order, of which the derivatives that
-    /// duals carry are exact.
+    /// Writes the requested values in any number type, by a Taylor series to the second order. The derivatives that
+    /// dual numbers carry are exact.
     #[inline(never)]
     fn fill_numbers<T: DualNum<Primitive = f64> + Copy>(
         &self,
@@ -121,7 +121,7 @@ impl Called {
         }
     }
 
-    /// What a value or derivative changes by where arguments are off a point by numbers whose real part is 0.
+    /// Change of a value or derivative if arguments differ from a point by dual numbers with real part 0.
     fn change<T: DualNum<Primitive = f64> + Copy>(
         &self,
         wanted: Partial,
@@ -142,15 +142,15 @@ impl Called {
     }
 }
 
-/// Registers of a tape at `B` points at once.
+/// Registers of a tape for `B` points at once.
 #[derive(Debug, Clone)]
 pub struct Registers<const B: usize> {
     values: Vec<[f64; B]>,
 }
 
 impl Tape {
-    /// The tape of lists of expressions over this number of variables, of which those that are `early` are known
-    /// before the others.
+    /// The tape of lists of expressions over this number of variables; the variables for which `is_early` holds are
+    /// known before the others.
     pub fn new(
         graph: &Graph,
         variables: usize,
@@ -183,17 +183,17 @@ impl Tape {
         self.instructions.len()
     }
 
-    /// True where there is nothing to compute.
+    /// True if there are no instructions.
     pub fn is_empty(&self) -> bool {
         self.instructions.is_empty()
     }
 
-    /// For each expression of a list, whether it depends on early variables alone.
+    /// True for the expressions of a list that depend only on early variables.
     pub fn is_early(&self, list: usize) -> &[bool] {
         &self.early[list]
     }
 
-    /// Registers with the constants in place.
+    /// Registers initialised with the constants.
     pub fn registers<const B: usize>(&self) -> Registers<B> {
         let mut values = vec![[0.0; B]; self.variables];
         values.extend(self.constants.iter().map(|value| [*value; B]));
@@ -201,13 +201,13 @@ impl Tape {
         Registers { values }
     }
 
-    /// Registers of a list's expressions.
+    /// Registers of the expressions of a list.
     #[inline(always)]
     pub fn outputs(&self, list: usize) -> &[usize] {
         &self.outputs[list]
     }
 
-    /// Runs a stage. To gain from vector instructions, it is inlined to where they are allowed.
+    /// Runs a stage. It is inlined so that it uses the vector instructions enabled in the caller.
     #[inline(always)]
     pub fn run<const B: usize>(&self, stage: usize, registers: &mut Registers<B>) {
         let first = stage.checked_sub(1).map_or(0, |before| self.ends[before]);
@@ -223,7 +223,7 @@ impl Tape {
                     call.fill(known, &mut rest[..call.wanted.len()]);
                 }
                 Code::Filled => {}
-                // SAFETY: the instruction's own register is behind those before.
+                // SAFETY: the register of the instruction comes after those before.
                 _ => step(*instruction, &self.curves, known, unsafe {
                     rest.get_unchecked_mut(0)
                 }),
@@ -231,10 +231,10 @@ impl Tape {
         }
     }
 
-    /// The expressions of all lists at one point, in any number type.
+    /// Evaluates the expressions of all lists at one point, in any number type.
     ///
     /// # Panics
-    /// Where there are not as many variables as the tape has.
+    /// If the number of variables differs from that of the tape.
     pub fn evaluate<T: DualNum<Primitive = f64> + Copy>(&self, variables: &[T]) -> Vec<T> {
         assert_eq!(variables.len(), self.variables, "the tape's variables");
         let mut values = vec![T::from(0.0); self.size()];
@@ -249,11 +249,11 @@ impl Tape {
         self.variables + self.constants.len() + self.len()
     }
 
-    /// Runs all stages on registers of any number type, which hold the variables; the results are in those that
-    /// [`outputs`](Self::outputs) names. It does not allocate.
+    /// Runs all stages on registers of any number type, which hold the variables. The results are in the registers
+    /// listed by [`outputs`](Self::outputs). It does not allocate.
     ///
     /// # Panics
-    /// Where there are not [`size`](Self::size) registers.
+    /// If the number of registers is not [`size`](Self::size).
     pub fn compute<T: DualNum<Primitive = f64> + Copy>(&self, registers: &mut [T]) {
         assert_eq!(registers.len(), self.size(), "the tape's registers");
         let first = self.variables + self.constants.len();
@@ -261,7 +261,7 @@ impl Tape {
         for (register, constant) in constants.iter_mut().zip(&self.constants) {
             *register = T::from(*constant);
         }
-        // Cells: every instruction reads from the list that it writes into.
+        // Cells, since every instruction reads from the list into which it writes.
         let cells = Cell::from_mut(registers).as_slice_of_cells();
         for (instruction, at) in self.instructions.iter().zip(first..) {
             match instruction.code {
@@ -283,14 +283,14 @@ impl<const B: usize> Registers<B> {
         self.values[variable] = value;
     }
 
-    /// What a register holds.
+    /// The value of a register.
     #[inline(always)]
     pub fn get(&self, register: usize) -> [f64; B] {
         self.values[register]
     }
 }
 
-/// An instruction on numbers.
+/// Evaluates an instruction in any number type.
 #[inline(always)]
 fn number<T>(instruction: Instruction, curves: &[Arc<Curve>], values: &[Cell<T>]) -> T
 where
@@ -299,7 +299,7 @@ where
     let Instruction { code, a, b, c } = instruction;
     let of = |register: u32| {
         debug_assert!((register as usize) < values.len(), "a register of the tape");
-        // SAFETY: `Writer` alone makes instructions, and names registers that were filled before: all are below
+        // SAFETY: only `Writer` creates instructions, and it refers to registers that were filled before. All are below
         // `Tape::size`, which `Tape::compute` compares with the length of the list.
         unsafe { values.get_unchecked(register as usize) }.get()
     };
@@ -323,7 +323,7 @@ where
     }
 }
 
-/// What is rare and long does not swell the loop over instructions.
+/// Rare and long operations are kept out of line, so that the loop over instructions stays small.
 #[inline(never)]
 fn rare<T: DualNum<Primitive = f64> + Copy>(function: Function, a: T) -> T {
     function.of(a)
@@ -339,7 +339,7 @@ fn looked_up<T: DualNum<Primitive = f64> + Copy>(curve: &Curve, a: T) -> T {
     curve.of(a)
 }
 
-/// An instruction at `B` points.
+/// Evaluates an instruction at `B` points.
 #[inline(always)]
 fn step<const B: usize>(
     instruction: Instruction,
@@ -350,7 +350,8 @@ fn step<const B: usize>(
     let Instruction { code, a, b, c } = instruction;
     let of = |register: u32| {
         debug_assert!((register as usize) < known.len(), "a register of the tape");
-        // SAFETY: `Writer` alone makes instructions, and names registers that were filled before, which are `known`.
+        // SAFETY: only `Writer` creates instructions, and it refers to registers that were filled before, which are
+        // `known`.
         unsafe { known.get_unchecked(register as usize) }
     };
     match code {
@@ -401,7 +402,7 @@ fn three<const B: usize>(
     }
 }
 
-/// What is rare and long does not swell the loop over instructions.
+/// Rare and long operations are kept out of line, so that the loop over instructions stays small.
 #[inline(never)]
 fn apart<const B: usize>(
     a: &[f64; B],
@@ -415,10 +416,10 @@ fn apart<const B: usize>(
 /// Writes a tape, stage by stage.
 struct Writer<'a> {
     graph: &'a Graph,
-    /// How many nodes take each one, and lists.
+    /// Number of uses of each node by other nodes and by lists.
     uses: Vec<u32>,
     registers: Vec<Option<u32>>,
-    /// For each node that later stages divide by and that the first has, the register of its reciprocal.
+    /// Register of the reciprocal of each node from the first stage by which later stages divide.
     reciprocals: BTreeMap<Node, u32>,
     tape: Tape,
 }
@@ -456,10 +457,10 @@ impl<'a> Writer<'a> {
         writer
     }
 
-    /// Adds the instructions of the wanted nodes that have none yet.
+    /// Adds the instructions of the wanted nodes without a register.
     fn stage(&mut self, wanted: impl Fn(usize) -> bool) {
         let open = |own: &Self, k: usize| wanted(k) && own.registers[k].is_none();
-        // Products that are part of a sum of the same stage.
+        // Products fused into a sum of the same stage.
         let mut absorbed = vec![false; self.registers.len()];
         for k in 0..absorbed.len() {
             if open(self, k)
@@ -485,15 +486,15 @@ impl<'a> Writer<'a> {
         self.tape.ends.push(self.tape.instructions.len());
     }
 
-    /// Adds an instruction; returns its register.
+    /// Adds an instruction and returns its register.
     fn push(&mut self, instruction: Instruction) -> u32 {
         let register = self.tape.size() as u32;
         self.tape.instructions.push(instruction);
         register
     }
 
-    /// Adds the reciprocals of what these nodes divide by to the stage written last: a division takes as long as
-    /// several products, and is made at every point.
+    /// Adds the reciprocals of the divisors of these nodes to the stage written last: a division takes as long as
+    /// several products, and would be repeated at every point.
     fn reciprocals(&mut self, wanted: impl Fn(usize, usize) -> bool) {
         for (k, operation) in self.graph.operations().iter().enumerate() {
             let Operation::Binary(Operator::Divide, _, by) = *operation else {
@@ -516,8 +517,7 @@ impl<'a> Writer<'a> {
         *end.expect("a stage is written") = self.tape.instructions.len();
     }
 
-    /// A sum or difference with a product that nothing else takes: the product's place, and the instruction for
-    /// both.
+    /// A sum or difference with a product that has no other use: the index of the product, and the fused instruction.
     fn fused(&self, k: usize, may: impl Fn(usize) -> bool) -> Option<(usize, Instruction)> {
         let Operation::Binary(operator, left, right) = self.graph.operations()[k] else {
             return None;
@@ -548,7 +548,7 @@ impl<'a> Writer<'a> {
         Some((place.index(), Instruction { code, a, b, c }))
     }
 
-    /// Adds the instructions for all of a call that is wanted and whose arguments are known.
+    /// Adds the instructions for all wanted values of a call whose arguments are known.
     fn call(&mut self, number: u32, open: impl Fn(&Self, usize) -> bool) {
         let call = &self.graph.calls()[number as usize];
         let mut called = Called {

@@ -1,4 +1,4 @@
-//! Random expressions: tapes against the equations run directly, derivatives against hyper-dual numbers.
+//! Random expressions: compares tapes with direct evaluation, and derivatives with hyper-dual numbers.
 
 use crate::{
     Function, Graph, Model, ModelError, Node, Obstacle, Opaque, Operator, Partial, System, Tape,
@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 const VARIABLES: usize = 4;
 
-/// Equations from a list of numbers: each takes two earlier values. Everything stays where it is smooth.
+/// Equations from a list of numbers: each takes two earlier values. All of them are smooth.
 fn equations<T: DualNum<Primitive = f64> + Copy>(recipe: &[(u8, u8, u8)], x: &[T]) -> Vec<T> {
     let mut values = x.to_vec();
     for &(what, left, right) in recipe {
@@ -42,7 +42,7 @@ fn equations<T: DualNum<Primitive = f64> + Copy>(recipe: &[(u8, u8, u8)], x: &[T
             _ => -a,
         });
         let last = values.len() - 1;
-        // Sizes stay near one.
+        // Keeps magnitudes near one.
         values[last] = values[last] / (values[last] * values[last] * 0.01 + 1.0);
     }
     values.split_off(values.len() - 3.min(values.len()))
@@ -56,7 +56,7 @@ fn taken(recipe: &[(u8, u8, u8)]) -> (Graph, Vec<Node>) {
     trace(VARIABLES, |x| equations(recipe, x)).unwrap()
 }
 
-/// What the expressions are at a point.
+/// Values of the expressions at a point.
 fn values(graph: &Graph, nodes: &[Node], x: &[f64]) -> Vec<f64> {
     Tape::new(graph, VARIABLES, |_| false, &[nodes]).evaluate(x)
 }
@@ -74,7 +74,7 @@ fn config() -> ProptestConfig {
     }
 }
 
-/// A division by what is known early is a product, and by what is not a division, be it a variable or a result.
+/// Divisions by early divisors become products, those by late ones stay divisions, for variables and results alike.
 #[test]
 fn a_tape_divides_by_what_is_known_early_and_by_what_is_not() {
     let mut graph = Graph::default();
@@ -119,7 +119,7 @@ proptest! {
         recipe in recipe(), points in prop::array::uniform4(prop::array::uniform4(-2.0..2.0_f64)),
     ) {
         let (graph, nodes) = taken(&recipe);
-        // The first two variables are known early, and the last expression comes in a stage of its own.
+        // The first two variables are known early, and the last expression has a separate stage.
         let lists: [&[Node]; 2] = [&nodes[..2], &nodes[2..]];
         let tape = Tape::new(&graph, VARIABLES, |variable| variable < 2, &lists);
         let mut registers = tape.registers::<4>();
@@ -214,7 +214,7 @@ fn equations_that_look_at_numbers_are_told() {
         trace(1, |x| vec![x[0].sph_j0()]).unwrap_err(),
         Obstacle::Bessel
     );
-    // Of constants it may be asked, and one trace within another disturbs neither.
+    // Comparing constants is permitted, and nested traces do not affect each other.
     let (graph, nodes) = trace(1, |x| {
         let half = Traced::from(0.5);
         let inner = trace(1, |x| vec![x[0] * 2.0]).unwrap();
@@ -226,7 +226,7 @@ fn equations_that_look_at_numbers_are_told() {
         Tape::new(&graph, 1, |_| false, &[&nodes]).evaluate(&[3.0]),
         [1.5]
     );
-    // A loop that waits for a number ends, and so does a panic for what was seen.
+    // A loop that waits for a value ends, and so does a panic caused by a value.
     let newton = |x: &[Traced]| {
         let mut root = x[0];
         while (root * root - 2.0).re().abs().partial_cmp(&1e-12) != Some(std::cmp::Ordering::Less) {
@@ -255,7 +255,7 @@ fn lag() -> Model {
 
 #[test]
 fn joined_models_are_the_equations_put_together() {
-    // The second sees twice what the first holds, the third twice that, and the first its own gain of time.
+    // The input of the second is the state of the first; the input of the third is twice that of the second.
     let wires = [("a.x", "b.u"), ("b.double", "c.u")];
     let joint = Model::join(&[("a", lag()), ("b", lag()), ("c", lag())], &wires).unwrap();
     assert_eq!(joint.states, ["a.x", "b.x", "c.x"]);
@@ -309,7 +309,7 @@ fn wires_that_are_wrong_are_named() {
     assert_eq!(same, ModelError::Same("a.x".into()));
     let nested = [("a", lag()), ("a.b", lag())];
     assert!(Model::join(&nested, &[("a.x", "a.b.u"), ("a.b.x", "a.u")]).is_ok());
-    // With a state between, a loop is none.
+    // With a state in between, there is no algebraic loop.
     let loops = [("a.x", "b.u"), ("b.x", "a.u")];
     assert!(Model::join(&[("a", lag()), ("b", lag())], &loops).is_ok());
     let unknown = lag().with_values([("q", 1.0)]).map(|_| ()).unwrap_err();
@@ -322,7 +322,7 @@ fn wires_that_are_wrong_are_named() {
     ));
 }
 
-/// `[a sin b, exp(a c)]` as a function that is no expression; the second does not depend on b.
+/// `[a sin b, exp(a c)]` as an opaque function; the second value does not depend on b.
 #[derive(Debug)]
 struct Known;
 
@@ -363,7 +363,7 @@ impl Opaque for Known {
     }
 }
 
-/// The function, or the same as expressions, of `x², x + y` and `y`, and what is made of it.
+/// The opaque function, or the same as expressions, of `x², x + y` and `y`, and the product of its values.
 fn with_known(graph: &mut Graph, is_opaque: bool) -> Vec<Node> {
     let [x, y] = [0, 1].map(|k| graph.variable(k));
     let arguments = [graph.multiply(x, x), graph.add(x, y), y];
@@ -400,7 +400,7 @@ fn opaque_functions_are_as_good_as_expressions() {
         }
         let gradient = graph.gradient(values[2], &nodes);
         all.extend(gradient);
-        // Another graph with other variables, and one argument a number.
+        // Another graph with other variables, and with constant arguments.
         let mut other = Graph::default();
         let [y, x] = [other.variable(0), other.variable(1)];
         let moved = other.import(&graph, &all, &[x, y]);

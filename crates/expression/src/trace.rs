@@ -1,4 +1,4 @@
-//! Equations in generic Rust, taken down as an expression graph.
+//! Recording of equations in generic Rust as an expression graph.
 
 use super::graph::{Graph, Node};
 use super::operation::{Function, Operator};
@@ -20,36 +20,35 @@ thread_local! {
 struct Recording {
     graph: Graph,
     obstacle: Option<Obstacle>,
-    /// How often a number was looked at that is none.
+    /// Number of accesses to values that are not constant.
     looks: usize,
 }
 
-/// Equations that look at numbers more often than this may never end.
+/// Number of such accesses after which the equations may never end.
 const MOST_LOOKS: usize = 1000;
 
-/// Why equations cannot be taken down.
+/// Why equations cannot be recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Obstacle {
-    /// They look at a number's value, to take one way or another.
+    /// They use the value of a number, for example for a branch.
     #[error(
         "the equations compare numbers: what they compute would hold on one side alone. Write it with abs(), \
          signum(), or as smooth functions"
     )]
     Comparison,
-    /// They use a function that graphs do not have.
+    /// They use a function that graphs do not support.
     #[error("the equations use a spherical Bessel function, which cannot be taken down")]
     Bessel,
 }
 
-/// A number that writes down what is computed with it, while [`trace`] runs.
+/// A number that records the operations on it while [`trace`] runs.
 #[derive(Debug, Clone, Copy)]
 pub struct Traced(Node);
 
-/// Runs equations on variables, counted from 0, and takes them down: the graph, and the expressions that
-/// they return.
+/// Runs equations on variables, numbered from 0, and records them. Returns the graph and the returned expressions.
 ///
 /// # Errors
-/// Where the equations do what no graph says.
+/// If the equations perform an operation that a graph cannot represent.
 pub fn trace(
     variables: usize,
     equations: impl FnOnce(&[Traced]) -> Vec<Traced>,
@@ -70,14 +69,14 @@ pub fn trace(
         graph, obstacle, ..
     } = recording.expect("set above");
     match (obstacle, found) {
-        // What looks at numbers may panic or go round in circles for what it sees.
+        // Equations that use values of numbers may panic or loop because of them.
         (Some(obstacle), _) => Err(obstacle),
         (None, Ok(found)) => Ok((graph, found.into_iter().map(|own| own.0).collect())),
         (None, Err(panic)) => resume_unwind(panic),
     }
 }
 
-/// Puts back what was recorded before, after a panic of the equations too.
+/// Restores the previous recording, also after a panic of the equations.
 struct Restore(Option<Recording>);
 
 impl Drop for Restore {
@@ -99,7 +98,7 @@ impl Traced {
         Self(record(|own| own.graph.binary(operator, self.0, other.0)))
     }
 
-    /// Its value, where it is a number; what looks at others meets an obstacle.
+    /// Its value if it is a constant; otherwise records an obstacle and returns NaN.
     fn known(self) -> f64 {
         let (value, looks) = record(|own| {
             let value = own.graph.value(self.0);
@@ -110,7 +109,7 @@ impl Traced {
             (value.unwrap_or(f64::NAN), own.looks)
         });
         if looks > MOST_LOOKS {
-            // Out of a loop that waits for a number; no message, since `trace` tells the obstacle.
+            // Leaves a loop that waits for a value; without a message, since `trace` returns the obstacle.
             resume_unwind(Box::new("a loop on numbers"));
         }
         value
@@ -128,7 +127,7 @@ impl From<f64> for Traced {
     }
 }
 
-/// An operator between two of them, and between one and what it refers to or a number.
+/// Implements an operator for two traced numbers, and for a traced number with a reference or an `f64`.
 macro_rules! operator {
     ($name:ident $method:ident, $assign:ident $assign_method:ident, $operator:expr) => {
         impl $name for Traced {
@@ -322,7 +321,7 @@ impl Mappable<Self> for Traced {
     }
 }
 
-/// Functions that graphs have.
+/// Implements functions that graphs support.
 macro_rules! functions {
     ($($name:ident $function:ident),*) => {$(
         fn $name(&self) -> Self {

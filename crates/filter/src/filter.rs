@@ -1,4 +1,4 @@
-//! The filter: mean and covariance between samples, innovations at them.
+//! Extended Kalman filter: mean and covariance between samples, innovations at samples.
 
 use crate::jet::{Jet, Number};
 use crate::matrix::{Matrix, dot};
@@ -7,25 +7,25 @@ use crate::transition::Transition;
 use num_dual::DualSVec64;
 use pilotage_expression::{Graph, Node, Tape};
 
-/// Derivatives that one pass of the filter takes with it. Both widths, none and these, are compiled here, where the
-/// loops are optimised, and not where they are called.
+/// Number of derivatives that one pass of the filter computes. Both variants, with none and with this many, are
+/// compiled in this crate, which is optimised, not in the calling crate.
 pub const SLOPES: usize = 4;
 
-/// Transitions that are kept: samples are a few different times apart.
+/// Number of cached transitions: samples have only a few different distances.
 const KEPT: usize = 4;
 
-/// A system with process noise, as expressions over the variables time, states that are filtered, and all else.
+/// A system with process noise, as expressions over time, filtered states and the remaining variables.
 #[derive(Debug, Clone, Copy)]
 pub struct Equations<'a> {
     /// The expressions.
     pub graph: &'a Graph,
     /// Number of its variables.
     pub variables: usize,
-    /// Derivatives of the states that are filtered, whose variables are the first ones behind the time.
+    /// Derivatives of the filtered states, which are the first variables after time.
     pub derivatives: &'a [Node],
-    /// For each white noise what it adds to these derivatives, per unit, and its density.
+    /// For each white noise, its contribution to these derivatives per unit, and its density.
     pub noises: &'a [(Vec<Node>, Node)],
-    /// For each measured signal what the sensor should show, and the standard deviation of its noise.
+    /// For each measured signal, its predicted value and the standard deviation of its noise.
     pub outputs: &'a [(Node, Node)],
 }
 
@@ -36,33 +36,34 @@ pub struct Filter {
     variables: usize,
     /// Derivatives.
     drift: Tape,
-    /// Those of these by the states, row by row, and the density of all noises together.
+    /// Jacobian of the derivatives with respect to the states, by rows, and the density of all noises together.
     linear: Tape,
-    /// Signals, variances of their noise, and the signals' derivatives by the states.
+    /// Signals, variances of their noise, and Jacobian of the signals with respect to the states.
     measure: Tape,
-    /// Neither derivatives nor noises are nonlinear in the states.
+    /// Whether derivatives and noises are affine in the states.
     is_affine: bool,
 }
 
-/// A run as it was recorded.
+/// A recorded run.
 #[derive(Debug, Clone, Copy)]
 pub struct Record<'a> {
-    /// Times of the samples, ascending; rows of one time are taken one after the other.
+    /// Times of the samples, ascending; rows with equal times are processed one after another.
     pub time: &'a [f64],
-    /// Inputs at each; between two times they go on straight lines from the last row of the one to the first of the other.
+    /// Inputs at each sample; between two times they are linear from the last row of the first time to the first row of
+    /// the second.
     pub inputs: &'a [Vec<f64>],
-    /// For each signal its values at the samples, NaN where there is none.
+    /// Values of each signal at the samples, NaN where there is none.
     pub measured: &'a [Vec<f64>],
 }
 
-/// What a measured value says that was not known before.
+/// Innovation of a measured value.
 #[derive(Debug, Clone, Copy)]
 pub struct Innovation<const N: usize> {
-    /// The signal.
+    /// Index of the signal.
     pub signal: usize,
-    /// The sample.
+    /// Index of the sample.
     pub sample: usize,
-    /// Measured minus predicted by all before it, signals of the same sample among them.
+    /// Measured value minus its prediction from all values before it, including other signals of the same sample.
     pub error: Jet<N>,
     /// Its variance.
     pub variance: Jet<N>,
@@ -81,30 +82,30 @@ impl<const N: usize> Innovation<N> {
     }
 }
 
-/// A run, filtered.
+/// A filtered run.
 #[derive(Debug, Clone)]
 pub struct Course<const N: usize> {
-    /// In the order of samples and, of one sample, of signals.
+    /// Ordered by sample, then by signal.
     pub innovations: Vec<Innovation<N>>,
-    /// For each signal what is predicted at each sample from the samples before it.
+    /// For each signal, the prediction at each sample from the samples before it.
     pub predicted: Vec<Vec<f64>>,
 }
 
-/// What is about to be seen of a signal.
+/// Prediction of a value before it is measured.
 struct Seen {
     signal: usize,
     sample: usize,
-    /// By all before it, signals of the same sample among them.
+    /// From all values before it, including other signals of the same sample.
     expected: f64,
     variance: f64,
 }
 
-/// Where a run has come to.
+/// Current state of the filter within a run.
 struct Place<'a, const N: usize> {
-    /// All variables but the states.
+    /// All variables; the states are set before each evaluation.
     variables: Vec<Jet<N>>,
     record: &'a Record<'a>,
-    /// Place of the inputs among the variables.
+    /// Index of the first input among the variables.
     inputs: usize,
     mean: Vec<Jet<N>>,
     covariance: Matrix<N>,
@@ -112,7 +113,7 @@ struct Place<'a, const N: usize> {
 }
 
 impl Filter {
-    /// Of a system.
+    /// The filter of a system.
     pub fn new(of: &Equations<'_>) -> Self {
         let mut graph = of.graph.clone();
         let n = of.derivatives.len();
@@ -148,12 +149,12 @@ impl Filter {
         }
     }
 
-    /// Filters a run from a known state, which those that are filtered begin, with the variables behind the inputs in
-    /// `rest`. Each interval between samples is taken in so many parts: one where the system is linear, for which it is
-    /// exact.
+    /// Filters a run from a known initial state, which begins with the filtered states; `rest` holds the variables
+    /// after the inputs. Each interval between samples is divided into `parts` steps; one suffices if the system is
+    /// linear, for which the filter is exact.
     ///
     /// # Panics
-    /// Where there are not as many variables as the equations have.
+    /// If the number of variables differs from that of the equations.
     pub fn run(
         &self,
         record: &Record<'_>,
@@ -181,8 +182,8 @@ impl Filter {
         self.learning::<DualSVec64<SLOPES>, SLOPES>(record, (initial, rest), parts, &mut &recorded)
     }
 
-    /// Values that could have been recorded where a record has some: each is drawn from what is predicted by those before
-    /// it, with a number of unit variance. Signals without a value at a sample have none there (NaN).
+    /// Simulates a record with values at the same samples: each value is drawn from its prediction by the values before
+    /// it, with a random number of unit variance. Missing values stay missing (NaN).
     ///
     /// # Panics
     /// As [`Filter::run`].
@@ -227,7 +228,7 @@ impl Filter {
         found
     }
 
-    /// Takes the state to a sample.
+    /// Propagates mean and covariance to a sample.
     fn predict<T: Number<N>, const N: usize>(
         &self,
         place: &mut Place<'_, N>,
@@ -250,8 +251,8 @@ impl Filter {
         }
     }
 
-    /// Where the equations are taken as linear: after half a time, by the implicit Euler method, which fast poles do not
-    /// upset. Of linear equations it does not matter.
+    /// Point of linearisation: the state after half the step by the implicit Euler method, which is stable for fast
+    /// poles. It is irrelevant for affine equations.
     fn midpoint<T: Number<N>, const N: usize>(
         &self,
         place: &mut Place<'_, N>,
@@ -274,7 +275,7 @@ impl Filter {
         mean.iter().zip(moves).map(|(x, d)| *x + d).collect()
     }
 
-    /// Takes what is measured at a sample, signal by signal, each linear about what was predicted.
+    /// Updates with the values measured at a sample, signal by signal, each linearised at the prediction.
     fn update<T: Number<N>, const N: usize>(
         &self,
         place: &mut Place<'_, N>,
@@ -335,11 +336,11 @@ impl<'a, const N: usize> Place<'a, N> {
         }
     }
 
-    /// The variables at a part of the time since the sample before, with these states.
+    /// Sets the variables at a fraction of the time since the previous sample, with these states.
     fn set(&mut self, sample: usize, part: f64, states: &[Jet<N>]) {
         let (time, inputs) = (self.record.time, self.record.inputs);
         let before = sample.saturating_sub(1);
-        // Exact at the end, where a replicate may have inputs of its own.
+        // Exact at the end, where a replicate may have other inputs.
         let between = |a: f64, b: f64| if part == 1.0 { b } else { a + part * (b - a) };
         self.variables[0] = Jet::constant(between(time[before], time[sample]));
         self.variables[1..=states.len()].copy_from_slice(states);
@@ -349,7 +350,7 @@ impl<'a, const N: usize> Place<'a, N> {
         }
     }
 
-    /// Over a time `h` of a system that is linear about a point, with these rates there at its begin and end.
+    /// Propagates over a time `h`, linearised at `about`, with these derivatives there at the start and the end.
     fn step(&mut self, about: &[Jet<N>], rates: [Vec<Jet<N>>; 2], linear: &[Jet<N>], h: f64) {
         let n = about.len();
         let (f, q) = linear.split_at(n * n);
@@ -370,7 +371,7 @@ impl<'a, const N: usize> Place<'a, N> {
         self.mean.iter_mut().zip(moves).for_each(|(x, d)| *x += d);
     }
 
-    /// The place of the transition of a system over a time, computed or kept.
+    /// Index of the transition of a system over a time, computed or cached.
     fn transition(&mut self, f: Matrix<N>, q: Matrix<N>, h: f64) -> usize {
         let mut kept = self.transitions.iter();
         kept.position(|own| own.is_of(&f, &q, h))
@@ -381,12 +382,12 @@ impl<'a, const N: usize> Place<'a, N> {
             })
     }
 
-    /// Variance of what depends on the states by these derivatives.
+    /// Variance of a quantity with these derivatives with respect to the states.
     fn variance(&self, slope: &[Jet<N>]) -> Jet<N> {
         dot(&self.covariance.apply(slope), slope)
     }
 
-    /// Takes an innovation in.
+    /// Updates mean and covariance with an innovation.
     fn learn(&mut self, slope: &[Jet<N>], of: &Innovation<N>) {
         let shared = self.covariance.apply(slope);
         let step = of.error / of.variance;
@@ -396,14 +397,14 @@ impl<'a, const N: usize> Place<'a, N> {
     }
 }
 
-/// Derivatives of expressions by the first so many variables behind the time, row by row.
+/// Jacobian of expressions with respect to the first variables after time, by rows.
 fn jacobian(graph: &mut Graph, of: &[Node], states: usize) -> Vec<Node> {
     let columns: Vec<Vec<Node>> = (1..=states).map(|k| graph.derivatives(of, k)).collect();
     let row = |i: usize| columns.iter().map(move |column| column[i]);
     (0..of.len()).flat_map(row).collect()
 }
 
-/// The first entries as a square matrix.
+/// The first entries as a square matrix, by rows.
 fn square<const N: usize>(entries: &[Jet<N>], size: usize) -> Matrix<N> {
     let mut own = Matrix::zeros(size, size);
     for i in 0..size {

@@ -1,10 +1,10 @@
-//! Numbers with derivatives by `N` variables, as light as products of matrices want them.
+//! Numbers with derivatives with respect to `N` variables, cheap enough for matrix products.
 
 use nalgebra::{Const, SVector};
 use num_dual::{Derivative, DualNum, DualSVec64};
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// A value and its derivatives by `N` variables.
+/// A value and its derivatives with respect to `N` variables.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Jet<const N: usize> {
     /// The value.
@@ -14,7 +14,7 @@ pub struct Jet<const N: usize> {
 }
 
 impl<const N: usize> Jet<N> {
-    /// A number that does not change.
+    /// A constant.
     pub fn constant(value: f64) -> Self {
         Self {
             value,
@@ -22,7 +22,7 @@ impl<const N: usize> Jet<N> {
         }
     }
 
-    /// A multiple.
+    /// The product with a number.
     #[inline]
     pub fn scaled(self, factor: f64) -> Self {
         Self {
@@ -40,7 +40,7 @@ impl<const N: usize> Jet<N> {
     }
 }
 
-/// The rule of products has a sum.
+/// The product rule contains a sum.
 #[inline]
 fn sum(a: f64, b: f64) -> f64 {
     a + b
@@ -103,11 +103,11 @@ impl<const N: usize> SubAssign for Jet<N> {
     }
 }
 
-/// Number types in which tapes compute, as jets of `N` directions.
+/// Number types for the evaluation of tapes, convertible to and from jets with `N` derivatives.
 pub(crate) trait Number<const N: usize>: DualNum<Primitive = f64> + Copy {
-    /// The number that a jet is.
+    /// The number of a jet.
     fn of(jet: Jet<N>) -> Self;
-    /// The jet that a number is.
+    /// The jet of a number.
     fn jet(self) -> Jet<N>;
 }
 

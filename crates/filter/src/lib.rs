@@ -1,12 +1,12 @@
-//! What a model with process noise predicts from one sample to the next: an extended Kalman filter, with exact derivatives.
+//! Extended Kalman filter with exact derivatives: one-step predictions of a model with process noise.
 //!
 //! A system `ẋ = f(t, x, u; θ) + Σ g_k(t, x, u; θ) w_k` has white noises `w_k` of densities `q_k(θ)`,
-//! `E w(t) w(s) = q δ(t - s)`; at samples `y_i = h_i(t, x, u; θ) + v_i` is measured, `v_i` of the standard deviation
-//! `s_i(t, x, u; θ)`. Between samples mean and covariance of the state are propagated, at samples they are updated
-//! (Jazwinski, *Stochastic Processes and Filtering Theory*, 1970, sections 7.2 and 8.3; of a linear system it is the exact
-//! filter). The innovations `e` and their variances `s` give `-2 ln L = Σ ln s + e²/s + ln 2π` (Schweppe, IEEE Trans. Inf.
-//! Theory 11, 1965), which is minimised over θ: the prediction-error method (Ljung, *System Identification*, 2nd ed.,
-//! chapter 7).
+//! `E w(t) w(s) = q δ(t - s)`. At samples, `y_i = h_i(t, x, u; θ) + v_i` is measured, where `v_i` has the standard
+//! deviation `s_i(t, x, u; θ)`. Mean and covariance of the state are propagated between samples and updated at samples
+//! (Jazwinski, *Stochastic Processes and Filtering Theory*, 1970, sections 7.2 and 8.3; exact for a linear system). The
+//! innovations `e` and their variances `s` give `-2 ln L = Σ ln s + e²/s + ln 2π` (Schweppe, IEEE Trans. Inf. Theory
+//! 11, 1965), which is minimised over θ: the prediction-error method (Ljung, *System Identification*, 2nd ed., chapter
+//! 7).
 //!
 //! ```
 //! use pilotage_expression::Graph;
@@ -30,10 +30,10 @@
 //! assert_eq!((found.error.value, found.variance.value), (3.0, 2.0));
 //! ```
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! | --- | --- |
 //! | [`jet`], [`matrix`] | numbers with derivatives, and small matrices of them |
-//! | [`transition`] | a linear system with noise over a time |
+//! | [`transition`] | transition of a linear system with noise |
 //! | [`filter`] | the filter |
 
 pub mod filter;

@@ -2,7 +2,7 @@
 
 use crate::jet::Jet;
 
-/// A matrix, row by row.
+/// A matrix, stored by rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Matrix<const N: usize> {
     columns: usize,
@@ -10,7 +10,7 @@ pub struct Matrix<const N: usize> {
 }
 
 impl<const N: usize> Matrix<N> {
-    /// Zeros.
+    /// The zero matrix.
     pub fn zeros(rows: usize, columns: usize) -> Self {
         Self {
             columns,
@@ -57,7 +57,7 @@ impl<const N: usize> Matrix<N> {
         (0..self.rows()).map(|i| dot(self.row(i), vector)).collect()
     }
 
-    /// The transposed matrix.
+    /// The transpose.
     pub fn transposed(&self) -> Self {
         let mut own = Self::zeros(self.columns, self.rows());
         for i in 0..self.rows() {
@@ -66,12 +66,12 @@ impl<const N: usize> Matrix<N> {
         own
     }
 
-    /// `A B Aᵀ` of this `A` and a symmetric `B`.
+    /// `A B Aᵀ` with `A = self` and a symmetric `B`.
     pub fn around(&self, inner: &Self) -> Self {
         self.times(inner).times(&self.transposed())
     }
 
-    /// A multiple.
+    /// The product with a number.
     pub fn scaled(&self, factor: f64) -> Self {
         let entries = self.entries.iter().map(|own| own.scaled(factor));
         Self {
@@ -80,7 +80,7 @@ impl<const N: usize> Matrix<N> {
         }
     }
 
-    /// Adds another of the same size.
+    /// Adds a matrix of the same size.
     pub fn add(&mut self, other: &Self) {
         let pairs = self.entries.iter_mut().zip(&other.entries);
         pairs.for_each(|(own, other)| *own += *other);
@@ -94,7 +94,7 @@ impl<const N: usize> Matrix<N> {
         }
     }
 
-    /// Largest sum of the magnitudes of a row's values.
+    /// Maximum row sum of the magnitudes of the values.
     pub fn norm(&self) -> f64 {
         let sum = |i: usize| self.row(i).iter().map(|own| own.value.abs()).sum::<f64>();
         let sums = (0..self.rows()).map(sum);

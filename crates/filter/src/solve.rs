@@ -1,10 +1,10 @@
-//! Linear equations of jets.
+//! Linear systems of jets.
 
 use crate::jet::Jet;
 use crate::matrix::Matrix;
 
-/// The solution `x` of `A x = b`, by elimination with row pivots (Golub & Van Loan, *Matrix Computations*, section 3.4);
-/// not finite where `A` is singular.
+/// The solution `x` of `A x = b`, by Gaussian elimination with partial pivoting (Golub & Van Loan, *Matrix
+/// Computations*, section 3.4); not finite if `A` is singular.
 pub fn solved<const N: usize>(mut a: Matrix<N>, mut b: Vec<Jet<N>>) -> Vec<Jet<N>> {
     let n = b.len();
     for k in 0..n {

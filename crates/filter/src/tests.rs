@@ -1,8 +1,8 @@
-//! Against textbook formulas in nalgebra, differences and an ODE solver.
+//! Comparisons with textbook formulas in nalgebra, finite differences and an ODE solver.
 
 use crate::{Equations, Filter, Innovation, Jet, Matrix, Record, Transition};
 use nalgebra::{DMatrix, DVector};
-use num_dual::{DualNum, DualSVec64};
+use num_dual::DualNum;
 use pilotage_expression::{Node, System};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -22,10 +22,10 @@ fn distance(own: &Matrix<0>, other: &DMatrix<f64>) -> f64 {
     entries.fold(0.0, f64::max)
 }
 
-/// A system, its noises, and what is measured.
+/// A system, its noises, and its measured signals.
 type Noisy = (System, Vec<(Vec<Node>, Node)>, Vec<(Node, Node)>);
 
-/// A pair that oscillates and a fast pole.
+/// An oscillating pair and a fast pole.
 fn plant() -> [DMatrix<f64>; 2] {
     let f = DMatrix::from_row_slice(3, 3, &[0.0, 1.0, 0.0, -4.0, -0.5, 1.0, 0.0, 0.3, -8.0]);
     let g = DMatrix::from_row_slice(3, 2, &[0.0, 0.0, 1.0, 0.2, 0.0, 2.0]);
@@ -35,7 +35,7 @@ fn plant() -> [DMatrix<f64>; 2] {
     ]
 }
 
-/// `e^{Fh}` and the covariance of the noise by Van Loan's block matrix.
+/// `e^{Fh}` and the covariance of the noise, by Van Loan's block matrix.
 fn van_loan(f: &DMatrix<f64>, q: &DMatrix<f64>, h: f64) -> [DMatrix<f64>; 2] {
     let n = f.nrows();
     let mut block = DMatrix::zeros(2 * n, 2 * n);
@@ -51,7 +51,7 @@ fn van_loan(f: &DMatrix<f64>, q: &DMatrix<f64>, h: f64) -> [DMatrix<f64>; 2] {
 #[test]
 fn transitions_are_those_of_van_loan() {
     let [f, q] = plant();
-    // Van Loan's matrix has the inverse of fast modes: beyond this time its own rounding errors are larger.
+    // Van Loan's matrix contains the inverse of fast modes: its own rounding errors dominate beyond this time.
     for h in [1e-3, 0.05, 0.4] {
         let own = Transition::<0>::over(matrix(&f), matrix(&q), h);
         let [phi, noise] = van_loan(&f, &q, h);
@@ -69,7 +69,7 @@ fn whole(of: &Matrix<0>) -> DMatrix<f64> {
     DMatrix::from_fn(of.rows(), of.rows(), |i, j| of.row(i)[j].value)
 }
 
-/// The plant with an input and a gain that is a parameter; two signals, and a noise level that is another.
+/// The plant with an input and a gain as a parameter; two signals, with a noise level as another parameter.
 fn equations() -> Noisy {
     let [f, _] = plant();
     let system = System::trace([3, 1, 3], |at| {
@@ -104,7 +104,7 @@ fn filter(of: &Noisy) -> Filter {
     })
 }
 
-/// Samples at two distances, with replicates; of the second signal every third is missing.
+/// Samples at two distances, with replicates; every third value of the second signal is missing.
 fn data() -> (Vec<f64>, Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let mut time = vec![0.0];
@@ -126,8 +126,7 @@ fn data() -> (Vec<f64>, Vec<Vec<f64>>, Vec<Vec<f64>>) {
 const THETA: [f64; 3] = [0.9, 0.3, 0.2];
 const BEGIN: [f64; 3] = [0.5, -0.2, 0.1];
 
-/// −2 log likelihood, and innovations before they are made independent, by the formulas of textbooks: all signals of a
-/// sample at once.
+/// −2 log likelihood by the textbook formulas, with all signals of a sample at once.
 fn textbook(time: &[f64], inputs: &[Vec<f64>], measured: &[Vec<f64>]) -> f64 {
     let [f, q] = plant();
     let h = DMatrix::from_row_slice(2, 3, &[1.0, 0.0, THETA[0], 0.0, 1.0, 0.0]);
@@ -139,7 +138,7 @@ fn textbook(time: &[f64], inputs: &[Vec<f64>], measured: &[Vec<f64>]) -> f64 {
         let step = if k > 0 { time[k] - time[k - 1] } else { 0.0 };
         if step > 0.0 {
             let [phi, noise] = van_loan(&f, &q, step);
-            // The input on a straight line, as two states more.
+            // The linear input as two additional states.
             let mut all = DMatrix::zeros(5, 5);
             all.view_mut((0, 0), (3, 3)).copy_from(&f);
             all[(1, 3)] = THETA[0];
@@ -183,13 +182,13 @@ fn the_likelihood_is_that_of_the_textbook() {
         (own - expected).abs() < 1e-9 * expected.abs(),
         "{own} {expected}"
     );
-    // More parts change nothing: the system is linear.
+    // More parts change nothing, since the system is linear.
     let parts = filter.run(&record, &BEGIN, &THETA, 3);
     let more: f64 = parts.innovations.iter().map(Innovation::surprise).sum();
     assert!((own - more).abs() < 1e-9 * own.abs(), "{own} {more}");
 }
 
-/// Of values that are drawn the innovations are the numbers they were drawn with, whatever the system.
+/// The innovations of simulated values are the random numbers that they were drawn with, for any system.
 #[test]
 fn what_is_drawn_has_the_innovations_it_was_drawn_with() {
     let (time, inputs, measured) = data();
@@ -218,7 +217,7 @@ fn what_is_drawn_has_the_innovations_it_was_drawn_with() {
     }
 }
 
-/// Derivatives of the likelihood by three parameters and an initial state.
+/// Derivatives of the likelihood with respect to three parameters and an initial state.
 #[test]
 fn derivatives_are_those_of_differences() {
     let (time, inputs, measured) = data();
@@ -260,14 +259,14 @@ fn derivatives_are_those_of_differences() {
     }
 }
 
-/// Of `ln s + e²/s`.
+/// Derivative of `ln s + e²/s`.
 fn slope(of: &Innovation<4>, k: usize) -> f64 {
     let (e, s) = (of.error, of.variance);
     let z = e.value / s.value;
     s.slopes[k] / s.value + 2.0 * z * e.slopes[k] - z * z * s.slopes[k]
 }
 
-/// The same sizes: a pendulum with a lag.
+/// A pendulum with a lag, of the same dimensions.
 fn nonlinear() -> Noisy {
     let system = System::trace([3, 1, 3], |at| {
         let rate = at.x[0].sin() * -4.0 - at.x[1] * at.p[0] + at.x[2];
@@ -287,7 +286,7 @@ fn nonlinear() -> Noisy {
     (system, noises, outputs)
 }
 
-/// Mean and variance of the pendulum by Runge and Kutta's method in small steps, without a measurement but the last.
+/// Mean and variance of the pendulum by the Runge–Kutta method with small steps, with a measurement only at the end.
 #[test]
 fn between_samples_mean_and_covariance_follow_their_differential_equations() {
     let (end, steps) = (0.8, 4000);
@@ -353,7 +352,7 @@ fn between_samples_mean_and_covariance_follow_their_differential_equations() {
         ]
     };
     let (coarse, fine) = (off(16), off(64));
-    // Second order: a sixteenth, or less.
+    // Second order: at most about a sixteenth.
     for (coarse, fine) in coarse.into_iter().zip(fine) {
         assert!(fine < 1e-4 && coarse > 12.0 * fine, "{coarse} {fine}");
     }

@@ -1,17 +1,17 @@
-//! What a linear system with white noise does over a time, exactly.
+//! Exact transition of a linear system with white noise over a time.
 
 use crate::matrix::Matrix;
 
-/// Norm of `F τ` up to which its series is summed.
+/// Norm of `F τ` up to which the series is used.
 const SMALL: f64 = 0.25;
-/// Terms of the series: those left out are below 10⁻¹⁷ where twice the norm is at most a half.
+/// Number of terms of the series: the remainder is below 10⁻¹⁷ if twice the norm is at most a half.
 const TERMS: usize = 15;
-/// Times that are this near to each other, relative to them, are the same: those of files have rounding errors.
+/// Relative difference up to which two times are equal: times from files have rounding errors.
 const SAME: f64 = 1e-10;
-/// Doublings beyond which no number is left.
+/// Maximum number of doublings; beyond it the result has no correct digits.
 const MOST: i32 = 60;
 
-/// Of `ẋ = F x + b + c t + w`, with `w` white of density `Q`, over a time `h`: the state is
+/// Transition of `ẋ = F x + b + c t + w`, with `w` white of density `Q`, over a time `h`: the state is
 /// `Φ x + Ψ₁ b + Ψ₂ c`, and its covariance `Φ P Φᵀ + D`.
 #[derive(Debug, Clone)]
 pub struct Transition<const N: usize> {
@@ -29,8 +29,9 @@ pub struct Transition<const N: usize> {
 }
 
 impl<const N: usize> Transition<N> {
-    /// Over a time `h`, by series over a part of it, which is doubled until it is `h` (scaling and squaring). Unlike Van
-    /// Loan's block matrix (IEEE Trans. Automat. Contr. 23, 1978) it has no `e^{-Fh}`, which overflows for fast poles.
+    /// The transition over a time `h`, by the series over a part of it, which is doubled until it is `h` (scaling and
+    /// squaring). Unlike Van Loan's block matrix (IEEE Trans. Automat. Contr. 23, 1978) it does not contain `e^{-Fh}`,
+    /// which overflows for fast poles.
     pub fn over(f: Matrix<N>, q: Matrix<N>, h: f64) -> Self {
         let ratio = f.norm() * h / SMALL;
         let doublings = match ratio > 1.0 {
@@ -43,7 +44,7 @@ impl<const N: usize> Transition<N> {
         own
     }
 
-    /// Whether it is that of this system over this time.
+    /// Whether it is the transition of this system over this time.
     pub fn is_of(&self, f: &Matrix<N>, q: &Matrix<N>, h: f64) -> bool {
         (self.h - h).abs() <= SAME * h && self.f == *f && self.q == *q
     }
@@ -77,7 +78,7 @@ impl<const N: usize> Transition<N> {
         own
     }
 
-    /// The same over twice the time.
+    /// Doubles the time.
     fn double(&mut self) {
         let h = self.h;
         let around = self.phi.around(&self.noise);

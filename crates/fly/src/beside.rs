@@ -1,10 +1,10 @@
-//! The identified pilot, which flies the same task on a second vehicle.
+//! The identified pilot, which performs the same task on a second vehicle.
 
 use crate::craft::{Craft, Flying, STEP};
 use pilotage_cosim::component::ComponentError;
 use pilotage_cosim::{Component, Experiment, Progress, Role};
 
-/// A pilot with inputs `target` and `position`, an output `stick`, and the like with a 2 of a second axis.
+/// A pilot with inputs `target` and `position` and output `stick`; those of a second axis end in 2.
 pub struct Beside {
     pilot: Box<dyn Component>,
     targets: Vec<u32>,
@@ -21,10 +21,10 @@ impl std::fmt::Debug for Beside {
 }
 
 impl Beside {
-    /// A pilot in a vehicle, both at their begin.
+    /// A pilot and a vehicle in their initial states.
     ///
     /// # Errors
-    /// When the pilot has no such input or output, or one of them fails.
+    /// If the pilot lacks an input or output, or one of them fails.
     pub fn new(mut pilot: Box<dyn Component>, craft: &Craft) -> Result<Self, ComponentError> {
         let find = |role: Role, name: &str| -> Result<Vec<u32>, ComponentError> {
             let axes = (1..=craft.axes()).map(|axis| match axis {
@@ -63,10 +63,10 @@ impl Beside {
         })
     }
 
-    /// A step with these targets and disturbances of the stick; returns the positions before it.
+    /// Steps with these targets and stick disturbances; returns the positions before the step.
     ///
     /// # Errors
-    /// When one of them fails.
+    /// If the pilot or the vehicle fails.
     pub fn step(
         &mut self,
         time: f64,

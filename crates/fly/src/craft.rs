@@ -1,58 +1,58 @@
-//! The vehicle that is flown: any component with an input for each hand axis and an output for each position.
+//! The flown vehicle: any component with an input for each hand axis and an output for each position.
 
 use crate::protocol::Shape;
 use pilotage_cosim::component::ComponentError;
 use pilotage_cosim::{Component, Experiment, Progress, Role, ValueKind, Variable};
 use thiserror::Error;
 
-/// Steps of the simulation per second.
+/// Simulation steps per second.
 pub const STEPS: u32 = 1000;
 /// Length of a step \[s\].
 pub const STEP: f64 = 1.0 / STEPS as f64;
-/// How long full stick is held to see which way it leads \[s\].
+/// Duration for which full stick is held to determine its direction \[s\].
 const TRIAL: f64 = 0.5;
-/// Names of what tilts.
+/// Names of tilt angles.
 const TILTS: [&str; 6] = ["theta", "pitch", "phi", "roll", "tilt", "attitude"];
-/// Most axes of a hand.
+/// Maximum number of hand axes.
 const AXES: usize = 2;
 
-/// Makes a vehicle that stands at its begin.
+/// Creates a vehicle in its initial state.
 pub type Maker = Box<dyn Fn() -> Result<Box<dyn Component>, ComponentError> + Send>;
 
 /// Why a vehicle cannot be flown.
 #[derive(Debug, Error)]
 pub enum CraftError {
-    /// It has no such input.
+    /// The vehicle lacks the input.
     #[error("{vehicle} has no input `{name}`; its inputs are {}", all.join(", "))]
     NoInput {
         /// The vehicle.
         vehicle: String,
-        /// What was asked for.
+        /// The requested name.
         name: String,
-        /// What there is.
+        /// The available inputs.
         all: Vec<String>,
     },
-    /// It has no such output.
+    /// The vehicle lacks the output.
     #[error("{vehicle} has no output `{name}`; its outputs are {}", all.join(", "))]
     NoOutput {
         /// The vehicle.
         vehicle: String,
-        /// What was asked for.
+        /// The requested name.
         name: String,
-        /// What there is.
+        /// The available outputs.
         all: Vec<String>,
     },
-    /// As many inputs as outputs, one or two.
+    /// The numbers of inputs and outputs differ or exceed two.
     #[error(
         "{inputs} inputs and {outputs} outputs: a hand has one axis or two, and each moves a position"
     )]
     Axes {
-        /// Inputs that a hand moves.
+        /// Number of inputs moved by the hand.
         inputs: usize,
-        /// Positions.
+        /// Number of positions.
         outputs: usize,
     },
-    /// Full stick does not move it.
+    /// Full stick does not move the vehicle.
     #[error("{vehicle}: full `{input}` for {TRIAL} s does not move `{output}`")]
     Unmoved {
         /// The vehicle.
@@ -62,55 +62,55 @@ pub enum CraftError {
         /// The output.
         output: String,
     },
-    /// It does not do what it is asked.
+    /// A call to the vehicle failed.
     #[error("{vehicle}: {source}")]
     Failed {
         /// The vehicle.
         vehicle: String,
-        /// Its words.
+        /// The vehicle's error.
         source: ComponentError,
     },
 }
 
-/// A number of the vehicle.
+/// A real variable of the vehicle.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Signal {
     /// Its name.
     pub name: String,
-    /// Its unit; `1` where the vehicle does not say.
+    /// Its unit; `1` if not specified.
     pub unit: String,
-    /// What calls refer to it by.
+    /// Handle used in calls.
     handle: u32,
 }
 
-/// What a hand axis moves.
+/// The input moved by a hand axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stick {
     /// The input.
     pub signal: Signal,
-    /// Its value where the stick is let go.
+    /// Its value with the stick released.
     pub rest: f64,
-    /// Its values at full stick: to the left or down, and to the right or up, as the vehicle moves.
+    /// Its values at full stick: for motion to the left or down, and to the right or up.
     pub stops: [f64; 2],
 }
 
 /// A vehicle that can be flown.
 pub struct Craft {
-    /// What it is called.
+    /// Its display name.
     pub name: String,
-    /// What it was made of, for the record: a file with its hash.
+    /// Its source, for the record: a file with its hash.
     pub origin: String,
-    /// What each hand axis moves.
+    /// The input moved by each hand axis.
     pub sticks: Vec<Stick>,
     /// The position of each axis.
     pub positions: Vec<Signal>,
-    /// The angle that is drawn for each axis; none where there is none.
+    /// The displayed angle of each axis; empty if there is none.
     pub tilts: Vec<Signal>,
-    /// For each of them 1 where it grows as the vehicle leans forward, -1 where it falls: some count a nose up as positive.
+    /// For each tilt, 1 if it increases as the vehicle leans forward, otherwise -1 (nose-up positive).
     pub lean: Vec<f64>,
-    /// What else is recorded.
+    /// Other recorded outputs.
     pub others: Vec<Signal>,
-    /// Where it begins.
+    /// Initial position of each axis.
     pub origin_positions: Vec<f64>,
     make: Maker,
 }
@@ -123,20 +123,20 @@ impl std::fmt::Debug for Craft {
     }
 }
 
-/// Names of inputs and outputs, as the user says them; empty for the usual ones.
+/// Names of inputs and outputs given by the user; empty for the defaults.
 #[derive(Debug, Clone, Default)]
 pub struct Names {
-    /// What the hand moves.
+    /// Inputs moved by the hand.
     pub inputs: Vec<String>,
     /// The positions.
     pub outputs: Vec<String>,
 }
 
 impl Craft {
-    /// Looks at a vehicle: which input is the stick, which output the position, and which way full stick leads.
+    /// Determines the stick inputs, the position outputs, and the direction in which full stick moves the vehicle.
     ///
     /// # Errors
-    /// When it has none, or does not move.
+    /// If there is no such input or output, or the vehicle does not move.
     pub fn new(name: &str, origin: String, names: &Names, make: Maker) -> Result<Self, CraftError> {
         let failed = |source| CraftError::Failed {
             vehicle: name.to_owned(),
@@ -232,13 +232,13 @@ impl Craft {
         self.sticks.len()
     }
 
-    /// For each axis whether a larger input leads forward.
+    /// For each axis, whether a larger input moves the vehicle forward.
     pub fn forward(&self) -> Vec<bool> {
         let is_forward = |stick: &Stick| stick.stops[0] < stick.stops[1];
         self.sticks.iter().map(is_forward).collect()
     }
 
-    /// What tasks depend on.
+    /// Properties on which tasks depend.
     pub fn shape(&self) -> Shape<'_> {
         Shape {
             axes: self.axes(),
@@ -246,15 +246,15 @@ impl Craft {
         }
     }
 
-    /// A new one, at its begin.
+    /// A new vehicle in its initial state.
     ///
     /// # Errors
-    /// When it fails.
+    /// If the vehicle fails.
     pub fn begin(&self) -> Result<Flying, CraftError> {
         Flying::new(self).map_err(|source| self.failed(source))
     }
 
-    /// What it said.
+    /// Wraps the vehicle's error.
     pub fn failed(&self, source: ComponentError) -> CraftError {
         CraftError::Failed {
             vehicle: self.name.clone(),
@@ -262,7 +262,7 @@ impl Craft {
         }
     }
 
-    /// Lets it fly for a moment, to see which stop leads forward, and which way it leans then.
+    /// Simulates briefly to determine which stop moves the vehicle forward, and the sign of its tilt.
     fn look(&mut self, axis: usize) -> Result<(), CraftError> {
         let moved = |end: usize| -> Result<(f64, f64), CraftError> {
             let mut flying = self.begin()?;
@@ -294,7 +294,7 @@ impl Craft {
         Ok(())
     }
 
-    /// The vehicle's inputs for a hand: -1 to 1 of each axis, to the left or down and to the right or up.
+    /// The vehicle's inputs for hand deflections: -1 to 1 for each axis, from left or down to right or up.
     pub fn inputs(&self, hand: &[f64]) -> Vec<f64> {
         let of = |(stick, hand): (&Stick, &f64)| {
             let hand = hand.clamp(-1.0, 1.0);
@@ -304,7 +304,7 @@ impl Craft {
         self.sticks.iter().zip(hand).map(of).collect()
     }
 
-    /// The hand with these inputs, for a model that flies beside a person.
+    /// The hand deflections for these inputs, for a model that flies alongside a person.
     pub fn hand(&self, inputs: &[f64]) -> Vec<f64> {
         let of = |(stick, input): (&Stick, &f64)| {
             let part = |stop: f64| (input - stick.rest) / (stop - stick.rest);
@@ -329,7 +329,7 @@ fn signal(own: &Variable) -> Signal {
     }
 }
 
-/// Where the vehicle does not limit an input, full stick is 1 away from its rest.
+/// If the vehicle does not limit an input, full stick is at ±1.
 fn stick(own: &Variable) -> Stick {
     let [low, high] = own.range;
     let is_known = low.is_finite() && high.is_finite() && low < high;
@@ -346,13 +346,13 @@ fn stick(own: &Variable) -> Stick {
     }
 }
 
-/// Names of the columns that a flight has anyway.
+/// Whether the name is one of a flight's standard columns.
 fn is_column(name: &str) -> bool {
     let stem = name.trim_end_matches('2');
     ["time", "target", "position", "stick", "disturbance"].contains(&stem)
 }
 
-/// A vehicle that flies.
+/// A running vehicle.
 pub struct Flying {
     /// Names of the positions.
     names: Vec<String>,
@@ -393,10 +393,10 @@ impl Flying {
         })
     }
 
-    /// A step with these inputs.
+    /// Steps with these inputs.
     ///
     /// # Errors
-    /// When the vehicle fails, or wants to end.
+    /// If the vehicle fails or requests the end.
     pub fn step(&mut self, time: f64, inputs: &[f64]) -> Result<(), ComponentError> {
         self.component.set_reals(&self.inputs, inputs)?;
         match self.component.step(time, STEP)? {
@@ -411,10 +411,10 @@ impl Flying {
         }
     }
 
-    /// Where it is.
+    /// The current positions.
     ///
     /// # Errors
-    /// When the vehicle fails, or does not know.
+    /// If the vehicle fails, or a position is not finite.
     pub fn positions(&mut self) -> Result<Vec<f64>, ComponentError> {
         let values = self.reals(&self.positions.clone())?;
         match values.iter().position(|value| !value.is_finite()) {
@@ -423,20 +423,20 @@ impl Flying {
         }
     }
 
-    /// How far it leans forward.
+    /// The tilt angles, positive forward.
     ///
     /// # Errors
-    /// When the vehicle fails.
+    /// If the vehicle fails.
     pub fn tilts(&mut self) -> Result<Vec<f64>, ComponentError> {
         let tilts = self.reals(&self.tilts.clone())?;
         let pairs = tilts.iter().zip(&self.lean);
         Ok(pairs.map(|(tilt, lean)| tilt * lean).collect())
     }
 
-    /// What else is recorded.
+    /// The other recorded outputs.
     ///
     /// # Errors
-    /// When the vehicle fails.
+    /// If the vehicle fails.
     pub fn others(&mut self) -> Result<Vec<f64>, ComponentError> {
         self.reals(&self.others.clone())
     }
@@ -452,7 +452,7 @@ impl Flying {
 
 impl Drop for Flying {
     fn drop(&mut self) {
-        // The run is over: what goes wrong now is nobody's loss.
+        // The run is over: errors no longer matter.
         let _ = self.component.terminate();
     }
 }
@@ -472,7 +472,7 @@ mod tests {
         Craft::new("quadcopter", String::new(), &Names::default(), make).unwrap()
     }
 
-    /// Whatever the sign of the vehicle's own stick, the hand to the right leads to larger positions.
+    /// Whatever the sign of the vehicle's stick, moving the hand to the right increases the position.
     #[test]
     fn the_hand_leads_where_it_points() {
         let craft = quadcopter();

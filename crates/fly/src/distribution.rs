@@ -1,24 +1,24 @@
-//! Distributions of times: a constant lag can be corrected, a varying one cannot, so both are recorded.
+//! Distributions of times. Constant lags can be corrected, varying ones cannot, so both are recorded.
 
 use serde::Serialize;
 
-/// Median, spread and extremes.
+/// Median, quantiles and maximum.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Distribution {
-    /// How many there are.
+    /// Number of values.
     pub count: usize,
-    /// The middle one.
+    /// The median.
     pub median: f64,
-    /// 95 % are not above.
+    /// The 95 % quantile.
     pub p95: f64,
-    /// 99.9 % are not above.
+    /// The 99.9 % quantile.
     pub p999: f64,
     /// The largest.
     pub most: f64,
 }
 
 impl Distribution {
-    /// Of these values; what is no finite number is left out.
+    /// The distribution of these values; non-finite values are omitted.
     pub fn of(mut values: Vec<f64>) -> Self {
         values.retain(|value| value.is_finite());
         values.sort_by(f64::total_cmp);

@@ -1,21 +1,21 @@
-//! FlightGear as the picture: the vehicle's pose as packets of its native FDM protocol, and the marker's as lines of its
-//! generic one.
+//! FlightGear as display: sends the vehicle's pose in packets of its native FDM protocol, and the marker's as lines of
+//! its generic protocol.
 //!
-//! The layout is that of `FGNetFDM` in FlightGear's `src/Network/net_fdm.hxx`: version 24 has 408 bytes, version 25 has 552,
-//! both big-endian.
+//! The layout is that of `FGNetFDM` in FlightGear's `src/Network/net_fdm.hxx`: 408 bytes in version 24, 552 in version
+//! 25, both big-endian.
 
 use crate::message::StateMessage;
 use std::net::{SocketAddr, UdpSocket};
 
-/// Packets per second, as many as FlightGear shows.
+/// Packets per second, FlightGear's frame rate.
 pub const RATE: f64 = 60.0;
-/// Mean radius of the earth \[m\]: over a runway the ellipsoid does not matter.
+/// Mean radius of the earth \[m\]; near a runway the ellipsoid can be neglected.
 const EARTH: f64 = 6_371_008.8;
-/// Height at which a vehicle is shown that moves along the ground \[m\].
+/// Displayed height of a vehicle that moves along the ground \[m\].
 const HEIGHT: f64 = 3.0;
 const FEET: f64 = 0.3048;
 
-/// Where the vehicle begins, and which way is forward.
+/// Initial position and forward direction of the vehicle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Runway {
     /// Latitude \[deg\].
@@ -29,7 +29,7 @@ pub struct Runway {
 }
 
 impl Default for Runway {
-    /// Runway 28R of San Francisco, which comes with FlightGear.
+    /// Runway 28R of San Francisco, which is included in FlightGear.
     fn default() -> Self {
         Self {
             latitude: 37.613_534,
@@ -40,19 +40,19 @@ impl Default for Runway {
     }
 }
 
-/// Where something is, and how it lies.
+/// Position, attitude and speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
-    /// Longitude and latitude \[rad\], height over the sea \[m\].
+    /// Longitude and latitude \[rad\], height above sea level \[m\].
     pub place: [f64; 3],
     /// Roll, pitch and heading \[rad\].
     pub attitude: [f64; 3],
-    /// To the north and the east \[m/s\].
+    /// Northward and eastward speed \[m/s\].
     pub speed: [f64; 2],
 }
 
 impl Runway {
-    /// Displacement forward and to the right \[m\], pitch forward and roll to the right \[rad\].
+    /// The pose for a displacement forward and to the right \[m\], and pitch forward and roll to the right \[rad\].
     pub fn pose(&self, moved: [f64; 2], lean: [f64; 2], speed: [f64; 2]) -> Pose {
         let heading = self.heading.to_radians();
         let turned = |[ahead, right]: [f64; 2]| {
@@ -74,13 +74,13 @@ impl Runway {
 /// Versions of the packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Version {
-    /// To FlightGear 2020.3.
+    /// Up to FlightGear 2020.3.
     V24,
-    /// After it: with more about tanks.
+    /// Later versions, with more data on tanks.
     V25,
 }
 
-/// A packet of a pose, at a time in seconds since 1970.
+/// The packet for a pose; `now` is the time in seconds since 1970.
 pub fn packet(version: Version, pose: &Pose, now: u32) -> Vec<u8> {
     let mut bytes = Bytes::default();
     bytes.integers(&[if version == Version::V24 { 24 } else { 25 }, 0]);
@@ -133,7 +133,7 @@ impl Bytes {
     }
 }
 
-/// Sends states to FlightGear: the vehicle to its address, the marker to the port after it.
+/// Sends states to FlightGear: the vehicle to its address, the marker to the next port.
 #[derive(Debug)]
 pub struct Sender {
     socket: UdpSocket,
@@ -145,10 +145,10 @@ pub struct Sender {
 }
 
 impl Sender {
-    /// To that address.
+    /// Sends to that address.
     ///
     /// # Errors
-    /// When there is no socket to be had.
+    /// If no socket can be opened.
     pub fn new(vehicle: SocketAddr, runway: Runway, version: Version) -> std::io::Result<Self> {
         let any: SocketAddr = if vehicle.is_ipv4() {
             ([0, 0, 0, 0], 0).into()
@@ -167,10 +167,10 @@ impl Sender {
         })
     }
 
-    /// Sends a state, whether or not a receiver exists.
+    /// Sends a state, whether or not there is a receiver.
     ///
     /// # Errors
-    /// When the system does not send.
+    /// If the system cannot send.
     pub fn send(&mut self, state: &StateMessage, now: u32) -> std::io::Result<()> {
         let two = |values: &[f64]| [0, 1].map(|k| values.get(k).copied().unwrap_or(0.0));
         let place = two(&state.x);

@@ -1,4 +1,4 @@
-//! What the hand does, as it comes in, and whether a run with it counts.
+//! Input of the hand as received, and checks whether a run with it is valid.
 
 use crate::distribution::Distribution;
 use crate::joystick::Reading;
@@ -6,28 +6,28 @@ use serde::{Deserialize, Serialize};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// The longest time without a word of the page in a run that counts.
+/// Maximum time without an input frame in a valid run.
 pub const GAP: Duration = Duration::from_millis(50);
-/// The part of frames that may be dropped in a run that counts.
+/// Maximum part of dropped frames in a valid run.
 const DROPPED: f64 = 0.01;
-/// A frame that takes so many usual ones has dropped some.
+/// A frame interval longer than the median by this factor means dropped frames.
 const LONG: f64 = 1.5;
 
-/// What a hand holds.
+/// Input device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Device {
-    /// A gamepad or joystick, read by the page.
+    /// A gamepad or joystick read by the page.
     Gamepad,
-    /// A joystick, read by the server.
+    /// A joystick read by the server.
     Joystick,
-    /// A mouse as a stick whose place is its deflection.
+    /// A mouse as a stick: its position is the deflection.
     Mouse,
-    /// A finger on a screen.
+    /// A finger on a touch screen.
     Touch,
-    /// Arrow keys behind a rate limit.
+    /// Arrow keys with a rate limit.
     Keyboard,
-    /// None: it was lost.
+    /// No device: it was lost.
     None,
 }
 
@@ -44,52 +44,52 @@ impl std::fmt::Display for Device {
     }
 }
 
-/// A frame of input, as the page sends it.
+/// An input frame sent by the page.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct Input {
-    /// Its number, from 1.
+    /// Frame number, from 1.
     pub n: u64,
-    /// When the page took it, by the page's clock \[ms\].
+    /// Time of sampling by the page's clock \[ms\].
     pub t: f64,
     /// Deflection of each axis, -1 to 1.
     pub stick: Vec<f64>,
-    /// What the hand holds.
+    /// The device.
     pub device: Device,
-    /// What that calls itself.
+    /// The device's name.
     #[serde(default)]
     pub name: String,
-    /// Time since the frame before \[ms\].
+    /// Time since the previous frame \[ms\].
     #[serde(default)]
     pub frame: f64,
-    /// Whether the page is visible and has the focus.
+    /// Whether the page is visible and focused.
     pub seen: bool,
-    /// The simulation time that was drawn last \[s\], if something was.
+    /// Simulation time last drawn \[s\], if any.
     #[serde(default)]
     pub drawn: Option<f64>,
-    /// When that was done, by the page's clock \[ms\].
+    /// Time of that drawing by the page's clock \[ms\].
     #[serde(default)]
     pub drawn_at: Option<f64>,
 }
 
-/// A frame of a run.
+/// An input frame of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// When it arrived, from the run's begin \[s\].
+    /// Arrival time from the beginning of the run \[s\].
     pub time: f64,
-    /// What it says.
+    /// The frame.
     pub input: Input,
 }
 
-/// When a state was drawn.
+/// Latency of a drawn state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shown {
-    /// The simulation time that was drawn \[s\].
+    /// Simulation time of the state \[s\].
     pub time: f64,
-    /// From the input that this state had seen last to the drawing, both by the page's clock \[ms\].
+    /// Time from the last input included in this state to its drawing, both by the page's clock \[ms\].
     pub latency: f64,
 }
 
-/// The last input frame, and all frames of the current run.
+/// The last input frame and the data of the current run.
 #[derive(Debug)]
 struct Latest {
     input: Input,
@@ -99,17 +99,17 @@ struct Latest {
     shown: Vec<Shown>,
     round_trips: Vec<f64>,
     is_lost: bool,
-    /// Whether what came in during the run makes it one that does not count.
+    /// Whether the input during the run has made it invalid.
     is_spoilt: bool,
     joystick: Option<Joystick>,
 }
 
-/// What a joystick says that the server reads.
+/// A joystick read by the server.
 #[derive(Debug)]
 struct Joystick {
     name: String,
     reading: Reading,
-    /// Its axes, while it is there, and when one last moved.
+    /// Its axes and the time of the last motion, while it is connected.
     there: Option<(Vec<f64>, Instant)>,
     stick: Vec<f64>,
 }
@@ -124,28 +124,28 @@ impl Joystick {
     }
 }
 
-/// The hand: filled by the socket, or by a joystick, and read by the simulation.
+/// The hand's input: written by the socket or a joystick, read by the simulation.
 #[derive(Debug)]
 pub struct Hand {
     latest: Mutex<Latest>,
     axes: usize,
 }
 
-/// What came in during a run.
+/// Data received during a run.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Heard {
-    /// The frames.
+    /// The input frames.
     pub frames: Vec<Frame>,
-    /// What was drawn.
+    /// The drawn states.
     pub shown: Vec<Shown>,
     /// Round trips of the socket \[ms\].
     pub round_trips: Vec<f64>,
-    /// Whether the socket was lost.
+    /// Whether the socket was disconnected.
     pub is_lost: bool,
 }
 
 impl Hand {
-    /// One with so many axes, let go.
+    /// A hand with that many axes, released.
     pub fn new(axes: usize) -> Self {
         let input = Input {
             n: 0,
@@ -179,21 +179,21 @@ impl Hand {
         self.latest.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether the run does not count, whatever follows: the device, the focus or the page has gone, or nothing came for a
-    /// while.
+    /// Whether the run is already invalid: the device, the focus or the page was lost, or no frame arrived for too
+    /// long.
     pub fn is_spoilt(&self) -> bool {
         let latest = self.latest();
         let since = latest.begun.map(|begun| begun.max(latest.arrived));
         latest.is_spoilt || latest.is_lost || since.is_some_and(|since| since.elapsed() > GAP)
     }
 
-    /// Whether the chosen device is not there.
+    /// Whether the chosen device is missing.
     pub fn is_without_device(&self) -> bool {
         let latest = self.latest();
         latest.input.n > 0 && latest.input.device == Device::None
     }
 
-    /// What the hand holds where the page says that it holds this: a joystick that the server reads goes before it.
+    /// The current device, given the one reported by the page: a joystick read by the server takes precedence.
     pub fn holds(&self, page: Device) -> Device {
         match self.latest().joystick {
             Some(_) => Device::Joystick,
@@ -201,7 +201,7 @@ impl Hand {
         }
     }
 
-    /// Takes a frame; false where it is none: numbers that are no deflections, or fewer or more than axes.
+    /// Accepts a frame; `false` if it is invalid: non-finite deflections, or the wrong number of axes.
     pub fn take(&self, mut input: Input) -> bool {
         let is_one = |value: &f64| value.is_finite();
         if input.stick.len() != self.axes || !input.stick.iter().all(is_one) || !input.t.is_finite()
@@ -242,7 +242,7 @@ impl Hand {
         true
     }
 
-    /// A joystick, by its name, is the stick from now on, in place of the page's.
+    /// Uses the named joystick instead of the page's device from now on.
     pub fn hold(&self, name: &str, reading: Reading) {
         self.latest().joystick = Some(Joystick {
             name: name.to_owned(),
@@ -252,7 +252,7 @@ impl Hand {
         });
     }
 
-    /// Where the joystick's axes are, each from -1 to 1, and since when.
+    /// Sets the raw values of the joystick's axes, each from -1 to 1, and the time of the motion.
     pub fn moved(&self, raw: &[f64], at: Instant) {
         if let Some(joystick) = &mut self.latest().joystick {
             joystick.there = Some((raw.to_vec(), at));
@@ -260,7 +260,7 @@ impl Hand {
         }
     }
 
-    /// The joystick is gone: the stick is let go.
+    /// Releases the stick because the joystick is disconnected.
     pub fn lose_joystick(&self) {
         if let Some(joystick) = &mut self.latest().joystick {
             joystick.there = None;
@@ -268,7 +268,7 @@ impl Hand {
         }
     }
 
-    /// Takes another way to read the joystick, unless it is none; gives the one that holds. None without a joystick.
+    /// Sets another calibration of the joystick if it is valid, and returns the current one; `None` without a joystick.
     pub fn calibrate(&self, reading: Option<Reading>) -> Option<Reading> {
         let mut latest = self.latest();
         let joystick = latest.joystick.as_mut()?;
@@ -279,21 +279,21 @@ impl Hand {
         Some(joystick.reading.clone())
     }
 
-    /// Name of the joystick that the server reads, and how.
+    /// Name and calibration of the joystick read by the server.
     pub fn joystick(&self) -> Option<(String, Reading)> {
         let latest = self.latest();
         let joystick = latest.joystick.as_ref()?;
         Some((joystick.name.clone(), joystick.reading.clone()))
     }
 
-    /// Where its axes are; none while it is not there.
+    /// Raw values of its axes; `None` while it is disconnected.
     pub fn raw(&self) -> Option<Vec<f64>> {
         let latest = self.latest();
         let (raw, _) = latest.joystick.as_ref()?.there.as_ref()?;
         Some(raw.clone())
     }
 
-    /// A state that had seen the input of page time `at` \[ms\] was drawn at page time `drawn`.
+    /// Records that a state with the input of page time `at` \[ms\] was drawn at page time `drawn`.
     pub fn shown(&self, time: f64, at: f64, drawn: f64) {
         let mut latest = self.latest();
         let latency = drawn - at;
@@ -302,7 +302,7 @@ impl Hand {
         }
     }
 
-    /// A round trip of the socket.
+    /// Records a round trip of the socket.
     pub fn round_trip(&self, time: Duration) {
         let mut latest = self.latest();
         if latest.begun.is_some() {
@@ -310,7 +310,7 @@ impl Hand {
         }
     }
 
-    /// The socket is gone: the stick is let go.
+    /// Releases the stick because the socket is disconnected.
     pub fn lose(&self) {
         let mut latest = self.latest();
         latest.is_lost = true;
@@ -318,14 +318,14 @@ impl Hand {
         latest.input.device = Device::None;
     }
 
-    /// What came in last, and how long ago.
+    /// The last input frame and its age.
     pub fn now(&self) -> (Input, Duration) {
         let latest = self.latest();
         (latest.input.clone(), latest.arrived.elapsed())
     }
 
-    /// Writes the deflections, and gives number and page time \[ms\] of the last frame, and when the deflections arrived: with
-    /// that frame, or when the joystick moved.
+    /// Copies the deflections; returns number and page time \[ms\] of the last frame, and the arrival time of the
+    /// deflections: that of the frame, or of the joystick's last motion.
     pub fn read(&self, stick: &mut [f64]) -> (u64, f64, Instant) {
         let latest = self.latest();
         let (held, arrived) = match &latest.joystick {
@@ -339,7 +339,7 @@ impl Hand {
         (latest.input.n, latest.input.t, arrived)
     }
 
-    /// A run begins.
+    /// Begins a run.
     pub fn begin(&self, begun: Instant) {
         let mut latest = self.latest();
         latest.begun = Some(begun);
@@ -350,7 +350,7 @@ impl Hand {
         latest.round_trips.clear();
     }
 
-    /// It has ended.
+    /// Ends the run and returns its data.
     pub fn end(&self) -> Heard {
         let mut latest = self.latest();
         latest.begun = None;
@@ -364,7 +364,7 @@ impl Hand {
 }
 
 impl Heard {
-    /// Time between the page's frames \[ms\].
+    /// Distribution of the time between the page's frames \[ms\].
     pub fn display(&self) -> Distribution {
         Distribution::of(self.intervals())
     }
@@ -376,7 +376,7 @@ impl Heard {
             .collect()
     }
 
-    /// The part of frames that was dropped: what longer intervals than usual had room for.
+    /// The part of dropped frames, estimated from intervals longer than the median.
     pub fn dropped(&self) -> f64 {
         let intervals = self.intervals();
         let usual = self.display().median;
@@ -391,7 +391,7 @@ impl Heard {
         }
     }
 
-    /// The longest time without a frame in a run that took so long \[s\].
+    /// The longest time without a frame in a run of that length \[s\].
     pub fn gap(&self, seconds: f64) -> f64 {
         let times = self.frames.iter().map(|frame| frame.time);
         let times: Vec<f64> = std::iter::once(0.0).chain(times).chain([seconds]).collect();
@@ -401,15 +401,14 @@ impl Heard {
             .fold(0.0, f64::max)
     }
 
-    /// What the hand held, before it was lost.
+    /// The last device used, ignoring its loss.
     pub fn device(&self) -> Option<(Device, &str)> {
         let held = |frame: &&Frame| frame.input.device != Device::None;
         let last = self.frames.iter().rfind(held).or(self.frames.last())?;
         Some((last.input.device, &last.input.name))
     }
 
-    /// What happened beside flying, each with its time: the focus or the stick was lost or came back, or nothing came for a
-    /// while.
+    /// Events during the run, each with its time: focus or stick lost or regained, or no frame for too long.
     pub fn events(&self) -> Vec<String> {
         let mut all = Vec::new();
         for pair in self.frames.windows(2) {
@@ -428,7 +427,7 @@ impl Heard {
         all
     }
 
-    /// Why a run that took so long \[s\] does not count, if it does not.
+    /// Why a run of that length \[s\] is invalid, if it is.
     pub fn fault(&self, seconds: f64) -> Option<String> {
         let first = match self.frames.first() {
             Some(first) => &first.input,
@@ -465,7 +464,7 @@ impl Heard {
     }
 }
 
-/// Whether two frames are of one stick.
+/// Whether two frames come from the same device.
 fn is_same(a: &Input, b: &Input) -> bool {
     (a.device, &a.name) == (b.device, &b.name)
 }
@@ -526,7 +525,7 @@ mod tests {
             Heard::default().fault(1.0).unwrap(),
             "nothing came from the page"
         );
-        // It ended too early.
+        // The run ended too early.
         assert!(heard(1000, |_, _| ()).fault(17.0).is_some());
     }
 

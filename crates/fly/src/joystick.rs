@@ -1,7 +1,7 @@
-//! A joystick that the server reads itself: an event device of Linux (kernel documentation, `input/event-codes`), or else its
-//! joystick interface, whose events have eight bytes: the time \[ms\], the value from -32767 to 32767, the kind and the
-//! number of the axis (`input/joydev/joystick-api`). The event device goes first, since the joystick interface leaves out
-//! what is near the middle, unless somebody has told it not to.
+//! A joystick read by the server: an event device of Linux (kernel documentation, `input/event-codes`), or else its
+//! joystick interface, whose events have eight bytes: time \[ms\], value from -32767 to 32767, type and number of the
+//! axis (`input/joydev/joystick-api`). The event device is preferred, since the joystick interface has a dead zone in
+//! the middle unless configured otherwise.
 
 use crate::hand::Hand;
 use serde::{Deserialize, Serialize};
@@ -11,33 +11,33 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Kind of an event of an axis; with 0x80 it tells where the axis is at the begin.
+/// Event type of an axis; with the bit 0x80 the event reports its initial position.
 const AXIS: u8 = 2;
 const BEGIN: u8 = 0x80;
 /// Full deflection of the joystick interface.
 const FULL: f64 = 32_767.0;
-/// Between two looks for a device that was pulled out.
+/// Interval between attempts to reopen a disconnected device.
 const AGAIN: Duration = Duration::from_millis(500);
-/// Older stamps of an event are another clock's.
+/// Maximum age of an event; older time stamps are from another clock.
 const OLDEST: Duration = Duration::from_millis(100);
 
-/// How deflections come of a device's axes, of which each goes from -1 to 1.
+/// Calibration: conversion of a device's axes, each from -1 to 1, to deflections.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reading {
-    /// For each axis of the hand the number of the device's, from 0.
+    /// For each hand axis, the number of the device's axis, from 0.
     pub axis: Vec<usize>,
-    /// Whether it is turned round.
+    /// Whether the axis is inverted.
     pub invert: Vec<bool>,
-    /// Where it rests.
+    /// Its rest position.
     pub centre: Vec<f64>,
-    /// How far it is from there to its lower and to its upper end.
+    /// Distances from the rest position to its lower and upper end.
     pub range: Vec<[f64; 2]>,
-    /// The part of the deflection that is taken for none.
+    /// Dead zone as a part of the full deflection.
     pub dead: f64,
 }
 
 impl Reading {
-    /// Of axes as the device says them.
+    /// Without calibration: the device's axes as reported.
     pub fn new(axis: Vec<usize>, invert: Vec<bool>) -> Self {
         let (centre, range) = (vec![0.0; axis.len()], vec![[1.0; 2]; axis.len()]);
         Self {
@@ -49,7 +49,7 @@ impl Reading {
         }
     }
 
-    /// Whether it is one of so many axes.
+    /// Whether it is valid for that many axes.
     pub fn is_of(&self, axes: usize) -> bool {
         let lengths = [
             self.axis.len(),
@@ -64,7 +64,7 @@ impl Reading {
             && (0.0..=0.5).contains(&self.dead)
     }
 
-    /// Deflections of the hand, -1 to 1. An axis that the device has not told yet is at rest.
+    /// Deflections of the hand, -1 to 1. An axis not yet reported by the device is at rest.
     pub fn of(&self, raw: &[f64]) -> Vec<f64> {
         let all = self.axis.iter().enumerate();
         all.map(|(k, axis)| {
@@ -78,11 +78,11 @@ impl Reading {
     }
 }
 
-/// Reads a device in a separate thread from now on, and again when it was pulled out and comes back. Gives the name of the
-/// device, and what there is to know of it.
+/// Starts a thread that reads a device, and reopens it after it was disconnected. Returns the name of the device, and a
+/// note on it if there is one.
 ///
 /// # Errors
-/// When it cannot be opened, is another device, or has not these axes.
+/// If the device cannot be opened, is not a joystick, or lacks an axis.
 pub fn listen(
     path: &Path,
     reading: Reading,
@@ -114,12 +114,12 @@ pub fn listen(
         let mut device = Ok(device);
         loop {
             if let Ok(device) = &mut device {
-                // Until it is pulled out.
+                // Returns when the device is disconnected.
                 let _ = device.hand_on(&hand);
                 hand.lose_joystick();
             }
             std::thread::sleep(AGAIN);
-            // Another one at the same place is not taken for it.
+            // Another device at the same path is not accepted.
             device = Device::open(&path).and_then(|device| match device.name(&path) == name {
                 true => Ok(device),
                 false => Err(io::ErrorKind::NotFound.into()),
@@ -129,7 +129,7 @@ pub fn listen(
     Ok((told, note))
 }
 
-/// What events come from.
+/// Source of events.
 enum Device {
     #[cfg(target_os = "linux")]
     Events(Box<event::Device>),
@@ -156,7 +156,7 @@ impl Device {
         }
     }
 
-    /// Names of its axes, where it tells them.
+    /// Names of its axes, if available.
     fn axes(&self) -> Option<Vec<String>> {
         match self {
             #[cfg(target_os = "linux")]
@@ -165,7 +165,7 @@ impl Device {
         }
     }
 
-    /// Where its axes are, as they move.
+    /// Passes the axes to `hand` as they move.
     fn hand_on(&mut self, hand: &Hand) -> io::Result<()> {
         match self {
             #[cfg(target_os = "linux")]
@@ -187,8 +187,8 @@ impl Device {
     }
 }
 
-/// Whether a file is none of input, whose devices have the major number 13 (kernel documentation, `admin-guide/devices`),
-/// and no pipe in the place of one.
+/// Whether a file is neither an input device, which has the major number 13 (kernel documentation,
+/// `admin-guide/devices`), nor a pipe in place of one.
 #[cfg(unix)]
 fn is_other(path: &Path) -> io::Result<bool> {
     use std::os::unix::fs::{FileTypeExt, MetadataExt};
@@ -202,7 +202,7 @@ fn is_other(_: &Path) -> io::Result<bool> {
     Ok(false)
 }
 
-/// Number and deflection of an axis, where an event of the joystick interface is of one.
+/// Number and deflection of an axis, if the joystick-interface event is for an axis.
 fn deflection(event: [u8; 8]) -> Option<(usize, f64)> {
     let [_, _, _, _, low, high, kind, number] = event;
     let value = f64::from(i16::from_ne_bytes([low, high])) / FULL;
@@ -219,7 +219,7 @@ mod event {
     use std::path::{Path, PathBuf};
     use std::time::{Instant, SystemTime};
 
-    /// An axis: from the value of its lower to that of its upper end.
+    /// An axis with its values at the lower and upper end.
     struct Axis {
         code: AbsoluteAxisCode,
         ends: [i32; 2],
@@ -255,7 +255,7 @@ mod event {
     }
 
     impl Device {
-        /// The event device of a path, or beside the `js` device of one; none where there is none that can be read.
+        /// The event device at a path, or the one that belongs to the path's `js` device; `None` if it cannot be read.
         pub fn of(path: &Path) -> io::Result<Option<Self>> {
             if std::fs::metadata(path)?.file_type().is_fifo() {
                 return Ok(None);
@@ -291,7 +291,7 @@ mod event {
             let Self { device, axes, .. } = self;
             hand.moved(&values(axes), Instant::now());
             loop {
-                // What was lost, since nobody read in time, is made good by the state.
+                // If events were lost because they were not read in time, the state is resynchronized.
                 let events: Vec<InputEvent> = device.fetch_events()?.collect();
                 let mut last = None;
                 for event in events {
@@ -322,7 +322,7 @@ mod event {
         Some(Path::new("/dev/input").join(name))
     }
 
-    /// When the kernel had the event, by the clock of the simulation.
+    /// Time at which the kernel received the event, by the simulation's clock.
     fn instant(stamp: SystemTime) -> Instant {
         let now = Instant::now();
         let age = stamp.elapsed().ok().filter(|age| *age < OLDEST);
@@ -333,7 +333,7 @@ mod event {
     mod tests {
         use super::*;
 
-        /// Ends as the kernel tells them, which need not lie about zero.
+        /// Ends as reported by the kernel, not necessarily symmetric about zero.
         #[test]
         fn an_axis_goes_from_end_to_end() {
             let code = AbsoluteAxisCode::ABS_X;
@@ -346,7 +346,7 @@ mod event {
             // Beyond an end, and without ends.
             assert_eq!(at(300, 0, 255), 1.0);
             assert_eq!(at(7, 7, 7), 0.0);
-            // The whole range of a number.
+            // The whole range of `i32`.
             assert_eq!(at(i32::MIN, i32::MIN, i32::MAX), -1.0);
         }
     }
@@ -360,7 +360,7 @@ mod tests {
     fn a_reading_knows_centre_ends_and_dead_zone() {
         let mut reading = Reading::new(vec![1, 0], vec![true, false]);
         assert_eq!(reading.of(&[0.25, 0.5]), [-0.5, 0.25]);
-        // An axis that is not there.
+        // A missing axis.
         assert_eq!(reading.of(&[0.25]), [0.0, 0.25]);
         reading.centre = vec![0.1, 0.0];
         reading.range = vec![[1.1, 0.9], [0.5, 0.25]];
@@ -417,7 +417,7 @@ mod tests {
         let all = [event(32_767, 2, 0), event(1, 1, 3), event(-16_384, 0x82, 3)];
         pipe.write_all(&all.concat()).unwrap();
         stick(0.5);
-        // Pulled out, the stick is let go; it comes back.
+        // A disconnected joystick releases the stick; then it is connected again.
         drop(pipe);
         stick(0.0);
         let mut pipe = open();

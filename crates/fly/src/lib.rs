@@ -1,9 +1,9 @@
-//! A person flies a vehicle in real time, on a page in the browser, and is recorded.
+//! Real-time flights of a human pilot on a page in the browser, with recording.
 //!
-//! The [vehicle](craft) is any co-simulation component; it runs in a separate thread at 1 kHz ([`run`]), with the
-//! [hand] of the person at the page on its stick. A [session] goes through a [protocol]: training, then measured
-//! runs of its [tasks](task). Each run is [recorded](record) as a flight that `pilotage fit` takes. The [server] shows the
-//! page, on this computer alone.
+//! The [vehicle](craft) is any co-simulation component; it runs in a separate thread at 1 kHz ([`run`]), controlled by
+//! the [hand] of the person at the page. A [session] follows a [protocol]: training, then measured runs of its
+//! [tasks](task). Each run is [recorded](record) as a flight that `pilotage fit` reads. The [server] provides the page,
+//! on this computer only.
 //!
 //! ```
 //! use pilotage_cosim::NativeComponent;

@@ -1,165 +1,165 @@
-//! What page and server say to each other: text frames of the socket, each one JSON object.
+//! Messages between page and server: text frames of the socket, each one JSON object.
 
 use crate::hand::{Device, Input};
 use crate::joystick::Reading;
 use crate::task::Display;
 use serde::{Deserialize, Serialize};
 
-/// What the page says.
+/// A message from the page.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "type", rename_all = "lowercase")]
 pub enum FromPage {
-    /// The hand, once per frame of the display.
+    /// The hand's input, once per frame of the display.
     Input(Input),
     /// A state was drawn.
     Shown {
         /// Its simulation time \[s\].
         t: f64,
-        /// Page time of the last input frame that it had seen \[ms\].
+        /// Page time of the last input frame included in it \[ms\].
         seen: f64,
-        /// When it was drawn, by the page's clock \[ms\].
+        /// Time of the drawing by the page's clock \[ms\].
         at: f64,
     },
-    /// Who flies, with what; ends the welcome.
+    /// Subject, consent and device; ends the welcome phase.
     Begin {
-        /// A code, no name.
+        /// An anonymous code.
         subject: String,
-        /// Whether the person agrees to be recorded.
+        /// Whether the person consents to the recording.
         consent: bool,
-        /// What the hand holds.
+        /// The device.
         device: Device,
-        /// How the page reads it, for the record.
+        /// The page's calibration of the device, for the record.
         #[serde(default)]
         calibration: serde_json::Value,
-        /// On what the page is shown, for the record.
+        /// Browser and screen, for the record.
         #[serde(default)]
         about: About,
     },
-    /// The next run.
+    /// Start the next run.
     Go,
-    /// End this run.
+    /// Stop the current run.
     Stop,
-    /// This page takes the stick.
+    /// This page takes control of the stick.
     Take,
-    /// Work on what was recorded.
+    /// Start a job on the recorded flights.
     Job {
-        /// Which.
+        /// Kind of the job.
         kind: JobKind,
     },
 }
 
-/// On what a page is shown.
+/// Browser and screen of a page.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
 pub struct About {
-    /// The browser, as it calls itself.
+    /// The browser's user agent.
     #[serde(default)]
     pub browser: String,
-    /// The screen: its size, and device pixels of each CSS pixel.
+    /// Size of the screen, and device pixels per CSS pixel.
     #[serde(default)]
     pub screen: String,
 }
 
-/// Work on what was recorded.
+/// A job on the recorded flights.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum JobKind {
     /// Fit the pilot to the valid flights.
     Identify,
-    /// Make FMUs of the pilot that was identified.
+    /// Export the identified pilot as FMUs.
     Export,
-    /// Fly with that pilot beside.
+    /// Fly together with the identified pilot.
     Against,
-    /// Fit each person, side by side.
+    /// Fit and compare all subjects.
     Compare,
 }
 
-/// What the server says.
+/// A message from the server.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "type", rename_all = "lowercase")]
 pub enum ToPage {
-    /// All that the page has to know once.
+    /// Static data, sent once.
     Hello(Box<Hello>),
-    /// Where the session is.
+    /// Phase of the session.
     Phase(Phase),
-    /// Where the vehicle is.
+    /// State of the vehicle.
     State(StateMessage),
-    /// How a job goes.
+    /// Progress of a job.
     Job {
-        /// Which.
+        /// Kind of the job.
         kind: JobKind,
         /// `running`, `done` or `failed`.
         state: JobState,
-        /// How it goes, or what came out.
+        /// Progress or result.
         words: String,
-        /// What came out for people, in a sentence.
+        /// Summary of the result in one sentence.
         #[serde(skip_serializing_if = "Option::is_none")]
         verdict: Option<String>,
-        /// Where to look.
+        /// Link to the result.
         #[serde(skip_serializing_if = "Option::is_none")]
         link: Option<String>,
     },
-    /// What can be asked for now.
+    /// Available jobs.
     Can {
         /// The jobs.
         can: Vec<JobKind>,
     },
-    /// Something to read.
+    /// A problem to be shown.
     Trouble {
-        /// What.
+        /// Its description.
         words: String,
     },
     /// The program ends.
     Over {
-        /// What to do.
+        /// Instructions.
         words: String,
     },
-    /// Another page has the stick.
+    /// Another page controls the stick.
     Taken {
-        /// What to do.
+        /// Instructions.
         words: String,
     },
 }
 
-/// How far a job is.
+/// State of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum JobState {
-    /// It goes on.
+    /// In progress.
     Running,
-    /// It is done.
+    /// Completed.
     Done,
-    /// It came to nothing.
+    /// Failed.
     Failed,
 }
 
 /// See [`ToPage::Hello`].
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Hello {
-    /// Of pilotage.
+    /// Version of pilotage.
     pub version: String,
-    /// What is flown.
+    /// The flown vehicle.
     pub vehicle: VehicleMessage,
-    /// What is to be done.
+    /// The protocol.
     pub protocol: ProtocolMessage,
-    /// What there is already.
+    /// Flights recorded so far.
     pub recorded: Vec<Recorded>,
-    /// Where the flights go.
+    /// Folder of the flights.
     pub folder: String,
-    /// What there is to know before the first run.
+    /// Notes to read before the first run.
     pub notes: Vec<String>,
-    /// What can be asked for now.
+    /// Available jobs.
     pub can: Vec<JobKind>,
-    /// The stick, where the server reads it.
+    /// The joystick, if the server reads one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub joystick: Option<JoystickMessage>,
 }
 
-/// A joystick that the server reads.
+/// A joystick read by the server.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct JoystickMessage {
     /// Its name.
     pub name: String,
-    /// How it is read, until the page says another way.
+    /// Its calibration, until the page sends another.
     pub reading: Reading,
 }
 
@@ -170,11 +170,11 @@ pub struct VehicleMessage {
     pub name: String,
     /// Its axes.
     pub axes: Vec<AxisMessage>,
-    /// From where it is seen: `side` or `above`.
+    /// View: `side` or `above`.
     pub view: &'static str,
-    /// Whether states have tilts.
+    /// Whether states include tilts.
     pub tilts: bool,
-    /// How large it is drawn, in the unit of its positions.
+    /// Drawn size, in the unit of its positions.
     pub size: f64,
 }
 
@@ -196,7 +196,7 @@ pub struct ProtocolMessage {
     pub title: String,
     /// Its tasks.
     pub tasks: Vec<TaskMessage>,
-    /// What the person agrees to.
+    /// Declaration of consent.
     pub consent: String,
 }
 
@@ -209,15 +209,15 @@ pub struct TaskMessage {
     pub title: String,
     /// `step` or `sines`.
     pub kind: &'static str,
-    /// How it is shown.
+    /// How it is displayed.
     pub display: Display,
-    /// How long it takes \[s\].
+    /// Duration \[s\].
     pub seconds: f64,
-    /// The farthest place of its target, so that the picture's scale can be chosen before.
+    /// Largest distance of its target, from which the page chooses the scale.
     pub reach: f64,
 }
 
-/// A flight.
+/// A recorded flight.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Recorded {
     /// Its file.
@@ -226,59 +226,59 @@ pub struct Recorded {
     pub task: String,
     /// Root mean square distance to the target.
     pub rms: f64,
-    /// Whether it was for training.
+    /// Whether it was a training run.
     pub training: bool,
-    /// Whether it counts.
+    /// Whether it is valid.
     pub valid: bool,
-    /// Why not.
+    /// The reason if it is not valid.
     pub why: Option<String>,
 }
 
 /// See [`ToPage::Phase`].
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Phase {
-    /// Which.
+    /// Kind of phase.
     pub phase: PhaseKind,
     /// Number of the task, from 0.
     pub task: usize,
-    /// Number of the run, from 1: of the measured ones, or of the training of this task.
+    /// Number of the run, from 1, among the measured runs or this task's training runs.
     pub run: usize,
-    /// Of so many; none of training, which ends by itself.
+    /// Total number of runs; `None` in training, whose length is not fixed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub of: Option<usize>,
     /// Whether this is training.
     pub training: bool,
-    /// Whether the person's model flies beside.
+    /// Whether the identified pilot flies too.
     pub against: bool,
-    /// What to do, or what was.
+    /// Instructions or result.
     pub words: String,
-    /// Of a countdown.
+    /// Remaining time of a countdown \[s\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
-    /// Of a run that is over.
+    /// Result of a completed run.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub result: Option<ResultMessage>,
 }
 
-/// Where a session is.
+/// Kind of phase of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PhaseKind {
-    /// Who flies is to be said.
+    /// Waiting for the subject's data.
     Welcome,
-    /// A run waits for the person.
+    /// Waiting for the person to start the run.
     Ready,
-    /// It begins in a moment.
+    /// Countdown.
     Countdown,
-    /// It goes on.
+    /// The run is in progress.
     Fly,
-    /// It is over.
+    /// The run is over.
     After,
-    /// All are.
+    /// All runs are over.
     End,
 }
 
-/// What a run came to.
+/// Result of a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ResultMessage {
     /// Its file.
@@ -287,15 +287,15 @@ pub struct ResultMessage {
     pub rms: f64,
     /// Its unit.
     pub unit: String,
-    /// 100 where that is 0, 0 where it is what comes of letting go.
+    /// Score: 100 for an rms of 0, 0 for the rms with the stick released.
     pub score: u32,
-    /// Whether it counts.
+    /// Whether it is valid.
     pub valid: bool,
-    /// Why not.
+    /// The reason if it is not valid.
     pub why: Option<String>,
-    /// The least distance of this task so far; none while no run counts.
+    /// Smallest rms of this task so far; `None` without a valid run.
     pub best: Option<f64>,
-    /// Whether training is over.
+    /// Whether training is complete.
     pub training_done: bool,
 }
 
@@ -304,7 +304,7 @@ pub struct ResultMessage {
 pub struct StateMessage {
     /// Simulation time \[s\].
     pub t: f64,
-    /// Time left \[s\].
+    /// Remaining time \[s\].
     pub left: f64,
     /// Positions.
     pub x: Vec<f64>,
@@ -314,14 +314,14 @@ pub struct StateMessage {
     pub target: Vec<f64>,
     /// The hand, -1 to 1.
     pub stick: Vec<f64>,
-    /// Axes of the joystick that the server reads, while it is there.
+    /// Raw axes of the joystick read by the server, while it is connected.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub raw: Option<Vec<f64>>,
-    /// Number of the last input frame that was seen.
+    /// Number of the last input frame included.
     pub n: u64,
     /// Its page time \[ms\].
     pub at: f64,
-    /// Positions of the model that flies beside.
+    /// Positions of the vehicle flown by the identified pilot.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub beside: Vec<f64>,
 }

@@ -1,4 +1,4 @@
-//! Which tasks are flown, in which order, and when training is over.
+//! Protocols: tasks, their order, and the end of training.
 
 use crate::task::{DISTURBANCE_LINES, Display, PERIOD, Signal, TARGET_LINES, Task};
 use pilotage_text::document::{self, Document, DocumentError, TomlTable};
@@ -6,24 +6,24 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::path::Path;
 
-/// Rows per second of a task whose target stands still.
+/// Rows per second of a task with a constant target.
 const RATE: f64 = 20.0;
-/// Rows per second of sines: a whole number of them, 2048, in a period.
+/// Rows per second of tasks with sines: 2048 rows per period.
 const SINES_RATE: f64 = 25.0;
-/// Fewest rows of a run, after its run-in.
+/// Minimum number of rows of a run after its run-in.
 const FEWEST: f64 = 10.0;
-/// Longest name of a task: a part of names of files.
+/// Maximum length of a task name, which is part of file names.
 const LONGEST_NAME: usize = 64;
-/// What settles before the sines are looked at \[s\].
+/// Run-in before sines are evaluated, for transients to decay \[s\].
 const RUN_IN: f64 = 8.0;
 
-/// Why a protocol is none.
+/// Why a protocol is invalid.
 #[derive(Debug, thiserror::Error)]
 pub enum ProtocolError {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error(transparent)]
     Document(#[from] DocumentError),
-    /// A value that is not allowed.
+    /// An invalid value.
     #[error("{file}:{line}: `{field}` {fault}")]
     Value {
         /// The file.
@@ -32,24 +32,24 @@ pub enum ProtocolError {
         line: usize,
         /// The field.
         field: String,
-        /// What is wrong, and what would be right.
+        /// The fault and what is expected.
         fault: String,
     },
 }
 
-/// When training is over: the error does not fall any more.
+/// Training is complete when the error no longer decreases.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Training {
-    /// Runs at least; 0 for no training.
+    /// Minimum number of runs; 0 for no training.
     pub least: usize,
-    /// Runs at most.
+    /// Maximum number of runs.
     pub most: usize,
-    /// The part by which the rms error of a run must fall below the best one before it, else training is over.
+    /// Relative decrease of a run's rms error below the previous best; if it is smaller, training is complete.
     pub improvement: f64,
 }
 
 impl Training {
-    /// Whether it is over after runs with these rms errors.
+    /// Whether training is complete after runs with these rms errors.
     pub fn is_over(&self, errors: &[f64]) -> bool {
         if errors.len() < self.least {
             return false;
@@ -62,21 +62,21 @@ impl Training {
     }
 }
 
-/// In which order measured runs come.
+/// Order of the measured runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Order {
-    /// All runs of a task after each other.
+    /// All runs of a task in sequence.
     Given,
-    /// The tasks take turns, and each turn begins with another one.
+    /// Tasks alternate in rounds, and each round begins with another task.
     Balanced,
-    /// Drawn.
+    /// Random.
     Random,
 }
 
-/// Which tasks are flown.
+/// The tasks of a session and their order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Protocol {
-    /// Its name for people.
+    /// Its title for display.
     pub title: String,
     /// The tasks.
     pub tasks: Vec<Task>,
@@ -84,13 +84,13 @@ pub struct Protocol {
     pub training: Training,
     /// The order of the measured runs.
     pub order: Order,
-    /// Of all that is drawn.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// What the person agrees to.
+    /// Declaration of consent.
     pub consent: String,
 }
 
-/// What the vehicle says of itself that tasks depend on.
+/// Properties of the vehicle on which tasks depend.
 #[derive(Debug, Clone, Copy)]
 pub struct Shape<'a> {
     /// Number of axes.
@@ -99,16 +99,17 @@ pub struct Shape<'a> {
     pub unit: &'a str,
 }
 
-/// What a person agrees to, where the protocol does not say.
+/// Default declaration of consent.
 const CONSENT: &str = "I agree that how I move the stick is recorded in files on this computer, under the code above and without my name.";
 
-/// The farthest target, in the unit of the position.
+/// Maximum distance of a target, in the unit of the position.
 const FARTHEST: f64 = 1e6;
-/// The longest run \[s\].
+/// Maximum duration of a run \[s\].
 const LONGEST: f64 = 3600.0;
 
 impl Protocol {
-    /// Without a file: targets of 10 and 20 of the position's unit, then sines to follow, and sines on the stick.
+    /// The default: targets at 10 and 20 units of position, then tracking of sines, and disturbance by sines on the
+    /// stick.
     pub fn usual(shape: Shape<'_>) -> Self {
         let steps = [10.0, 20.0].map(|size| step(shape, size));
         let tracking = sines(shape, Some(2.0), None, 1);
@@ -127,18 +128,18 @@ impl Protocol {
         }
     }
 
-    /// Reads one.
+    /// Reads a protocol from a file.
     ///
     /// # Errors
-    /// When it cannot be read, or a value is none, with its line.
+    /// If it cannot be read, or a value is invalid; the error names the line.
     pub fn read(path: &Path, shape: Shape<'_>) -> Result<Self, ProtocolError> {
         Self::parse(&document::read(path)?, &path.display().to_string(), shape)
     }
 
-    /// The same of a text.
+    /// Parses a protocol; `file` is the name used in messages.
     ///
     /// # Errors
-    /// As above.
+    /// As [`Protocol::read`].
     pub fn parse(text: &str, file: &str, shape: Shape<'_>) -> Result<Self, ProtocolError> {
         let document = Document::parse(text, file)?;
         let root = document.root();
@@ -196,7 +197,7 @@ impl Protocol {
         })
     }
 
-    /// Measured runs in the order in which they are flown: the number of the task, and the sign of its targets.
+    /// The measured runs in the order in which they are flown: task number and sign of the targets.
     pub fn runs(&self) -> Vec<(usize, f64)> {
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         let count = self.tasks.len();
@@ -225,13 +226,13 @@ impl Protocol {
     }
 }
 
-/// The name of a file without folder and ending.
+/// The name of a file without folder and extension.
 fn stem(file: &str) -> String {
     let stem = Path::new(file).file_stem().unwrap_or_default();
     stem.to_string_lossy().into_owned()
 }
 
-/// A target that stands still.
+/// A task with a constant target.
 fn step(shape: Shape<'_>, size: f64) -> Task {
     let shown = format!("{size} {}", shape.unit);
     Task {
@@ -255,7 +256,7 @@ fn step(shape: Shape<'_>, size: f64) -> Task {
     }
 }
 
-/// Sines as target, on the stick, or both; their phases are drawn.
+/// A task with sines as target, on the stick, or both; their phases are random.
 fn sines(shape: Shape<'_>, target: Option<f64>, disturbance: Option<f64>, seed: u64) -> Task {
     let of = |rms: Option<f64>, lines: &[u32], own: u64| -> Vec<Signal> {
         let axes = 0..shape.axes as u64;
@@ -466,7 +467,7 @@ fn positive(table: TomlTable<'_>, field: &str) -> Result<Option<f64>, ProtocolEr
     }
 }
 
-/// A whole number that is not less.
+/// A whole number of at least `least`.
 fn whole(table: TomlTable<'_>, field: &str, least: f64) -> Result<Option<f64>, ProtocolError> {
     const MOST: f64 = 1e6;
     match table.number(field)? {
@@ -542,7 +543,7 @@ mod tests {
         assert_eq!(own.runs().len(), 4);
     }
 
-    /// The run-in is of any length, a period follows it, and other phases are drawn with another seed.
+    /// The run-in can have any length and is followed by one period; another seed gives other phases.
     #[test]
     fn sines_take_a_period_after_their_run_in() {
         let of = |more: &str| {

@@ -1,4 +1,4 @@
-//! What is kept of a run: a flight that `pilotage fit` takes, row by row on the disk as it comes, and a log of all steps.
+//! Recording of a run: a flight for `pilotage fit`, written to disk row by row, and a log of all steps.
 
 use crate::hand::Heard;
 use crate::run::{Flown, Table};
@@ -23,10 +23,10 @@ pub const LOGS: &str = "full-rate";
 /// Suffix of the file of an unfinished flight.
 pub const PART: &str = ".part";
 
-/// What the record says of a run, in the order of the lines at its top.
+/// Metadata of a run, in the order of the lines at the top of its file.
 pub type Header = Vec<(&'static str, String)>;
 
-/// A flight on disk, which grows row by row; a separate thread writes, so that the disk does not delay the vehicle.
+/// A flight file that grows row by row; a separate thread writes, so that the disk does not delay the vehicle.
 #[derive(Debug)]
 pub struct Growing {
     path: PathBuf,
@@ -36,10 +36,10 @@ pub struct Growing {
 }
 
 impl Growing {
-    /// Begins the file of a flight beside its name. Rows come to the disk at most so late (`pace`).
+    /// Creates the part file of a flight, next to its final path. Rows reach the disk with a delay of at most `pace`.
     ///
     /// # Errors
-    /// When it cannot be written, or another program records there.
+    /// If it cannot be written, or another program is recording there.
     pub fn create(
         path: &Path,
         header: &Header,
@@ -55,7 +55,7 @@ impl Growing {
             .create_new(true)
             .open(&part)?;
         if let Err(error) = file.write_all((head(header, columns)).as_bytes()) {
-            // The disk is full: nothing is left that is in the way of the next run.
+            // The disk is full: leave no file that would block the next run.
             let _ = std::fs::remove_file(&part);
             return Err(error);
         }
@@ -65,7 +65,7 @@ impl Growing {
                 let mut text = line(&row);
                 std::thread::sleep(pace);
                 text.extend(came.try_iter().map(|row| line(&row)));
-                // To the system at once: a killed process loses nothing of it.
+                // Passed to the system at once, so that nothing is lost if the process is killed.
                 file.write_all(text.as_bytes())?;
             }
             Ok(())
@@ -78,15 +78,15 @@ impl Growing {
         })
     }
 
-    /// A row. Where the disk is full, the end tells.
+    /// Appends a row. If the disk is full, `finish` or `discard` reports it.
     pub fn row(&self, row: &[f64]) {
         let _ = self.rows.send(row.to_vec());
     }
 
-    /// Takes it away: it stands elsewhere.
+    /// Removes the part file, whose data is stored elsewhere.
     ///
     /// # Errors
-    /// When it could not be written, or cannot be removed.
+    /// If it could not be written, or cannot be removed.
     pub fn discard(self) -> io::Result<()> {
         drop(self.rows);
         let written = self.writer.join().unwrap_or(Ok(()));
@@ -94,10 +94,10 @@ impl Growing {
         written
     }
 
-    /// The whole flight in its place, with what is known of it in the end.
+    /// Writes the complete flight to its final path, with the final metadata.
     ///
     /// # Errors
-    /// When it cannot be written; what came until then is in the part.
+    /// If it cannot be written; the rows so far remain in the part file.
     pub fn finish(
         self,
         path: Option<&Path>,
@@ -134,27 +134,32 @@ fn head(header: &Header, columns: &[(String, String)]) -> String {
         .map(|(key, value)| format!("# {key}: {value}\n"));
     let columns: Vec<String> = columns
         .iter()
-        .map(|(name, unit)| format!("{name} [{unit}]"))
+        .map(|(name, unit)| pilotage_series::head(name, unit))
         .collect();
     lines.collect::<String>() + &columns.join(",") + "\n"
 }
 
+/// Values that are not finite are missing samples.
 fn line(row: &[f64]) -> String {
-    let cells: Vec<String> = row.iter().map(|value| short(*value)).collect();
+    let cell = |value: &f64| match value.is_finite() {
+        true => short(*value),
+        false => String::new(),
+    };
+    let cells: Vec<String> = row.iter().map(cell).collect();
     cells.join(",") + "\n"
 }
 
-/// Nine digits: of more there are none in what a person does.
+/// Rounds to nine digits; human data has no more.
 fn short(value: f64) -> String {
     let rounded = format!("{value:.8e}").parse::<f64>().unwrap_or(value);
     format!("{}", rounded + 0.0)
 }
 
-/// Flights of the folder that were not finished: the program was killed, the power was lost, or the disk was full. Of a run
-/// of which nothing but the log of all steps is left, that log.
+/// Unfinished flights in the folder: the program was killed, the power failed, or the disk was full. If only the log of
+/// all steps is left of a run, the log is listed.
 ///
 /// # Errors
-/// When the folder cannot be read.
+/// If the folder cannot be read.
 pub fn unfinished(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut all = parts(folder)?;
     let names: Vec<_> = all
@@ -169,7 +174,7 @@ pub fn unfinished(folder: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(all)
 }
 
-/// The files of a folder that are parts.
+/// The part files in a folder.
 fn parts(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut all = Vec::new();
     for entry in std::fs::read_dir(folder)? {
@@ -182,10 +187,10 @@ fn parts(folder: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(all)
 }
 
-/// Writes all steps and all frames of a run, each a Parquet file: `NAME.parquet` and `NAME.frames.parquet`.
+/// Writes all steps and all input frames of a run as Parquet files: `NAME.parquet` and `NAME.frames.parquet`.
 ///
 /// # Errors
-/// When they cannot be written.
+/// If they cannot be written.
 pub fn logs(folder: &Path, name: &str, header: &Header, flown: &Flown) -> io::Result<()> {
     std::fs::create_dir_all(folder)?;
     let write = |ending: &str, table: &Table| {
@@ -197,7 +202,7 @@ pub fn logs(folder: &Path, name: &str, header: &Header, flown: &Flown) -> io::Re
     write(".frames", &frames(&flown.heard))
 }
 
-/// The frames of the page: number, page time, arrival, deflection, whether it was seen, and what was drawn when.
+/// The page's frames: number, page time, arrival, deflection, visibility, and what was drawn when.
 fn frames(heard: &Heard) -> Table {
     let axes = heard
         .frames
@@ -271,7 +276,7 @@ fn parquet(path: &Path, header: &Header, table: &Table) -> Result<(), ParquetErr
     Ok(())
 }
 
-/// A column's name with its unit: letters, digits and underscores, as a schema has them.
+/// A column's name with its unit in letters, digits and underscores, as required by the schema.
 fn field(name: &str, unit: &str) -> String {
     let both = match unit {
         "1" => name.to_owned(),

@@ -1,4 +1,4 @@
-//! One run: the vehicle in real time, with the hand on its stick.
+//! One run: the vehicle in real time, controlled by the hand.
 
 use crate::beside::Beside;
 use crate::craft::{Craft, CraftError, Flying, STEP, STEPS};
@@ -7,21 +7,21 @@ use crate::hand::{GAP, Hand, Heard};
 use crate::task::Task;
 use std::time::{Duration, Instant};
 
-/// States per second that are shown.
+/// Displayed states per second.
 const SHOWN: u32 = 120;
-/// So late a step is too late: the run does not count.
+/// A step that is later than this makes the run invalid.
 const LATE: Duration = Duration::from_millis(50);
-/// A stick that is deflected by more when a run begins was moved too early: models begin at rest.
+/// A larger deflection at the beginning of a run is too early: models begin at rest.
 const EARLY: f64 = 0.1;
-/// So late, and the run ends: the computer does not keep up.
+/// A step that is later than this ends the run: the computer is too slow.
 const HOPELESS: Duration = Duration::from_secs(2);
 
-/// What is shown of a run.
+/// The displayed state of a run.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct State {
-    /// Time from the run's begin \[s\].
+    /// Time from the beginning of the run \[s\].
     pub time: f64,
-    /// Time that is left \[s\].
+    /// Remaining time \[s\].
     pub left: f64,
     /// Position of each axis.
     pub positions: Vec<f64>,
@@ -31,18 +31,18 @@ pub struct State {
     pub targets: Vec<f64>,
     /// Deflection of the hand, -1 to 1.
     pub hand: Vec<f64>,
-    /// Number of the last input frame that it had seen, and that frame's page time \[ms\].
+    /// Number and page time \[ms\] of the last input frame included.
     pub seen: (u64, f64),
-    /// Positions of the model that flies beside, if one does.
+    /// Positions of the vehicle flown by the identified pilot, if there is one.
     pub beside: Vec<f64>,
 }
 
-/// A table of numbers, by columns.
+/// A table of numbers, stored by columns.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
     /// Name and unit of each column.
     pub names: Vec<(String, String)>,
-    /// Its values.
+    /// Values of each column.
     pub columns: Vec<Vec<f64>>,
 }
 
@@ -63,48 +63,48 @@ impl Table {
         self.columns.iter().map(|column| column[k]).collect()
     }
 
-    /// How many there are.
+    /// Number of rows.
     pub fn len(&self) -> usize {
         self.columns.first().map_or(0, Vec::len)
     }
 
-    /// Whether there is none.
+    /// Whether there are no rows.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
 
-/// A run that has been flown.
+/// A completed run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flown {
-    /// The flight: time, target, position and stick of each axis, disturbances, and what else the vehicle says.
+    /// The flight: time, target, position and stick of each axis, disturbances, and the vehicle's other outputs.
     pub flight: Table,
-    /// Every step.
+    /// Log of all steps.
     pub log: Table,
-    /// What came from the hand.
+    /// Data received from the page.
     pub heard: Heard,
-    /// How late steps began \[ms\].
+    /// Lateness of steps \[ms\].
     pub lateness: Distribution,
-    /// From a frame's arrival to the first step with it \[ms\].
+    /// Time from a frame's arrival to the first step with it \[ms\].
     pub to_state: Distribution,
     /// Root mean square distance to the target after the run-in, over all axes.
     pub rms: f64,
-    /// The same of the model that flew beside, if one did.
+    /// The same for the identified pilot, if it flew too.
     pub rms_beside: Option<f64>,
-    /// How long it took \[s\].
+    /// Duration \[s\].
     pub seconds: f64,
-    /// Whether the stick was deflected when it began.
+    /// Whether the stick was deflected at the beginning.
     pub is_early: bool,
-    /// Whether it never was.
+    /// Whether the stick was never deflected.
     pub is_still: bool,
-    /// Whether it ended before its time.
+    /// Whether it ended early.
     pub is_short: bool,
-    /// Why it ended before its time, if it did.
+    /// Why it ended early, if it did.
     pub ended: Option<String>,
 }
 
 impl Flown {
-    /// Why it does not count, if it does not.
+    /// Why the run is invalid, if it is.
     pub fn fault(&self) -> Option<String> {
         let late = Duration::from_secs_f64(self.lateness.most / 1e3);
         let slow = || format!("the simulation was late by {:.0} ms", self.lateness.most);
@@ -126,15 +126,15 @@ impl Flown {
     }
 }
 
-/// Who listens to a run.
+/// Receiver of a run's data.
 pub trait Listener {
-    /// A state to be shown.
+    /// Receives a state for display.
     fn state(&mut self, state: State);
-    /// A row of the flight.
+    /// Receives a row of the flight.
     fn row(&mut self, row: &[f64]);
-    /// A row of the log, of each step.
+    /// Receives a row of the log, one per step.
     fn step(&mut self, row: &[f64]);
-    /// Why it has to end now, if it has.
+    /// Why the run must stop now, if it must.
     fn stop(&mut self) -> Option<String>;
 }
 
@@ -158,7 +158,7 @@ pub fn columns(craft: &Craft, task: &Task) -> Vec<(String, String)> {
     all
 }
 
-/// Columns of the log: those of the flight, and when and by what each step was.
+/// Columns of the log: those of the flight, then lateness and input of each step.
 pub fn of_log(columns: &[(String, String)]) -> Vec<(String, String)> {
     let own = [
         ("late", "ms"),
@@ -170,7 +170,7 @@ pub fn of_log(columns: &[(String, String)]) -> Vec<(String, String)> {
     columns.iter().cloned().chain(own).collect()
 }
 
-/// What acts on the vehicle at a time, and what is recorded of it.
+/// Targets and inputs at a time, with their recorded values.
 struct Acting {
     targets: Vec<f64>,
     sticks: Vec<f64>,
@@ -224,7 +224,7 @@ impl Acting {
 /// Flies a run in real time.
 ///
 /// # Errors
-/// When the vehicle fails before it has begun; what fails later ends the run, which keeps what it has.
+/// If the vehicle fails before the run begins; later failures end the run, whose data is kept.
 pub fn fly(
     craft: &Craft,
     task: &Task,
@@ -273,7 +273,7 @@ pub fn fly(
     })
 }
 
-/// What a run keeps.
+/// Data collected during a run.
 struct Run<'r> {
     flight: Table,
     log: Table,
@@ -290,7 +290,7 @@ struct Run<'r> {
 }
 
 impl Run<'_> {
-    /// Steps until the end; the time that it came to, and why that was early.
+    /// Steps until the end; returns the time reached, and why the run ended early if it did.
     fn go(
         &mut self,
         flying: &mut Flying,
@@ -323,7 +323,7 @@ impl Run<'_> {
                 Err(error) => return (time, Some(self.craft.failed(error).to_string())),
             };
             let age = 1e3 * arrived.elapsed().as_secs_f64();
-            // What arrived before the begin waited for that.
+            // Input that arrived before the beginning does not count.
             if arrived > last {
                 last = arrived;
                 self.to_state.push(age);
@@ -367,7 +367,7 @@ impl Run<'_> {
                 if let Some(why) = listener.stop() {
                     return (time, Some(why));
                 }
-                // What follows would not count.
+                // The rest would be invalid.
                 if hand.is_spoilt() {
                     return (time, None);
                 }
@@ -395,7 +395,7 @@ impl Run<'_> {
     }
 }
 
-/// What is seen of a vehicle.
+/// Outputs read from a vehicle.
 struct Seen {
     positions: Vec<f64>,
     tilts: Vec<f64>,
@@ -410,10 +410,10 @@ fn see(flying: &mut Flying) -> Result<Seen, pilotage_cosim::component::Component
     })
 }
 
-/// The root mean square distance to the target with the stick at rest, against which a score is measured.
+/// The root mean square distance to the target with the stick at rest, as reference for the score.
 ///
 /// # Errors
-/// When the vehicle fails.
+/// If the vehicle fails.
 pub fn idle(craft: &Craft, task: &Task, sign: f64) -> Result<f64, CraftError> {
     let failed = |source| craft.failed(source);
     let mut flying = craft.begin()?;

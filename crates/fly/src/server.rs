@@ -1,5 +1,5 @@
-//! The page and its socket, on this computer alone: a token in the address, Host and Origin checked, messages small and not
-//! too many, one page with the stick.
+//! Server of the page and its socket, for this computer only: it requires a token in the address, checks Host and
+//! Origin, limits size and rate of messages, and lets one page control the stick.
 
 use crate::hand::Hand;
 use crate::message::{FromPage, ToPage};
@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 use tokio::net::TcpListener;
 use tokio::sync::{Notify, broadcast};
 
-/// The page, in the executable.
+/// The page's files, embedded in the executable.
 const FILES: [(&str, &str, &str); 7] = [
     (
         "",
@@ -40,46 +40,46 @@ const FILES: [(&str, &str, &str); 7] = [
     ("panel.js", SCRIPT, include_str!("../page/panel.js")),
 ];
 const SCRIPT: &str = "text/javascript; charset=utf-8";
-/// Largest message of a page \[bytes\].
+/// Maximum size of a page's message \[bytes\].
 const LARGEST: usize = 4096;
-/// Most messages of a page per second: twice what the fastest display sends, and what was drawn.
+/// Maximum number of messages from a page per second: twice the rate of the fastest display, including drawing reports.
 const RATE: u32 = 600;
-/// Messages that are nonsense, after which a page is sent away.
+/// Number of invalid messages after which a page is disconnected.
 const NONSENSE: u32 = 20;
-/// Between two measurements of the round trip.
+/// Interval between measurements of the round trip.
 const PING: Duration = Duration::from_millis(500);
 
-/// What every request sees.
+/// State shared by all requests.
 struct Shared {
     token: String,
     hosts: Vec<String>,
     board: Arc<Board>,
     hand: Arc<Hand>,
     commands: Mutex<Sender<Command>>,
-    /// The page that has the stick; 0 for none.
+    /// The page that controls the stick; 0 for none.
     writer: AtomicU64,
     pages: AtomicU64,
     changed: Notify,
     made: PathBuf,
 }
 
-/// Where a server listens, and who may come.
+/// A server's listener and access rules.
 #[derive(Debug)]
 pub struct Server {
-    /// Of this address.
+    /// The listener.
     pub listener: TcpListener,
-    /// Requests without it are refused.
+    /// Token required in requests.
     pub token: String,
-    /// Names by which it is called, with ports; where it is bound elsewhere than to this computer, others are taken too.
+    /// Whether any host name is accepted, because the server is bound to an address of another interface.
     pub is_open: bool,
-    /// Files that jobs have made.
+    /// Folder of files created by jobs.
     pub made: PathBuf,
 }
 
 /// A random token of 128 bits.
 ///
 /// # Errors
-/// When the system has no random numbers.
+/// If the system provides no random numbers.
 pub fn token() -> std::io::Result<String> {
     let mut bytes = [0; 16];
     getrandom::fill(&mut bytes).map_err(|error| std::io::Error::other(error.to_string()))?;
@@ -87,10 +87,10 @@ pub fn token() -> std::io::Result<String> {
 }
 
 impl Server {
-    /// Where the page is.
+    /// Address of the page.
     ///
     /// # Errors
-    /// When the listener has no address.
+    /// If the listener has no address.
     pub fn address(&self) -> std::io::Result<String> {
         Ok(format!(
             "http://{}/?token={}",
@@ -99,10 +99,10 @@ impl Server {
         ))
     }
 
-    /// Serves until `until` is done.
+    /// Serves until `until` completes.
     ///
     /// # Errors
-    /// When the listener fails.
+    /// If the listener fails.
     pub async fn serve(
         self,
         board: Arc<Board>,
@@ -138,7 +138,7 @@ impl Server {
     }
 }
 
-/// How this computer is called by itself.
+/// Host names of this computer with the port.
 fn hosts(address: SocketAddr) -> Vec<String> {
     let port = address.port();
     let mut names = vec![address.to_string()];
@@ -150,19 +150,20 @@ fn hosts(address: SocketAddr) -> Vec<String> {
     names
 }
 
-/// The token of an address.
+/// Query of a request.
 #[derive(Deserialize)]
 struct Asked {
     token: Option<String>,
 }
 
-/// Why a request is refused.
+/// Response to a rejected request.
 fn refused(words: &'static str) -> Response {
     (StatusCode::FORBIDDEN, format!("{words}\n")).into_response()
 }
 
 impl Shared {
-    /// Whether `Host` is ours: another name that resolves to this address belongs to another page (DNS rebinding).
+    /// Whether `Host` is one of ours: another name that resolves to this address belongs to another site (DNS
+    /// rebinding).
     fn is_ours(&self, headers: &HeaderMap) -> bool {
         let host = headers
             .get(header::HOST)
@@ -170,18 +171,18 @@ impl Shared {
         host.is_some_and(|host| self.hosts.is_empty() || self.hosts.iter().any(|own| own == host))
     }
 
-    /// Whether a socket is asked for by our own page.
+    /// Whether the request for the socket comes from our page.
     fn is_own_page(&self, headers: &HeaderMap) -> bool {
         let of = |name: HeaderName| headers.get(name).and_then(|value| value.to_str().ok());
         match (of(header::ORIGIN), of(header::HOST)) {
             (Some(origin), Some(host)) => origin.strip_prefix("http://") == Some(host),
-            // No browser.
+            // Not a browser.
             (None, _) => true,
             _ => false,
         }
     }
 
-    /// Whether the token is right; how long the comparison takes tells nothing of it.
+    /// Whether the token is correct; compared in constant time.
     fn knows(&self, asked: &Asked) -> bool {
         let (own, given) = (
             self.token.as_bytes(),
@@ -193,7 +194,7 @@ impl Shared {
 
     fn send(&self, command: Command) {
         let commands = self.commands.lock().unwrap_or_else(PoisonError::into_inner);
-        // The session has ended, and the server is about to.
+        // Fails only if the session has ended; the server then ends soon.
         let _ = commands.send(command);
     }
 }
@@ -228,7 +229,7 @@ async fn file(
     }
 }
 
-/// A file of the page. It loads nothing from elsewhere, and nothing in it runs that is not ours.
+/// A file of the page. Its policy allows only resources and scripts of this server.
 fn embedded(name: &str, headers: &HeaderMap) -> Response {
     let Some((_, kind, text)) = FILES.iter().find(|own| own.0 == name) else {
         return (StatusCode::NOT_FOUND, "no such file\n").into_response();
@@ -250,7 +251,7 @@ fn embedded(name: &str, headers: &HeaderMap) -> Response {
     (told, *text).into_response()
 }
 
-/// What a job has made.
+/// A file created by a job.
 async fn made(
     State(shared): State<Arc<Shared>>,
     UrlPath(name): UrlPath<String>,
@@ -299,7 +300,7 @@ async fn socket(
     })
 }
 
-/// What a page has sent, counted.
+/// Counts of a page's messages.
 struct Patience {
     since: Instant,
     messages: u32,
@@ -307,7 +308,7 @@ struct Patience {
 }
 
 impl Patience {
-    /// Whether one more is too much.
+    /// Counts a message; whether the rate is exceeded.
     fn is_over(&mut self) -> bool {
         if self.since.elapsed() > Duration::from_secs(1) {
             (self.since, self.messages) = (Instant::now(), 0);
@@ -317,7 +318,7 @@ impl Patience {
     }
 }
 
-/// One page, until it goes.
+/// Communicates with a page until it disconnects.
 async fn talk(mut socket: WebSocket, page: u64, shared: &Shared) {
     let Listening {
         first,
@@ -344,6 +345,13 @@ async fn talk(mut socket: WebSocket, page: u64, shared: &Shared) {
         nonsense: 0,
     };
     loop {
+        // Notifications reach only pages that wait at that moment.
+        if has_stick && shared.writer.load(Ordering::Acquire) != page {
+            has_stick = false;
+            if taken(&mut socket).await.is_err() {
+                return;
+            }
+        }
         tokio::select! {
             came = socket.recv() => match came {
                 Some(Ok(Message::Text(text))) => {
@@ -356,8 +364,8 @@ async fn talk(mut socket: WebSocket, page: u64, shared: &Shared) {
                             has_stick = true;
                             shared.changed.notify_waiters();
                         }
-                        Ok(message) if has_stick => patience.nonsense += u32::from(!hear(shared, message)),
-                        // Of a page that only watches, nothing is heard.
+                        Ok(message) if shared.writer.load(Ordering::Acquire) == page => patience.nonsense += u32::from(!hear(shared, message)),
+                        // Messages from pages without control of the stick are ignored.
                         Ok(_) => {}
                         Err(_) => patience.nonsense += 1,
                     }
@@ -380,18 +388,12 @@ async fn talk(mut socket: WebSocket, page: u64, shared: &Shared) {
                 pinged = Instant::now();
                 if socket.send(Message::Ping(Vec::new().into())).await.is_err() { return }
             }
-            () = shared.changed.notified() => {
-                let writer = shared.writer.load(Ordering::Acquire);
-                if has_stick && writer != page {
-                    has_stick = false;
-                    if taken(&mut socket).await.is_err() { return }
-                }
-            }
+            () = shared.changed.notified() => {}
         }
     }
 }
 
-/// Hands on what a page with the stick says; false where it is nonsense.
+/// Handles a message from the page that controls the stick; `false` if it is invalid.
 fn hear(shared: &Shared, message: FromPage) -> bool {
     match message {
         FromPage::Input(input) => shared.hand.take(input),

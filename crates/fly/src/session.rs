@@ -1,4 +1,4 @@
-//! A person's session: who flies, training, measured runs one after the other, and what comes of them.
+//! A person's session: welcome, training, measured runs, and their results.
 
 use crate::beside::Beside;
 use crate::craft::Craft;
@@ -19,40 +19,40 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{broadcast, watch};
 
-/// Seconds from "go" to the run.
+/// Countdown before a run \[s\].
 const COUNTDOWN: u32 = 3;
-/// Between two states while nothing flies.
+/// Interval between states while no run is in progress.
 const IDLE: Duration = Duration::from_millis(33);
-/// Between two writings of the log of all steps.
+/// Interval between writes of the log of all steps.
 const PACE: Duration = Duration::from_millis(200);
-/// Folder of runs that do not count, of training, and of runs beside a model.
+/// Folders of invalid runs, training runs, and runs together with a model.
 const INVALID: &str = "invalid";
 const TRAINING: &str = "training";
 const AGAINST: &str = "against";
-/// Drawn size of a vehicle over the farthest target.
+/// Drawn size of a vehicle relative to the farthest target.
 const SIZE: f64 = 0.06;
 
 /// Events of a session.
 #[derive(Debug)]
 pub enum Command {
-    /// Of the page that has the stick.
+    /// A message of the page that controls the stick.
     Page(FromPage),
-    /// The end of it all.
+    /// The end of the program.
     Quit,
 }
 
-/// Messages to a page.
+/// Subscription of a page.
 #[derive(Debug)]
 pub struct Listening {
-    /// What it has to know at once.
+    /// Messages to send at once.
     pub first: Vec<Arc<str>>,
-    /// What is said from now on.
+    /// Later messages.
     pub messages: broadcast::Receiver<Arc<str>>,
-    /// Where the vehicle is.
+    /// States of the vehicle.
     pub states: watch::Receiver<Arc<StateMessage>>,
 }
 
-/// What is known of the session, for pages that come later.
+/// Public state of the session, also for pages that connect later.
 #[derive(Debug)]
 pub struct Board {
     messages: broadcast::Sender<Arc<str>>,
@@ -61,7 +61,7 @@ pub struct Board {
 }
 
 impl Board {
-    /// A page listens.
+    /// Subscribes a page.
     pub fn listen(&self) -> Listening {
         let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         let (hello, phase) = known.clone();
@@ -73,7 +73,7 @@ impl Board {
         }
     }
 
-    /// Says something to all pages.
+    /// Sends a message to all pages.
     pub fn say(&self, message: &ToPage) {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         match message {
@@ -81,7 +81,7 @@ impl Board {
             ToPage::Can { can } => known.0.can.clone_from(can),
             _ => {}
         }
-        // Nobody listens: whoever comes is told.
+        // Without a receiver the message is dropped; pages that connect later get the stored state.
         let _ = self.messages.send(text(message));
     }
 
@@ -97,28 +97,28 @@ impl Board {
 
 /// A message as text.
 fn text(message: &ToPage) -> Arc<str> {
-    // Numbers and strings: there is nothing that has no JSON.
+    // Consists of numbers and strings only, which always serialize.
     serde_json::to_string(message).unwrap_or_default().into()
 }
 
-/// What the session asks others to do.
+/// Jobs provided to the session.
 pub trait Works: Send {
-    /// Which jobs can be asked for, with the flights of this person that there are.
+    /// The jobs available with this subject's flights.
     fn can(&self, subject: &str) -> Vec<JobKind>;
-    /// Begins one; it tells the board itself.
+    /// Starts a job, which reports to the board itself.
     fn begin(&mut self, kind: JobKind, subject: &str, board: &Arc<Board>);
-    /// The pilot of the person, if one was identified.
+    /// The subject's identified pilot, if there is one.
     fn pilot(&self, subject: &str) -> Option<Result<Box<dyn Component>, ComponentError>>;
 }
 
-/// Where flights go, and what is said of them.
+/// Folder and metadata of flights.
 #[derive(Debug, Clone)]
 pub struct Place {
     /// The folder.
     pub folder: PathBuf,
-    /// Version, machine and whatever else stands at the top of each flight.
+    /// Version, machine and other metadata at the top of each flight.
     pub header: Header,
-    /// What there is to know before the first run.
+    /// Notes to read before the first run.
     pub notes: Vec<String>,
 }
 
@@ -135,7 +135,7 @@ pub struct Session {
     device: Option<Device>,
     calibration: String,
     about: About,
-    /// Of each task, the rms errors of its training.
+    /// For each task, the rms errors of its training runs.
     trained: Vec<Vec<f64>>,
     best: Vec<f64>,
     beside: Option<Beside>,
@@ -149,7 +149,7 @@ impl std::fmt::Debug for Session {
     }
 }
 
-/// What is flown next.
+/// The next run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Next {
     task: usize,
@@ -166,11 +166,11 @@ enum Purpose {
     Against,
 }
 
-/// The end was asked for.
+/// The end was requested.
 struct Quit;
 
 impl Session {
-    /// A session of that vehicle and protocol, and the board to which it posts its state.
+    /// A session with that vehicle and protocol, and the board on which it publishes its state.
     pub fn new(
         craft: Craft,
         protocol: Protocol,
@@ -255,7 +255,7 @@ impl Session {
         loop {
             let words = format!("All {} runs are recorded. Thank you.", runs.len());
             self.say(PhaseKind::End, None, words, None, None);
-            // Whatever comes now is a job, or a flight beside the model.
+            // Only jobs and flights together with the model remain.
             self.wait_for_go(None)?;
         }
     }
@@ -303,7 +303,7 @@ impl Session {
         }
     }
 
-    /// Flies a run, and again until one counts.
+    /// Repeats a run until it is valid.
     fn until_counted(&mut self, next: Next) -> Result<(), Quit> {
         let words = self.protocol.tasks[next.task].words.clone();
         self.say(PhaseKind::Ready, Some(next), words, None, None);
@@ -311,11 +311,11 @@ impl Session {
         while !self.fly(next)? {
             self.wait_for_go(Some(next))?;
         }
-        // The next run follows a look at this one.
+        // The person looks at the result before the next run.
         self.wait_for_go(Some(next))
     }
 
-    /// Shows the vehicle at rest until the person wants to fly; jobs are begun on the way.
+    /// Shows the vehicle at rest until the person starts the run; handles jobs meanwhile.
     fn wait_for_go(&mut self, next: Option<Next>) -> Result<(), Quit> {
         loop {
             match self.next(next)? {
@@ -335,7 +335,7 @@ impl Session {
         }
     }
 
-    /// What the hand holds from now on. Devices are not mixed without a word.
+    /// Sets the device used from now on. A change of device is reported.
     fn take(&mut self, device: Device, calibration: &serde_json::Value, about: &About) {
         let short = |words: &str| {
             words
@@ -353,7 +353,7 @@ impl Session {
             screen: short(&about.screen),
         };
         let device = self.hand.holds(device);
-        // While it is away it is still the one that was chosen.
+        // A disconnected device remains the chosen one.
         if device == Device::None {
             return;
         }
@@ -366,7 +366,7 @@ impl Session {
         self.device = Some(device);
     }
 
-    /// Flies the task once more, the person's model beside.
+    /// Flies the task once more, together with the identified pilot.
     fn against(&mut self, next: Option<Next>) -> Result<(), Quit> {
         let words = "identify first: there is no model of you yet";
         let pilot = self
@@ -393,7 +393,7 @@ impl Session {
         self.fly(own).map(drop)
     }
 
-    /// Waits for a command, states at rest being shown meanwhile.
+    /// Waits for a command and shows the state at rest meanwhile.
     fn next(&mut self, next: Option<Next>) -> Result<Option<FromPage>, Quit> {
         match self.commands.recv_timeout(IDLE) {
             Ok(Command::Page(command)) => Ok(Some(command)),
@@ -455,7 +455,7 @@ impl Session {
         }));
     }
 
-    /// One run; whether it counts.
+    /// Flies one run; returns whether it is valid.
     fn fly(&mut self, next: Next) -> Result<bool, Quit> {
         let task = self.protocol.tasks[next.task].clone();
         for left in (1..=COUNTDOWN).rev() {
@@ -521,7 +521,7 @@ impl Session {
         if quit { Err(Quit) } else { Ok(counts) }
     }
 
-    /// Puts a run where it belongs, and tells what it came to; whether it counts.
+    /// Stores a run in its folder and reports the result; returns whether it is valid.
     fn keep(
         &mut self,
         next: Next,
@@ -610,7 +610,7 @@ impl Session {
         is_valid
     }
 
-    /// Why a run does not count, if it does not.
+    /// Why a run is invalid, if it is.
     fn fault(&self, next: Next, flown: &Flown) -> Option<String> {
         let held = flown.heard.device().map(|(device, _)| device);
         let is_other = |held: Device| self.device.is_some_and(|chosen| chosen != held);
@@ -618,7 +618,7 @@ impl Session {
             let chosen = self.device.unwrap_or(Device::None);
             format!("the hand held a {held}, and what was chosen is a {chosen}")
         });
-        // Beside a model, a hand that rests lets it fly alone.
+        // Together with a model, the stick may rest, so that only the model flies.
         let is_still = flown.is_still && next.purpose != Purpose::Against;
         let still = is_still.then(|| "the stick did not move".to_owned());
         flown.fault().or(other).or(still)
@@ -632,7 +632,7 @@ impl Session {
         }
     }
 
-    /// Tells of a run that came to nothing.
+    /// Reports a failed run.
     fn failed(&self, next: Next, words: String) -> bool {
         self.board.say(&ToPage::Trouble {
             words: words.clone(),
@@ -641,7 +641,7 @@ impl Session {
         false
     }
 
-    /// The first name of this person and task that no flight has.
+    /// The first unused file name for this subject and task.
     fn free_name(&self, task: &Task) -> String {
         let folders = ["", INVALID, TRAINING, AGAINST, LOGS];
         let folders = folders.map(|below| self.place.folder.join(below));
@@ -661,7 +661,7 @@ impl Session {
             .unwrap_or_default()
     }
 
-    /// What stands at the top of a flight.
+    /// Metadata at the top of a flight.
     fn header(&self, task: &Task, flown: Option<(Next, &Flown)>) -> Header {
         let mut all = self.place.header.clone();
         all.extend([
@@ -739,7 +739,7 @@ impl Session {
     }
 }
 
-/// Shows a run, writes its rows, and checks whether it is to end.
+/// Displays a run, writes its rows, and checks whether it must stop.
 struct Watch<'w> {
     board: &'w Board,
     commands: &'w Receiver<Command>,
@@ -786,7 +786,7 @@ impl Listener for Watch<'_> {
     }
 }
 
-/// Three digits.
+/// The value with three significant digits.
 fn three(value: f64) -> String {
     let digits = (2.0 - value.abs().max(1e-9).log10().floor()).clamp(0.0, 9.0);
     format!("{value:.*}", digits as usize)

@@ -1,36 +1,36 @@
-//! What the person is asked to do in a run: targets, and disturbances of the stick, over time.
+//! Tasks of a run: targets and stick disturbances over time.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::f64::consts::TAU;
 
-/// Period of the sums of sines \[s\]: all their frequencies are whole multiples of 2π over it.
+/// Period of the sums of sines \[s\]: all frequencies are integer multiples of 2π over the period.
 pub const PERIOD: f64 = 81.92;
 
-/// Multiples of 2π/81.92 s of the target's and of the disturbance's sines, which have none in common, after
-/// Zaal (2012).
+/// Frequencies of the sines of target and disturbance as multiples of 2π/81.92 s, without common values, after Zaal
+/// (2012).
 pub const TARGET_LINES: [u32; 10] = [6, 13, 27, 41, 53, 73, 103, 139, 194, 229];
 /// See [`TARGET_LINES`].
 pub const DISTURBANCE_LINES: [u32; 10] = [5, 11, 23, 37, 51, 71, 101, 137, 171, 226];
 
-/// Time constants of the filter by which the sines' amplitudes fall \[s\], `|(1 + 0.1 jω)²/(1 + 0.8 jω)²|`: from 0.698 at
+/// Time constants of the filter that shapes the sines' amplitudes \[s\], `|(1 + 0.1 jω)²/(1 + 0.8 jω)²|`: from 0.698 at
 /// n = 6 to 0.016 at n = 229, as in that paper.
 const FALL: [f64; 2] = [0.1, 0.8];
 
-/// Sets of phases that are drawn, of which the one with the smallest peak is flown.
+/// Number of random sets of phases, from which the one with the smallest peak is chosen.
 const DRAWS: usize = 50;
 
 /// A signal over time.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Signal {
-    /// One value.
+    /// A constant.
     Constant(f64),
     /// Amplitude, frequency \[rad/s\] and phase \[rad\] of each sine.
     Sines(Vec<[f64; 3]>),
 }
 
 impl Signal {
-    /// Sines at these multiples of 2π/81.92 s, with amplitudes that fall, and this root mean square in all.
+    /// Sines at these multiples of 2π/81.92 s with decreasing amplitudes, scaled to this total root mean square.
     pub fn sines(lines: &[u32], rms: f64, seed: u64) -> Self {
         let omega = |n: u32| TAU * f64::from(n) / PERIOD;
         let gain = |time: f64, omega: f64| 1.0 + (time * omega).powi(2);
@@ -62,7 +62,7 @@ impl Signal {
         }
     }
 
-    /// Its largest magnitude, looked at ten times a second.
+    /// Its largest magnitude, sampled ten times a second.
     fn peak(&self) -> f64 {
         let count = (10.0 * PERIOD) as usize;
         (0..count)
@@ -71,44 +71,44 @@ impl Signal {
     }
 }
 
-/// How target and vehicle are shown.
+/// Type of display.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Display {
-    /// The vehicle in its surroundings.
+    /// The vehicle in a scene.
     Scene,
-    /// The error alone moves.
+    /// Only the error is shown.
     Compensatory,
-    /// Target and vehicle move.
+    /// Target and vehicle are shown.
     Pursuit,
 }
 
-/// What is flown in a run.
+/// The task of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Task {
-    /// Its name in the names of files.
+    /// Its name, used in file names.
     pub name: String,
-    /// Its name for people.
+    /// Its title for display.
     pub title: String,
-    /// What the person is told to do.
+    /// Instructions for the person.
     pub words: String,
-    /// Target of each axis, in the unit of its position, from where the vehicle begins.
+    /// Target of each axis, relative to the vehicle's initial position, in the unit of the position.
     pub target: Vec<Signal>,
-    /// What is added to each stick, 1 at full stick.
+    /// Disturbance added to each stick; 1 is full stick.
     pub disturbance: Vec<Signal>,
-    /// How long a run takes \[s\].
+    /// Duration of a run \[s\].
     pub seconds: f64,
-    /// What the score leaves out at the begin \[s\].
+    /// Time at the beginning that is excluded from the score \[s\].
     pub run_in: f64,
     /// Recorded rows per second.
     pub rate: f64,
-    /// How it is shown.
+    /// Type of display.
     pub display: Display,
-    /// Measured runs.
+    /// Number of measured runs.
     pub runs: usize,
-    /// Whether the sign of the targets is drawn for each run.
+    /// Whether the sign of the targets is random for each run.
     pub is_signed: bool,
-    /// Whether it moves by sines, or the target stands still.
+    /// Whether it has sines instead of a constant target.
     pub is_tracking: bool,
 }
 
@@ -123,7 +123,7 @@ impl Task {
         self.disturbance.iter().map(|own| own.at(time)).collect()
     }
 
-    /// Whether something is added to the stick.
+    /// Whether a disturbance is added to the stick.
     pub fn is_disturbed(&self) -> bool {
         self.disturbance
             .iter()
@@ -135,7 +135,7 @@ impl Task {
 mod tests {
     use super::*;
 
-    /// The amplitudes of the paper, which has three digits.
+    /// The amplitudes published in the paper, to three digits.
     #[test]
     fn amplitudes_fall_as_published() {
         let Signal::Sines(sines) = Signal::sines(&TARGET_LINES, 1.0, 1) else {
@@ -145,7 +145,7 @@ mod tests {
         assert!((ratio - 0.016 / 0.698).abs() < 1e-3, "{ratio}");
     }
 
-    /// Over a whole period each sum has the asked root mean square, no mean, and nothing of the other's lines.
+    /// Over a period each sum has the requested root mean square, zero mean, and no content at the other's frequencies.
     #[test]
     fn sines_have_their_size_and_lines_of_their_own() {
         let count = 8192;

@@ -1,4 +1,4 @@
-//! The shared library of every platform: looked into, not loaded.
+//! Checks of the shared library of each platform, without loading it.
 
 use super::finding::NOT_USED;
 use super::layout::{extension, identifiers};
@@ -11,7 +11,7 @@ use pilotage_fmi::description::{FmiVersion, ModelDescription};
 use pilotage_fmi::platform::{Platform, processor};
 use std::collections::BTreeSet;
 
-/// All that is wrong with the libraries.
+/// All findings about the libraries.
 pub(super) fn check(archive: &mut Archive, description: &ModelDescription) -> Vec<Finding> {
     let files: Vec<String> = archive.files().map(str::to_owned).collect();
     let mut findings = Vec::new();
@@ -28,7 +28,7 @@ pub(super) fn check(archive: &mut Archive, description: &ModelDescription) -> Ve
         if extension(folder) != Some(end) || !identifiers(description).contains(stem) {
             continue;
         }
-        // What cannot be read is told elsewhere.
+        // Unreadable files are reported elsewhere.
         let Ok(bytes) = archive.read(file) else {
             continue;
         };
@@ -80,7 +80,7 @@ fn library(
     rules
 }
 
-/// Whether a library of that format and architecture belongs into a folder of that name.
+/// Whether a library of that format and architecture belongs in a folder with that name.
 fn fits(folder: &str, format: BinaryFormat, architecture: Architecture) -> bool {
     let expected_format = match extension(folder) {
         Some("dll") => format == BinaryFormat::Pe || format == BinaryFormat::Coff,
@@ -96,7 +96,7 @@ fn fits(folder: &str, format: BinaryFormat, architecture: Architecture) -> bool 
     expected_format && (known.peek().is_none() || known.any(|own| own == architecture))
 }
 
-/// The functions that the standard wants and the library lacks.
+/// The functions that the standard requires and the library lacks.
 fn functions(file: &object::File, stem: &str, description: &ModelDescription) -> Vec<Rule> {
     let found = binary::exported(file).unwrap_or_default();
     (wanted(stem, description).into_iter())
@@ -111,7 +111,7 @@ fn functions(file: &object::File, stem: &str, description: &ModelDescription) ->
 /// Why a missing function is an error.
 const USED: &str = "which every importer calls, or a capability of this description offers";
 
-/// The functions that a library of that name must have, and whether they are used.
+/// The functions that a library with that name must have, and whether they are used.
 fn wanted(stem: &str, description: &ModelDescription) -> Vec<(&'static str, bool)> {
     let is = |identifier: Option<&String>| identifier.is_some_and(|i| i == stem);
     let parts = [
@@ -171,7 +171,7 @@ fn used_2(function: fmi2::Function, description: &ModelDescription) -> bool {
     }
 }
 
-/// As [`used_2`], of FMI 3.0.
+/// As [`used_2`], for FMI 3.0.
 fn used_3(function: fmi3::Function, description: &ModelDescription) -> bool {
     use fmi3::Function as F;
     let capability = |name: &str| has_flag(description, name);
@@ -208,7 +208,7 @@ fn used_3(function: fmi3::Function, description: &ModelDescription) -> bool {
     }
 }
 
-/// Whether some interface of the description has a capability.
+/// Whether any interface of the description has a capability.
 fn has_flag(description: &ModelDescription, name: &str) -> bool {
     let version = description.fmi_version;
     let cs = description.co_simulation.as_ref().map(|e| e.flags(version));
@@ -224,7 +224,7 @@ fn has_flag(description: &ModelDescription, name: &str) -> bool {
     flags.any(|(flag, on)| on && flag == name)
 }
 
-/// Libraries that it needs and that are neither a part of every system nor beside it (ELF).
+/// Required libraries that are neither part of every system nor in the same folder (ELF).
 fn needs(file: &object::File, beside: &BTreeSet<&str>) -> Vec<Rule> {
     const SYSTEM: [&str; 8] = [
         "libc.so",
@@ -247,7 +247,7 @@ fn needs(file: &object::File, beside: &BTreeSet<&str>) -> Vec<Rule> {
         .collect()
 }
 
-/// `DT_NEEDED` of an ELF file.
+/// `DT_NEEDED` entries of an ELF file.
 fn needed(elf: &object::read::elf::ElfFile64) -> Vec<String> {
     use object::read::elf::Dyn;
     let (endian, data) = (elf.endian(), elf.data());

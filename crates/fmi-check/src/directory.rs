@@ -1,5 +1,5 @@
-//! The zip directory as it stands in the file (PKWARE APPNOTE 6.3, sections 4.3 and 4.4), for a list of
-//! all that is wrong with it. What is then opened, is opened by [`Archive`](pilotage_fmi::archive).
+//! The zip directory as stored in the file (PKWARE APPNOTE 6.3, sections 4.3 and 4.4), to list all its faults. For
+//! reading, the archive is opened by [`Archive`](pilotage_fmi::archive).
 
 use super::{Finding, Rule};
 use pilotage_fmi::archive::{DESCRIPTION, NameFault, name_fault, plain_name};
@@ -16,18 +16,18 @@ struct Entry {
     method: u16,
     disk: u16,
     attributes: u32,
-    /// The name in the local header; `None` where there is no such header.
+    /// The name in the local header; `None` if there is no such header.
     local: Option<Vec<u8>>,
     raw: Vec<u8>,
 }
 
-/// All that is wrong with the archive's entries; nothing if it has no directory, which
-/// [`Archive::open`](pilotage_fmi::archive::Archive::open) tells.
+/// All findings about the archive's entries; empty if it has no directory, which
+/// [`Archive::open`](pilotage_fmi::archive::Archive::open) reports.
 pub(super) fn check(bytes: &[u8], version: Option<FmiVersion>) -> Vec<Finding> {
     let Some(entries) = read(bytes) else {
         return Vec::new();
     };
-    // FMI 3.0 allows what ISO/IEC 21320-1 does, Zip64 among it; FMI 2.0 does not.
+    // FMI 3.0 allows the features of ISO/IEC 21320-1, including Zip64; FMI 2.0 does not.
     let allowed = match version {
         Some(FmiVersion::V3) => 45,
         _ => 20,
@@ -47,7 +47,7 @@ pub(super) fn check(bytes: &[u8], version: Option<FmiVersion>) -> Vec<Finding> {
         .collect()
 }
 
-/// The entry's name is a plain relative path.
+/// Checks that the entry's name is a plain relative path.
 fn names(entry: &Entry) -> Option<Rule> {
     let name = entry.name.clone();
     let plain = plain_name(&name);
@@ -62,7 +62,7 @@ fn names(entry: &Entry) -> Option<Rule> {
     }
 }
 
-/// How the entry is stored.
+/// Checks how the entry is stored.
 fn storage(entry: &Entry, allowed: u16) -> Vec<Rule> {
     const LINK: u32 = 0o120_000;
     const KIND: u32 = 0o170_000;
@@ -114,7 +114,7 @@ fn duplicates(entries: &[Entry]) -> Vec<Rule> {
     rules
 }
 
-/// Whether the description is where it must be; if not, where it is.
+/// Checks that the description is in the right place; if not, reports where it is.
 fn description(entries: &[Entry]) -> Option<Rule> {
     let plain: Vec<String> = entries.iter().map(|e| plain_name(&e.name)).collect();
     let mut names = plain.iter().map(String::as_str);
@@ -135,7 +135,7 @@ fn description(entries: &[Entry]) -> Option<Rule> {
     })
 }
 
-/// Little-endian numbers at offsets of a record.
+/// Little-endian numbers at offsets in a record.
 struct Record<'a>(&'a [u8]);
 
 impl Record<'_> {
@@ -159,7 +159,7 @@ fn read(bytes: &[u8]) -> Option<Vec<Entry>> {
     const END: &[u8] = b"PK\x05\x06";
     const HEADER: &[u8] = b"PK\x01\x02";
     const END_SIZE: usize = 22;
-    // The end record stands last, behind it only a comment of at most 65,535 bytes.
+    // The end record comes last, followed only by a comment of at most 65,535 bytes.
     let last = bytes.len().checked_sub(END_SIZE)?;
     let first = last.saturating_sub(usize::from(u16::MAX));
     let end = (first..=last)

@@ -1,35 +1,34 @@
-//! One thing that is wrong with an FMU, wherever in it.
+//! A finding about any part of an FMU.
 
 use pilotage_fmi::InterfaceType;
 use pilotage_fmi::archive::DESCRIPTION;
 use pilotage_fmi::description::{self, FmiVersion, ModelDescription, Place, Severity};
 use std::fmt;
 
-/// One thing that is wrong with an FMU.
+/// A finding about an FMU.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
-    /// How bad it is.
+    /// Its severity.
     pub severity: Severity,
-    /// Name of the file in the archive; empty for the archive itself, and for the behaviour of the
-    /// binary.
+    /// Name of the file in the archive; empty for the archive itself and for the behaviour of the binary.
     pub file: String,
-    /// Where in the file.
+    /// Place in the file.
     pub place: Option<Place>,
-    /// Name of the variable that it is about.
+    /// Name of the variable concerned.
     pub variable: Option<String>,
-    /// What is wrong, and what would be right.
+    /// What is wrong, and what is expected.
     pub message: String,
     /// The standard and its section, such as `FMI 2.0, section 2.3`.
     pub section: String,
 }
 
 impl Finding {
-    /// About the archive of an FMU of that version, if it is known.
+    /// A finding about the archive of an FMU of that version, if known.
     pub(super) fn archive(version: Option<FmiVersion>, rule: Rule) -> Self {
         Self::file(version, "", rule)
     }
 
-    /// About a file in the archive.
+    /// A finding about a file in the archive.
     pub(super) fn file(version: Option<FmiVersion>, name: &str, rule: Rule) -> Self {
         Self {
             severity: rule.severity(),
@@ -41,7 +40,7 @@ impl Finding {
         }
     }
 
-    /// About what the binary does as that kind.
+    /// A finding about the behaviour of the binary as that kind.
     pub fn behaviour(
         description: &ModelDescription,
         kind: InterfaceType,
@@ -64,7 +63,7 @@ impl Finding {
         }
     }
 
-    /// About the description of an FMU of that version.
+    /// A finding about the description of an FMU of that version.
     pub(super) fn description(version: FmiVersion, finding: &description::Finding) -> Self {
         Self {
             severity: finding.severity(),
@@ -95,7 +94,7 @@ impl fmt::Display for Finding {
     }
 }
 
-/// What can be wrong with an archive and the files in it, the description apart.
+/// Rules for an archive and the files in it, except the description.
 #[allow(missing_docs)] // The message of each variant is its documentation, the fields are in it.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Rule {
@@ -164,11 +163,11 @@ pub enum Rule {
         expected: String,
         found: String,
     },
-    #[error("there is neither a binary nor source code: nobody can run it")]
+    #[error("there is neither a binary nor source code: the FMU cannot be run")]
     NothingToRun,
     #[error("<SourceFiles> names `{name}`, which is not under sources/")]
     NoSource { name: String },
-    #[error("there are sources/ but no buildDescription.xml, so that nobody can compile them")]
+    #[error("there are sources/ but no buildDescription.xml, so that they cannot be compiled")]
     NoBuildDescription,
     #[error("it is no PNG image")]
     NotPng,
@@ -230,6 +229,6 @@ impl Rule {
     }
 }
 
-/// Why a missing function is a warning: no capability asks for it.
+/// Why a missing function is only a warning: no declared capability requires it.
 pub(super) const NOT_USED: &str =
     "which the standard wants in every binary, though this description does not offer its use";

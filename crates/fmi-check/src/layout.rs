@@ -1,4 +1,4 @@
-//! Which files an FMU has (FMI 2.0, section 2.3; FMI 3.0, section 2.5).
+//! Checks of the files of an FMU (FMI 2.0, section 2.3; FMI 3.0, section 2.5).
 
 use super::{Finding, Rule};
 use pilotage_fmi::archive::Archive;
@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 /// Second part of a platform tuple (FMI 3.0, section 2.5.1.1).
 const SYSTEMS: [&str; 3] = ["darwin", "linux", "windows"];
 
-/// All that is wrong with the files beside the description.
+/// All findings about the files other than the description.
 pub(super) fn check(archive: &mut Archive, description: &ModelDescription) -> Vec<Finding> {
     let version = Some(description.fmi_version);
     let files: Vec<String> = archive.files().map(str::to_owned).collect();
@@ -37,11 +37,11 @@ pub(super) fn check(archive: &mut Archive, description: &ModelDescription) -> Ve
     findings
 }
 
-/// Judges an XML file beside the description.
+/// Checks an additional XML file.
 type Judge =
     fn(&str, &roxmltree::Document, &ModelDescription) -> Vec<pilotage_fmi::description::Finding>;
 
-/// XML files that FMI 3.0 defines beside the description, and FMI 2.0.4 takes over.
+/// Additional XML files defined by FMI 3.0 and adopted by FMI 2.0.4.
 const XML_FILES: [(&str, Judge); 2] = [
     (
         "terminalsAndIcons/terminalsAndIcons.xml",
@@ -57,7 +57,7 @@ fn xml(
     judge: Judge,
 ) -> Vec<Finding> {
     let version = description.fmi_version;
-    // What cannot be unpacked is told by the caller.
+    // Entries that cannot be unpacked are reported by the caller.
     let Ok(bytes) = archive.read(file) else {
         return Vec::new();
     };
@@ -81,7 +81,7 @@ fn xml(
     vec![Finding::file(Some(version), file, Rule::NotXml { why })]
 }
 
-/// What stands at the top of the archive.
+/// Checks the top level of the archive.
 fn tops(files: &[String], version: FmiVersion) -> Vec<Finding> {
     let mut known = vec![
         "modelDescription.xml",
@@ -92,7 +92,7 @@ fn tops(files: &[String], version: FmiVersion) -> Vec<Finding> {
         "extra",
     ];
     match version {
-        // Release 2.0.4 takes over terminalsAndIcons.
+        // Release 2.0.4 adopts terminalsAndIcons.
         FmiVersion::V2 => known.extend(["model.png", "licenses", "terminalsAndIcons"]),
         FmiVersion::V3 => known.push("terminalsAndIcons"),
     }
@@ -134,7 +134,7 @@ fn platforms(files: &[String], version: FmiVersion) -> Vec<Finding> {
         .collect()
 }
 
-/// Whether a name is `<architecture>-<system>` with, perhaps, `-<abi>`.
+/// Whether a name is `<architecture>-<system>` with an optional `-<abi>`.
 fn is_tuple(name: &str) -> bool {
     let mut parts = name.split('-');
     parts.next().is_some_and(|a| processor(a).is_some())
@@ -156,7 +156,7 @@ pub(super) fn extension(folder: &str) -> Option<&'static str> {
     }
 }
 
-/// The names that the description gives to the libraries, each once.
+/// The names of the libraries according to the description, without duplicates.
 pub(super) fn identifiers(description: &ModelDescription) -> BTreeSet<&str> {
     let cs = description.co_simulation.as_ref();
     let me = description.model_exchange.as_ref();

@@ -1,4 +1,4 @@
-//! An FMU against the standard: archive, description, files, binaries of every platform, and behaviour.
+//! Checks of an FMU against the standard: archive, description, files, binaries of all platforms, and behaviour.
 //!
 //! ```
 //! let reading = pilotage_fmi::description::read(b"<fmiModelDescription fmiVersion=\"2.0\"/>").expect("it is XML");
@@ -6,16 +6,16 @@
 //! assert!(findings.iter().any(|finding| finding.to_string().contains("modelName")));
 //! ```
 //!
-//! Nothing stops at the first finding. What needs the binary to run is told apart ([`behaviour`]): whoever
-//! calls it should do so in a process of its own, since a broken FMU may end it.
+//! Checks do not stop at the first finding. Checks that run the binary are separate ([`behaviour`]): the caller should
+//! run them in a separate process, since a faulty FMU may end it.
 //!
 //! | module | what it checks |
 //! | --- | --- |
-//! | `directory` | the zip directory as it stands in the file, entry by entry |
-//! | `validate` | the description: the rules that no schema holds |
-//! | `layout` | which files there are, whether they are those that the description names, terminalsAndIcons.xml, buildDescription.xml |
-//! | `binaries` | each platform's library: format, architecture, functions, what it needs |
-//! | [`behaviour`] | the binary of this machine, run |
+//! | `directory` | the zip directory as stored in the file, entry by entry |
+//! | `validate` | the description: rules that the schema does not contain |
+//! | `layout` | the files: existence, agreement with the description, terminalsAndIcons.xml, buildDescription.xml |
+//! | `binaries` | the library of each platform: format, architecture, functions, dependencies |
+//! | [`behaviour`] | execution of this machine's binary |
 
 pub mod behaviour;
 mod binaries;
@@ -33,19 +33,19 @@ use pilotage_text::error_chain::error_chain;
 use std::io::Read;
 use std::path::Path;
 
-/// What was found without running anything.
+/// Results of the static checks.
 #[derive(Debug)]
 pub struct Checked {
-    /// The findings: of the archive, then of the description, then of the other files.
+    /// The findings about the archive, then the description, then the other files.
     pub findings: Vec<Finding>,
-    /// The description, where it could be read well enough to use the FMU.
+    /// The description, if it could be read well enough to use the FMU.
     pub description: Option<ModelDescription>,
 }
 
-/// Checks an FMU without running anything of it.
+/// Checks an FMU without running any of its code.
 ///
 /// # Errors
-/// If the file cannot be opened: that is no finding about an FMU.
+/// If the file cannot be opened: this is not a finding about an FMU.
 pub fn check(path: &Path) -> Result<Checked, ArchiveError> {
     let mut bytes = Vec::new();
     let mut file = folder::open(path, Limits::default())?;
@@ -72,7 +72,7 @@ pub fn check(path: &Path) -> Result<Checked, ArchiveError> {
     Ok(checked)
 }
 
-/// The findings of an archive that is refused: all that its directory shows, else why it was refused.
+/// The findings about a rejected archive: those of its directory, else the reason for the rejection.
 fn unopened(bytes: &[u8], error: ArchiveError) -> Checked {
     let mut findings = directory::check(bytes, None);
     if !findings.iter().any(|f| f.severity == Severity::Error) {
@@ -89,7 +89,7 @@ fn unopened(bytes: &[u8], error: ArchiveError) -> Checked {
     }
 }
 
-/// The findings of the description alone.
+/// The findings about the description only.
 fn described(archive: &mut Archive) -> Checked {
     let refused = |why: String| Checked {
         findings: vec![Finding::file(None, DESCRIPTION, Rule::Refused { why })],
@@ -110,7 +110,7 @@ fn described(archive: &mut Archive) -> Checked {
     }
 }
 
-/// Entries that cannot be unpacked: damaged, encrypted, or of a method that FMI does not allow.
+/// Entries that cannot be unpacked: damaged, encrypted, or compressed by a method that FMI does not allow.
 fn unreadable_entries(archive: &mut Archive, version: Option<FmiVersion>) -> Vec<Finding> {
     let refused = |(name, error): (String, ArchiveError)| {
         let why = error_chain(&error);

@@ -1,22 +1,22 @@
-//! What an FMU says of its derivatives is compared with differences before it is believed, at its start and around.
+//! Compares an FMU's derivatives and dependencies with differences, at its start and near it, before they are used.
 
 use crate::rates::Rates;
 
-/// Points where it is looked at, the start among them.
+/// Number of points where they are compared, including the start.
 const POINTS: usize = 3;
-/// Beyond this number of states and inputs nothing is looked at: everything may depend on everything.
+/// Maximum number of states and inputs to check; above it everything is assumed to depend on everything.
 const MOST: usize = 150;
-/// Beyond this number of parameters their differences have the usual step.
+/// Maximum number of parameters whose step is selected; above it their differences use the usual step.
 const MOST_PARAMETERS: usize = 40;
-/// Steps of differences of fourth order, per size, from the usual one, where truncation and rounding of doubles are about
-/// equal.
+/// Steps of fourth-order differences, relative to the size, the usual one first. At the usual step, truncation and
+/// rounding errors in double precision are about equal.
 pub(crate) const STEPS: [f64; 4] = [2e-3, 2e-2, 2e-4, 2e-5];
-/// Relative difference of derivatives that are the same.
+/// Relative difference below which derivatives count as equal.
 const SAME: f64 = 1e-4;
-/// Relative change of an FMU's own derivatives, and of differences, that is none.
+/// Relative change below which derivatives count as constant: of the FMU's own derivatives, and of differences.
 const STRAIGHT: [f64; 2] = [1e-11, 1e-5];
 
-/// Finds steps, whether the FMU's derivatives are right, what they depend on. Gives what is to be told.
+/// Selects steps, checks the FMU's derivatives and determines dependencies. Returns the findings.
 pub(crate) fn explore(rates: &mut Rates) -> Vec<String> {
     let known = rates.layout.parameter_arguments().start;
     let mut notes = Vec::new();
@@ -41,9 +41,9 @@ pub(crate) fn explore(rates: &mut Rates) -> Vec<String> {
     notes
 }
 
-/// The start, and points beside it: states and inputs moved by parts of their sizes.
+/// The start, or a point near it: states and inputs moved by fractions of their sizes.
 fn around(rates: &Rates, k: usize) -> Vec<f64> {
-    /// Multiples of it fill the unit interval evenly.
+    /// Its multiples modulo 1 fill the unit interval evenly.
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let known = rates.layout.parameter_arguments().start;
     let mut point = rates.start.clone();
@@ -57,7 +57,7 @@ fn around(rates: &Rates, k: usize) -> Vec<f64> {
     point
 }
 
-/// For each argument the step whose differences change least when it is halved.
+/// Selects for each argument the step whose differences change least when it is halved.
 fn find_steps(rates: &mut Rates) {
     let parameters = rates.layout.parameter_arguments();
     let first = if rates.by_fmu { parameters.start } else { 1 };
@@ -83,7 +83,7 @@ fn find_steps(rates: &mut Rates) {
         let all = STEPS
             .iter()
             .filter_map(|step| Some((change(*step)?, *step)));
-        // The usual one as long as it is good.
+        // The usual step is kept as long as it is good.
         let best = all.min_by(|a, b| a.0.max(1e-11).total_cmp(&b.0.max(1e-11)));
         if let Some((_, step)) = best {
             rates.steps[place] = step;
@@ -91,7 +91,7 @@ fn find_steps(rates: &mut Rates) {
     }
 }
 
-/// Compares derivatives by a state or an input with differences; where they differ, these are taken from now on.
+/// Compares derivatives by a state or an input with differences; if they differ, differences are used from now on.
 fn check_column(rates: &mut Rates, point: &[f64], place: usize, notes: &mut Vec<String>) {
     let step = rates.steps[place];
     let found = [step, 0.3 * step].map(|step| rates.differences(point, place, step));
@@ -115,7 +115,7 @@ fn check_column(rates: &mut Rates, point: &[f64], place: usize, notes: &mut Vec<
     let sides = [true, false].map(|up| rates.one_sided(point, place, step, up));
     let has_kink = |row: usize| match &sides {
         [Ok(above), Ok(below)] => {
-            // At an end of a range there is one side.
+            // At a bound of the range there is one side only.
             let are_two = above[row].is_finite() && below[row].is_finite();
             are_two && !is_same(above[row], below[row])
         }
@@ -130,7 +130,7 @@ fn check_column(rates: &mut Rates, point: &[f64], place: usize, notes: &mut Vec<
         }
         match &slopes {
             Some(Ok(slopes)) if is_same(slopes[row], whole[row]) => {}
-            // On a kink, as at the knot of a table, the derivative is that of a side, and differences are between both.
+            // At a kink, e.g. a knot of a table, the derivative is one-sided, and differences lie between both sides.
             Some(Ok(_)) if has_kink(row) => {}
             Some(Ok(slopes)) if !is_wrong => {
                 is_wrong = true;

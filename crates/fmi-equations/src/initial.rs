@@ -5,7 +5,7 @@ use crate::rates::Rates;
 use pilotage_expression::{Opaque, Partial};
 use std::sync::Arc;
 
-/// The states that [`Rates`] begins at.
+/// The initial states of [`Rates`].
 #[derive(Debug)]
 pub(crate) struct InitialStates(pub(crate) Arc<Rates>);
 
@@ -15,7 +15,7 @@ impl Opaque for InitialStates {
     }
 
     fn depends(&self, partial: Partial) -> bool {
-        // Second derivatives are left out: a search does without.
+        // Second derivatives are left out: the search does not need them.
         partial.arguments().count() < 2
     }
 

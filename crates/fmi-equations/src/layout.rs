@@ -1,4 +1,4 @@
-//! What of an FMU's description the equations are made of.
+//! The variables of an FMU's description that make up the equations.
 
 use crate::EquationsError;
 use pilotage_fmi::description::{
@@ -8,7 +8,7 @@ use pilotage_fmi::description::{
 use std::collections::HashSet;
 use std::ops::Range;
 
-/// A variable that the equations have.
+/// A variable of the equations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variable {
     /// Its name.
@@ -18,31 +18,31 @@ pub struct Variable {
     index: u32,
     /// Name of its unit.
     pub unit: Option<String>,
-    /// Start value; of states that the FMU computes, its value after initialisation.
+    /// Start value; for states that the FMU computes, the value after initialisation.
     pub start: f64,
-    /// Least value.
+    /// Minimum.
     pub min: Option<f64>,
-    /// Greatest value.
+    /// Maximum.
     pub max: Option<f64>,
     /// Typical magnitude.
     pub nominal: Option<f64>,
-    /// Whether the start value is the FMU's to compute.
+    /// Whether the FMU computes the start value.
     pub(crate) is_computed: bool,
 }
 
 impl Variable {
-    /// Least value, negative infinity where none is declared.
+    /// Minimum, negative infinity if none is declared.
     pub(crate) fn least(&self) -> f64 {
         self.min.unwrap_or(f64::NEG_INFINITY)
     }
 
-    /// Greatest value, infinity where none is declared.
+    /// Maximum, infinity if none is declared.
     pub(crate) fn most(&self) -> f64 {
         self.max.unwrap_or(f64::INFINITY)
     }
 }
 
-/// The variables, and what depends on what.
+/// The variables and their dependencies.
 #[derive(Debug, Clone)]
 pub(crate) struct Layout {
     pub(crate) states: Vec<Variable>,
@@ -51,13 +51,13 @@ pub(crate) struct Layout {
     pub(crate) inputs: Vec<Variable>,
     pub(crate) input_references: Vec<u32>,
     pub(crate) parameters: Vec<Variable>,
-    /// Parameters of other types, with them.
+    /// Parameters of other types, each with its type.
     pub(crate) others: Vec<(String, String)>,
-    /// Outputs that are no states; behind them the locals that were asked for.
+    /// Outputs that are not states, followed by the requested locals.
     pub(crate) outputs: Vec<Variable>,
-    /// Names of all locals that may be asked for.
+    /// Names of all locals that may be requested.
     pub(crate) locals: Vec<String>,
-    /// Value references of derivatives and outputs, without locals.
+    /// Value references of derivatives and outputs, excluding locals.
     pub(crate) unknown_references: Vec<u32>,
     pub(crate) output_references: Vec<u32>,
     pub(crate) indicators: usize,
@@ -67,7 +67,7 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
-    /// Of an FMU for model exchange, with these of its locals as outputs.
+    /// Builds the layout of an FMU for model exchange, with these of its locals as outputs.
     pub(crate) fn new(
         description: &ModelDescription,
         wanted: &[String],
@@ -142,7 +142,7 @@ impl Layout {
         Ok(own)
     }
 
-    /// Whether a variable is a continuous local that is neither a state nor a derivative of one.
+    /// Whether a variable is a continuous local that is neither a state nor the derivative of a state.
     fn is_local(&self, variable: &ScalarVariable, index: u32) -> bool {
         variable.causality == Causality::Local
             && variable.variability == Variability::Continuous
@@ -166,8 +166,8 @@ impl Layout {
         }
     }
 
-    /// Refuses an FMU that lists no state and yet has derivatives that would define one: its states would be constants.
-    /// That of an input defines none (FMI 2.0.4, section 2.2.7).
+    /// Rejects an FMU that lists no states although it has derivatives of variables: its states would be constants. The
+    /// derivative of an input defines no state (FMI 2.0.4, section 2.2.7).
     fn check_states(&self, description: &ModelDescription) -> Result<(), EquationsError> {
         let variable = |index: u32| description.variables.get((index as usize).checked_sub(1)?);
         let unlisted = description.variables.iter().find_map(|own| {
@@ -186,13 +186,13 @@ impl Layout {
         }
     }
 
-    /// Whether an unknown depends on time, each state, each input: on all where nothing is said.
+    /// Whether an unknown depends on time, each state, each input; on all if no dependencies are listed.
     fn listed(&self, unknown: Option<&Unknown>) -> Vec<bool> {
         let listed = unknown.and_then(|unknown| unknown.dependencies.as_ref());
         let is_listed = |index: u32| listed.is_none_or(|listed| listed.contains(&index));
         let others = self.states.iter().chain(&self.inputs);
         let by_others = others.map(|own| is_listed(own.index));
-        // Tools leave the time out.
+        // Tools do not list the time.
         [true].into_iter().chain(by_others).collect()
     }
 
@@ -217,7 +217,7 @@ impl Layout {
         self.input_arguments().end..self.arguments()
     }
 
-    /// The variable of an argument; none of time.
+    /// The variable of an argument; `None` for time.
     pub(crate) fn argument(&self, place: usize) -> Option<&Variable> {
         let mut place = place.checked_sub(1)?;
         for own in [&self.states, &self.inputs, &self.parameters] {
@@ -236,7 +236,7 @@ impl Layout {
 }
 
 impl Layout {
-    /// States with the parameters that they begin at, which FMUs of pilotage call `STATE_start`.
+    /// States and the parameters that set their start values, which FMUs of pilotage call `STATE_start`.
     pub(crate) fn start_parameters(&self, description: &ModelDescription) -> Vec<(String, String)> {
         let tool = description.generation_tool.as_deref();
         if !tool.is_some_and(|tool| tool.starts_with("pilotage ")) {
@@ -304,7 +304,7 @@ fn about<'d>(
     }
 }
 
-/// Whether a variable is a single number of double precision.
+/// Whether a variable is a double-precision scalar.
 fn is_number(variable: &ScalarVariable) -> bool {
     let is_double = match &variable.kind {
         VariableKind::Real(real) => real.precision == Precision::Double,
@@ -313,7 +313,7 @@ fn is_number(variable: &ScalarVariable) -> bool {
     is_double && variable.dimensions.is_empty()
 }
 
-/// What a type that is no single real of double precision is called.
+/// Name of the type of a variable that is not a double-precision scalar.
 fn type_of(variable: &ScalarVariable) -> String {
     let kind = match &variable.kind {
         VariableKind::Real(real) if real.precision == Precision::Double => "Real",

@@ -1,17 +1,17 @@
-//! An FMU for model exchange as equations: what a solver for estimation or control needs of it.
+//! The equations of a model-exchange FMU, as needed by solvers for estimation and control.
 //!
 //! ```text
 //! [ẋ; y] = F(t, x, u; p),   ∂F/∂[x, u] by the FMU's directional derivatives, or by differences whose step is checked
 //! ```
 //!
-//! [`open`] gives them as a [`Model`] of `pilotage-expression`, whose derivatives and outputs are calls of the FMU: it is
-//! joined with other models, its parameters become numbers or unknowns, and first and second derivatives are taken as of
-//! any expression. Second derivatives are differences of the first; they steer a search, and no result depends on their
-//! last digits. Several instances work side by side where the FMU allows it; a parameter that changes initialises one
-//! anew.
+//! [`open`] returns them as a [`Model`] of `pilotage-expression`, whose derivatives and outputs are calls of the FMU:
+//! it can be joined with other models, its parameters become numbers or unknowns, and first and second derivatives are
+//! taken as of any expression. Second derivatives are differences of the first; they only steer a search, and no result
+//! depends on their last digits. Several instances are evaluated in parallel if the FMU allows it; a changed parameter
+//! requires initialising an instance again.
 //!
-//! Nothing happens at events here: between them an FMU's equations are smooth, and its event indicators, which are
-//! outputs too, tell where one would be ([`FmuEquations::indicators`], [`FmuEquations::next_event`]).
+//! Events are not handled here: between events an FMU's equations are smooth, and its event indicators, which are
+//! appended to the outputs, show where an event would be ([`FmuEquations::indicators`], [`FmuEquations::next_event`]).
 //!
 //! ```no_run
 //! use pilotage_expression::Tape;
@@ -26,15 +26,15 @@
 //! # Ok::<(), pilotage_fmi_equations::EquationsError>(())
 //! ```
 //!
-//! A point where a call fails has NaN for values, and [`Opaque::trouble`] tells why.
+//! At a point where a call fails, the values are NaN, and [`Opaque::trouble`] returns the reason.
 //!
 //! | module | what it holds |
 //! | --- | --- |
-//! | `layout` | what of the description the equations are made of |
-//! | `pool` | instances, each initialised with some parameters |
+//! | `layout` | the variables of the description that make up the equations |
+//! | `pool` | instances, each initialised with certain parameters |
 //! | `rates` | values and derivatives |
 //! | `initial` | states after initialisation |
-//! | `explore` | whether what the FMU says of its derivatives is right |
+//! | `explore` | check of the FMU's derivatives and dependencies |
 
 mod explore;
 mod initial;
@@ -55,7 +55,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use thiserror::Error;
 
-/// Why an FMU cannot be taken as equations.
+/// Why an FMU cannot be used as equations.
 #[derive(Debug, Error)]
 pub enum EquationsError {
     /// It cannot be opened or loaded.
@@ -66,14 +66,13 @@ pub enum EquationsError {
         "it is not for model exchange: a fit needs its equations, which co-simulation hides; export it for model exchange"
     )]
     NoEquations,
-    /// A listed derivative is not there.
+    /// A listed derivative does not exist.
     #[error("its ModelStructure lists a derivative, number {index}, that is no variable")]
     Structure {
         /// Index of the variable, from 1.
         index: u32,
     },
-    /// A derivative that would define a state, of an FMU that lists no state (FMI 2.0.4, section 2.2.8; FMI 3.0, section
-    /// 2.4.8).
+    /// The derivative of a state, in an FMU that lists no states (FMI 2.0.4, section 2.2.8; FMI 3.0, section 2.4.8).
     #[error(
         "its ModelStructure lists no derivatives of states, and `{derivative}` is that of `{state}`: a fit needs model \
          exchange with all states and derivatives declared"
@@ -81,10 +80,10 @@ pub enum EquationsError {
     Unlisted {
         /// The derivative.
         derivative: String,
-        /// What it is the derivative of.
+        /// The state whose derivative it is.
         state: String,
     },
-    /// Two variables of one name.
+    /// Two variables with the same name.
     #[error(
         "its description has two variables called `{name}`, or lists the derivative of that state twice"
     )]
@@ -92,24 +91,24 @@ pub enum EquationsError {
         /// The name.
         name: String,
     },
-    /// A state that is an array.
+    /// A state is an array.
     #[error("its derivative `{name}` belongs to no state that is a single real")]
     Array {
         /// Name of the derivative.
         name: String,
     },
-    /// It cannot be initialised, or gives no values at its start.
+    /// It cannot be initialised, or returns no values at its start.
     #[error("it gives no values at its start")]
     Start {
-        /// Why.
+        /// The cause.
         source: Box<PointError>,
     },
-    /// The same, without an error.
+    /// A value at its start is not finite.
     #[error("at its start {name} is {value}")]
     NotFinite {
-        /// What.
+        /// Name of the value.
         name: String,
-        /// Its value.
+        /// The value.
         value: f64,
     },
 }
@@ -131,27 +130,27 @@ impl From<PointError> for EquationsError {
 /// An FMU as equations.
 #[derive(Debug, Clone)]
 pub struct FmuEquations {
-    /// The equations. Outputs that are states are left out; event indicators stand behind the outputs.
+    /// The equations. Outputs that are states are left out; event indicators follow the outputs.
     pub model: Model,
-    /// Start value of each state, as an expression of parameters.
+    /// Start value of each state, as an expression of the parameters.
     pub starts: Vec<Node>,
     /// States, inputs, parameters and outputs.
     pub variables: Vec<Variable>,
     /// Names of the event indicators among the outputs.
     pub indicators: Vec<String>,
-    /// The first time event, of an instance with its start values that begins at 0 \[s\].
+    /// Time of the first time event of an instance that starts at 0 with its start values \[s\].
     pub next_event: Option<f64>,
-    /// Of FMUs that pilotage has made: states, each with the parameter that it begins at.
+    /// For FMUs exported by pilotage: states, each with the parameter that sets its start value.
     pub start_parameters: Vec<(String, String)>,
-    /// Names of all continuous locals that may be asked for ([`open_with`]).
+    /// Names of all continuous local variables that [`open_with`] accepts.
     pub locals: Vec<String>,
-    /// Parameters that are no single reals of double precision, each with its type.
+    /// Parameters that are not scalar reals of double precision, each with its type.
     pub others: Vec<(String, String)>,
-    /// What of the description is not so.
+    /// Findings where the FMU contradicts its description.
     pub notes: Vec<String>,
-    /// Whether it can still be called.
+    /// Whether the FMU can still be called.
     pub calls: Calls,
-    /// The function itself, which knows why it had no values.
+    /// The function itself, which holds the reason if a call failed.
     pub function: Arc<dyn Opaque>,
 }
 
@@ -160,22 +159,22 @@ pub struct FmuEquations {
 pub struct Calls(Arc<Rates>);
 
 impl Calls {
-    /// The call that ended with a fatal error, after which none is made.
+    /// The call that ended with a fatal error; no further calls are made after it.
     pub fn fatal(&self) -> Option<String> {
         self.0.pool.fatal()
     }
 }
 
-/// Loads an FMU and looks at its equations where it starts.
+/// Loads an FMU and checks its equations at its start.
 ///
 /// # Errors
-/// When it cannot be loaded, is not for model exchange, has states that are arrays, or gives no values at its start.
+/// If it cannot be loaded, is not for model exchange, has states that are arrays, or returns no values at its start.
 pub fn open(path: &Path) -> Result<FmuEquations, EquationsError> {
     open_with(path, &[])
 }
 
-/// The same with these of its [locals](FmuEquations::locals) among the outputs. Their derivatives are differences: an FMU
-/// tells those of its outputs alone.
+/// Like [`open`], with these of its [locals](FmuEquations::locals) among the outputs. Their derivatives are
+/// differences: an FMU provides directional derivatives for its outputs only.
 ///
 /// # Errors
 /// As [`open`].
@@ -219,7 +218,7 @@ pub fn open_with(path: &Path, locals: &[String]) -> Result<FmuEquations, Equatio
     })
 }
 
-/// Refuses derivatives and outputs that are not finite at the start.
+/// Rejects derivatives and outputs that are not finite at the start.
 fn check_start(rates: &Rates) -> Result<(), EquationsError> {
     let values = rates.values(&rates.start)?;
     let states = rates
@@ -239,7 +238,7 @@ fn check_start(rates: &Rates) -> Result<(), EquationsError> {
     }
 }
 
-/// The equations as calls of the FMU.
+/// Builds the equations as calls of the FMU.
 fn made(rates: Arc<Rates>) -> FmuEquations {
     let layout = &rates.layout;
     let mut graph = Graph::default();

@@ -1,4 +1,4 @@
-//! Instances of an FMU, each initialised with some parameters.
+//! Instances of an FMU, each initialised with certain parameters.
 
 use crate::layout::Layout;
 use pilotage_fmi::fmu::Library;
@@ -8,13 +8,13 @@ use std::ops::Range;
 use std::sync::{Mutex, OnceLock, PoisonError};
 use thiserror::Error;
 
-/// Instances that are kept: differences by parameters need two for each.
+/// Maximum number of idle instances: differences by parameters need two for each parameter.
 const KEPT: usize = 64;
 
-/// Why an FMU gives no values at a point.
+/// Why an FMU returns no values at a point.
 #[derive(Debug, Error)]
 pub enum PointError {
-    /// No instance could be made.
+    /// No instance could be created.
     #[error(transparent)]
     Fmu(#[from] FmuError),
     /// A call failed.
@@ -28,24 +28,24 @@ pub enum PointError {
     States {
         /// Derivatives in the ModelStructure.
         listed: usize,
-        /// What the instance says.
+        /// Number reported by the instance.
         states: usize,
     },
-    /// It says that it has more event indicators than any model.
+    /// It reports more event indicators than any model has.
     #[error(
         "it has {indicators} event indicators; {MAX_EVENT_INDICATORS} are the most that are taken"
     )]
     Indicators {
-        /// How many.
+        /// Number of event indicators.
         indicators: usize,
     },
-    /// It asks to end the simulation as it begins.
+    /// It requests the end of the simulation at its start.
     #[error("it asks to end the simulation as it begins")]
     End,
-    /// A call failed in a way after which nothing of it may be called.
+    /// A call failed with a fatal error, after which the FMU must not be called.
     #[error("it is not called any more after a fatal error: {call}")]
     Dead {
-        /// That call.
+        /// The failed call.
         call: String,
     },
 }
@@ -55,18 +55,18 @@ pub enum PointError {
 pub(crate) struct Held {
     pub(crate) instance: Instance,
     parameters: Vec<f64>,
-    /// Earliest time at which it may be asked \[s\].
+    /// Earliest time of evaluation \[s\].
     begin: f64,
     /// The states after initialisation.
     pub(crate) initial: Vec<f64>,
     /// The next time event \[s\].
     pub(crate) next_event: Option<f64>,
     pub(crate) indicators: usize,
-    /// Time, states and inputs that it stands at.
+    /// Current time, states and inputs.
     at: Vec<f64>,
 }
 
-/// Instances that nobody uses at the moment.
+/// Idle instances.
 #[derive(Debug)]
 pub(crate) struct Pool {
     library: Library,
@@ -75,7 +75,7 @@ pub(crate) struct Pool {
         reason = "an instance is moved in and out for each point, and large"
     )]
     idle: Mutex<Vec<Box<Held>>>,
-    /// Whether there may be one instance alone.
+    /// Whether only one instance is allowed.
     is_single: bool,
     /// The call that ended with a fatal error.
     fatal: OnceLock<String>,
@@ -92,7 +92,7 @@ impl Pool {
         }
     }
 
-    /// Uses an instance with these parameters that may be asked from `begin` \[s\] on.
+    /// Calls `ask` with an instance that has these parameters and can be evaluated from `begin` \[s\] on.
     pub(crate) fn with<T>(
         &self,
         layout: &Layout,
@@ -113,7 +113,7 @@ impl Pool {
             }
             None => None,
         };
-        // An instance that is alone is waited for.
+        // If only one instance is allowed, others wait for it: the lock is held.
         let (guard, free) = match self.is_single {
             true => (Some(idle), None),
             false => (None, Some(idle)),
@@ -140,17 +140,17 @@ impl Pool {
         self.fatal.get().cloned()
     }
 
-    /// After a fatal error nothing of an FMU may be called (FMI 2.0, section 2.1.3; FMI 3.0, section 2.2.3).
+    /// After a fatal error no function of an FMU may be called (FMI 2.0, section 2.1.3; FMI 3.0, section 2.2.3).
     fn bury(&self, error: &PointError) {
         if let PointError::Call(CallError::Failed { status, .. }) = error
             && *status == pilotage_abi::fmi2::Status::FATAL
         {
-            // Another thread may have been first.
+            // Another thread may have set it first.
             let _ = self.fatal.set(error.to_string());
         }
     }
 
-    /// Initialises an instance, one that was used before if there is one.
+    /// Initialises an instance; reuses `used` if possible.
     fn begin(
         &self,
         layout: &Layout,
@@ -169,7 +169,7 @@ impl Pool {
         };
         instance.setup_experiment(None, begin, None)?;
         for (k, (own, value)) in layout.parameters.iter().zip(parameters).enumerate() {
-            // Some keep their parameters when they are reset.
+            // Some FMUs keep their parameters on reset.
             let is_moved = before.as_ref().is_some_and(|before| before[k] != own.start);
             if is_moved || own.start.to_bits() != value.to_bits() {
                 instance.set_real(&[own.reference], &[*value])?;
@@ -182,7 +182,7 @@ impl Pool {
             return Err(PointError::End);
         }
         instance.enter_continuous_time_mode()?;
-        // Each instance of FMI 3.0 is asked for its own numbers before anything of theirs is.
+        // Each instance of FMI 3.0 must be asked for the numbers of indicators and states before their values are.
         let indicators = instance.number_of_event_indicators()?;
         if indicators > MAX_EVENT_INDICATORS {
             return Err(PointError::Indicators { indicators });
@@ -207,7 +207,7 @@ impl Pool {
 }
 
 impl Held {
-    /// Puts it at time, states and inputs.
+    /// Sets time, states and inputs.
     pub(crate) fn put(&mut self, layout: &Layout, at: &[f64]) -> Result<(), PointError> {
         let put = self.moved(layout, at);
         match &put {
@@ -216,7 +216,7 @@ impl Held {
                 .iter_mut()
                 .zip(at)
                 .for_each(|(own, new)| *own = *new),
-            // It stands somewhere between.
+            // The instance is only partly set.
             Err(_) => self.at.fill(f64::NAN),
         }
         put

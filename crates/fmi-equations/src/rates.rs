@@ -1,4 +1,4 @@
-//! Derivatives of states, outputs and event indicators of an FMU, and how they change with all that they depend on.
+//! Derivatives of states, outputs and event indicators of an FMU, and their derivatives by all arguments.
 
 use crate::layout::Layout;
 use crate::pool::{Held, PointError, Pool};
@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::sync::{Mutex, PoisonError};
 
-/// Step of central differences of derivatives that the FMU gives, per size of what is moved.
+/// Step of central differences of the FMU's derivatives, relative to the size of the argument.
 const OUTER: f64 = 6e-6;
 
 /// `[ẋ; y; z]` over time, states, inputs and parameters.
@@ -17,15 +17,15 @@ const OUTER: f64 = 6e-6;
 pub(crate) struct Rates {
     pub(crate) layout: Layout,
     pub(crate) pool: Pool,
-    /// Each argument where the FMU starts.
+    /// Start value of each argument.
     pub(crate) start: Vec<f64>,
-    /// Whether derivatives by states and inputs are asked of the FMU.
+    /// Whether the FMU's directional derivatives by states and inputs are used.
     pub(crate) by_fmu: bool,
-    /// Pairs of arguments, the lower one first, for which something has a second derivative.
+    /// Pairs of arguments, the lower first, with a nonzero second derivative.
     pub(crate) curved: Vec<Vec<bool>>,
-    /// For each argument the step of differences, per its size.
+    /// For each argument, the step of differences relative to its size.
     pub(crate) steps: Vec<f64>,
-    /// Why the last point had no values.
+    /// Why the last evaluation failed.
     pub(crate) trouble: Mutex<Option<String>>,
 }
 
@@ -36,7 +36,7 @@ impl Opaque for Rates {
 
     fn depends(&self, partial: Partial) -> bool {
         let listed = self.layout.depends.get(partial.value as usize);
-        // Parameters and event indicators are not told of.
+        // The description lists no dependencies on parameters, nor of event indicators.
         let by = |place: usize| listed.is_none_or(|own| own.get(place).copied().unwrap_or(true));
         let mut places = partial.arguments();
         let is_curved = match (places.next(), places.next()) {
@@ -118,7 +118,7 @@ impl Rates {
         let (n, m) = (layout.rates.len(), layout.outputs.len());
         let mut values = vec![0.0; n + m];
         self.at(at, |held| {
-            // OpenModelica's outputs stay behind where derivatives are asked for first.
+            // OpenModelica's outputs are outdated if derivatives are requested first.
             if m > 0 {
                 held.instance
                     .get_real(&layout.output_references, &mut values[n..])?;
@@ -165,7 +165,7 @@ impl Rates {
         }
     }
 
-    /// The same by differences of fourth order, at an end of a range of second order inwards.
+    /// As [`slopes`](Self::slopes), by fourth-order differences; at a bound, by second-order one-sided differences.
     pub(crate) fn differences(
         &self,
         at: &[f64],
@@ -181,7 +181,7 @@ impl Rates {
         }
     }
 
-    /// The same of second order from one side alone: above, or below.
+    /// As [`slopes`](Self::slopes), by second-order differences to one side: above or below.
     pub(crate) fn one_sided(
         &self,
         at: &[f64],
@@ -193,7 +193,7 @@ impl Rates {
         self.extrapolated(at, place, [[step, 0.0], [0.5 * step, 0.0]], 1.0)
     }
 
-    /// Richardson: of two steps' errors the leading term cancels.
+    /// Richardson extrapolation: the leading error terms of two steps cancel.
     fn extrapolated(
         &self,
         at: &[f64],
@@ -209,7 +209,7 @@ impl Rates {
             .collect())
     }
 
-    /// Differences of `[ẋ; y]` between two moves along an argument, per its change.
+    /// Differences of `[ẋ; y]` between two points along an argument, divided by its change.
     fn quotients(&self, at: &[f64], place: usize, ends: [f64; 2]) -> Result<Vec<f64>, PointError> {
         let [above, below] = ends.map(|step| self.moved(at, place, step));
         let change = above[place] - below[place];
@@ -220,20 +220,20 @@ impl Rates {
             .collect())
     }
 
-    /// A point moved along an argument, by a part of its size, or less if that is the end of its range.
+    /// A point moved along an argument by a fraction of its size, at most to the bound of its range.
     pub(crate) fn moved(&self, at: &[f64], place: usize, step: f64) -> Vec<f64> {
         let mut moved = at.to_vec();
         moved[place] = self.moved_to(at[place], place, step);
         moved
     }
 
-    /// Where an argument is moved to.
+    /// The value to which an argument is moved.
     fn moved_to(&self, from: f64, place: usize, step: f64) -> f64 {
         let by = step * self.size(place).max(from.abs());
         self.within(from + by, from, place)
     }
 
-    /// What is nearest to a value in the range of an argument that stands at another.
+    /// The value clamped to the range of an argument whose current value is `from`.
     pub(crate) fn within(&self, value: f64, from: f64, place: usize) -> f64 {
         let [least, most] = self.range(from, place);
         value.clamp(least, most)
@@ -244,8 +244,8 @@ impl Rates {
         [step, -step].map(|step| self.moved(at, place, step))
     }
 
-    /// A point whose parameters are in their ranges: a search is out of them by its tolerance, and an FMU need not take
-    /// what lies there.
+    /// The point with its parameters clamped to their ranges: a search exceeds them by its tolerance, and an FMU need
+    /// not accept such values.
     pub(crate) fn kept<'a>(&self, at: &'a [f64]) -> Cow<'a, [f64]> {
         let places = self.layout.parameter_arguments();
         let own = self.layout.parameters.iter();
@@ -259,7 +259,7 @@ impl Rates {
         kept
     }
 
-    /// Between which values an argument is moved: its range, or any where it stands outside.
+    /// The interval in which an argument is moved: its range, or unbounded if its value lies outside.
     fn range(&self, value: f64, place: usize) -> [f64; 2] {
         let own = self.layout.argument(place);
         let range = own.map(|own| [own.least(), own.most()]);
@@ -274,7 +274,7 @@ impl Rates {
         (value + size <= most, value - size >= least)
     }
 
-    /// Whether an argument's range goes on above for longer than below.
+    /// Whether an argument's range extends further above than below.
     fn is_more_above(&self, value: f64, place: usize) -> bool {
         let [least, most] = self.range(value, place);
         most - value > value - least
@@ -293,7 +293,7 @@ impl Rates {
 /// A point moved up (or down) along an argument.
 type Moved = (usize, bool);
 
-/// What is known of a point and of those beside it.
+/// Values computed so far at a point and at points next to it.
 struct Point<'r> {
     rates: &'r Rates,
     at: &'r [f64],
@@ -339,8 +339,8 @@ impl Point<'_> {
         Ok((above - below) / (up - down))
     }
 
-    /// Second derivatives by two arguments from values alone, at points that first derivatives by parameters need too:
-    /// another value of a parameter is another initialisation.
+    /// Second derivatives by two arguments from values only, at points that first derivatives by parameters need too:
+    /// each new value of a parameter requires an initialisation.
     fn second_differences(&self, first: usize, second: usize) -> Result<Vec<f64>, PointError> {
         let (rates, at) = (self.rates, self.at);
         let step = |place: usize| 0.5 * rates.steps[place];

@@ -1,5 +1,4 @@
-//! A look into a shared library before it is loaded: a broken one must give an error and not take
-//! the process with it.
+//! Checks a shared library before it is loaded: a damaged one must give an error and not crash the process.
 
 use super::platform::host_processor;
 use object::elf::{
@@ -17,10 +16,10 @@ use thiserror::Error;
 /// Why a library cannot be loaded on this machine.
 #[derive(Debug, Error, PartialEq)]
 pub enum BinaryError {
-    /// Not an object file at all, or one whose headers are damaged.
+    /// Not an object file, or one with damaged headers.
     #[error("it is not a shared library")]
     NotAnObject(#[from] object::read::Error),
-    /// An object file, but no shared library.
+    /// An object file that is not a shared library.
     #[error("it is an object of kind {0:?}, not a shared library")]
     NotShared(ObjectKind),
     /// A library of another operating system.
@@ -47,7 +46,7 @@ pub enum BinaryError {
         /// End of the last segment \[bytes\].
         expected: u64,
     },
-    /// What its dynamic section says lies outside of what is loaded; the loader would crash.
+    /// An entry of its dynamic section lies outside of the loaded segments; the loader would crash.
     #[error("its dynamic section is damaged: {what} lies outside of what is loaded")]
     Dynamic {
         /// An entry, by its name in the System V ABI, or the relocations.
@@ -60,7 +59,7 @@ pub enum BinaryError {
 /// # Errors
 /// See [`BinaryError`].
 pub fn check(bytes: &[u8]) -> Result<(), BinaryError> {
-    // A universal library of macOS holds one for each architecture.
+    // A universal library of macOS contains one library per architecture.
     if FileKind::parse(bytes)? == FileKind::MachOFat32 {
         let fat = MachOFatFile32::parse(bytes)?;
         let ours = fat
@@ -78,11 +77,10 @@ pub fn check(bytes: &[u8]) -> Result<(), BinaryError> {
     check_thin(bytes)
 }
 
-/// The part of a universal library of macOS for a wanted architecture, else its first part; any other file
-/// as it is.
+/// The part of a universal library of macOS for the wanted architecture, else its first part; any other file unchanged.
 ///
 /// # Errors
-/// When the headers are damaged.
+/// If the headers are damaged.
 pub fn thin(
     bytes: &[u8],
     is_wanted: impl Fn(Architecture) -> bool,
@@ -99,13 +97,13 @@ pub fn thin(
     }
 }
 
-/// Names in C of the functions that a library exports.
+/// C names of the functions that a library exports.
 ///
 /// # Errors
-/// When the table of symbols is damaged.
+/// If the symbol table is damaged.
 pub fn exported<'b>(file: &object::File<'b>) -> Result<BTreeSet<&'b [u8]>, object::read::Error> {
     let name = |export: &object::Export<'b>| match file.format() {
-        // Mach-O puts an underscore before every symbol of C.
+        // Mach-O prefixes every C symbol with an underscore.
         BinaryFormat::MachO => export.name().strip_prefix(b"_").unwrap_or(export.name()),
         _ => export.name(),
     };
@@ -125,7 +123,7 @@ fn check_thin(bytes: &[u8]) -> Result<(), BinaryError> {
             expected,
         });
     }
-    // Where FMI has no name for this processor, the system's loader is asked.
+    // If FMI has no name for this processor, the check is left to the system's loader.
     if let Some(expected) = host_processor()
         && file.architecture() != expected
     {
@@ -154,8 +152,8 @@ fn check_thin(bytes: &[u8]) -> Result<(), BinaryError> {
 /// Length of the header of a 64-bit ELF file \[bytes\].
 const FILE_HEADER: u64 = 64;
 
-/// Checks what the loader of Linux follows without a look: the tables that the dynamic section names (System V ABI,
-/// chapter 5, "Dynamic Section"), and where relocations write.
+/// Checks what the Linux loader follows without validation: the tables that the dynamic section refers to (System V
+/// ABI, chapter 5, "Dynamic Section"), and the targets of relocations.
 fn check_dynamic(elf: &ElfFile64<'_>, bytes: &[u8]) -> Result<(), BinaryError> {
     let endian = elf.endian();
     let headers = elf.elf_header().program_headers(endian, bytes)?;
@@ -182,8 +180,7 @@ fn check_dynamic(elf: &ElfFile64<'_>, bytes: &[u8]) -> Result<(), BinaryError> {
         let found = entries.iter().find(|(own, _)| *own == tag);
         found.map(|(_, value)| *value)
     };
-    // An address, what it is a multiple of, and how long what stands there is at least: the value of another entry, or
-    // bytes.
+    // Address, required alignment, and minimum size of a table: the value of another entry, or a number of bytes.
     type Size = Result<i64, u64>;
     let tables: [(&'static str, i64, u64, Size); 11] = [
         ("DT_STRTAB", DT_STRTAB, 1, Ok(DT_STRSZ)),
@@ -198,7 +195,7 @@ fn check_dynamic(elf: &ElfFile64<'_>, bytes: &[u8]) -> Result<(), BinaryError> {
         ("DT_VERNEED", DT_VERNEED, 4, Err(16)),
         ("DT_VERDEF", DT_VERDEF, 4, Err(20)),
     ];
-    // Before stands the header of the file.
+    // The file header precedes all tables.
     let is_table = |at: u64, multiple: u64, size: u64| {
         at >= FILE_HEADER && at.is_multiple_of(multiple) && is_loaded(at, size)
     };
@@ -239,7 +236,7 @@ fn check_dynamic(elf: &ElfFile64<'_>, bytes: &[u8]) -> Result<(), BinaryError> {
             what: "the name of a library",
         });
     }
-    // Where a table that is loaded stands in the file.
+    // The contents of a loaded table in the file.
     let in_file = |begin: u64, size: u64| {
         let own = headers.iter().find(|header| {
             let offset = begin.checked_sub(header.p_vaddr(endian));
@@ -255,7 +252,7 @@ fn check_dynamic(elf: &ElfFile64<'_>, bytes: &[u8]) -> Result<(), BinaryError> {
         let (Some(begin), Some(size)) = (value(tag), value(size)) else {
             continue;
         };
-        // Each with 24 bytes, of which the first 8 say where.
+        // 24 bytes each, of which the first 8 are the target address.
         let all = in_file(begin, size).unwrap_or_default().chunks_exact(24);
         let places = all.map(|own| {
             let place: [u8; 8] = own[..8].try_into().unwrap_or_default();

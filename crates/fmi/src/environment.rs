@@ -1,4 +1,4 @@
-//! What an instance can call back: its messages, updates within a step, and news of its clocks.
+//! Callbacks of an instance: its messages, intermediate updates within a step, and clock updates.
 
 use crate::binding::{Functions, Loaded};
 use crate::message::Message;
@@ -10,14 +10,14 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// How many messages of one instance are kept: the newest.
+/// Maximum number of messages kept per instance: the newest ones.
 const KEPT: usize = 200;
 
-/// Where callbacks go, by the number that an instance's FMU got as environment. Looking it up here
-/// rather than trusting a pointer keeps a confused FMU from taking the process with it.
+/// Environments of callbacks, by the number that an instance's FMU got as environment. The lookup, instead of a trusted
+/// pointer, keeps a faulty FMU from crashing the process.
 static ENVIRONMENTS: Mutex<BTreeMap<usize, Arc<Environment>>> = Mutex::new(BTreeMap::new());
 
-/// What belongs to one instance.
+/// The environment of one instance.
 #[derive(Debug)]
 struct Environment {
     name: String,
@@ -25,12 +25,12 @@ struct Environment {
     instance: AtomicPtr<c_void>,
     messages: Mutex<VecDeque<Message>>,
     update: Mutex<Option<IntermediateUpdate>>,
-    /// What a panic in `update` carried, to go on where Rust called the FMU.
+    /// Payload of a panic in `update`, resumed where Rust called the FMU.
     panic: Mutex<Option<Box<dyn Any + Send>>>,
     clocks_changed: AtomicBool,
 }
 
-/// An environment that callbacks find as long as this lives.
+/// An environment that callbacks find until this is dropped.
 #[derive(Debug)]
 pub(super) struct Registered {
     number: usize,
@@ -57,17 +57,17 @@ impl Registered {
         }
     }
 
-    /// A number that no other environment of this process has or had.
+    /// A number that is unique in this process.
     pub(super) fn number(&self) -> usize {
         self.number
     }
 
-    /// What the FMU gets as its environment: a number, never to be followed as a pointer.
+    /// The FMU's environment: a number, never dereferenced as a pointer.
     pub(super) fn pointer(&self) -> *mut c_void {
         std::ptr::without_provenance_mut(self.number)
     }
 
-    /// The FMU has made the instance.
+    /// Sets the instance that the FMU has created.
     pub(super) fn made(&self, instance: *mut c_void) {
         self.environment.instance.store(instance, Ordering::Release);
     }
@@ -77,12 +77,12 @@ impl Registered {
         lock(&self.environment.messages).drain(..).collect()
     }
 
-    /// Whether the FMU has said since the last time that its clocks have news.
+    /// Whether the FMU has reported a clock update since the last call.
     pub(super) fn take_clocks_changed(&self) -> bool {
         (self.environment.clocks_changed).swap(false, Ordering::AcqRel)
     }
 
-    /// Goes on with a panic of the closure that the FMU called.
+    /// Resumes a panic of the closure that the FMU called.
     pub(super) fn resume_panic(&self) {
         let panic = lock(&self.environment.panic).take();
         if let Some(panic) = panic {
@@ -97,15 +97,15 @@ impl Drop for Registered {
     }
 }
 
-/// A poisoned lock is used as it is: the values behind these are always whole.
+/// A poisoned lock is used as it is: the values behind these locks are always consistent.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Messages with an environment that no instance was given.
+/// Number of messages with an unknown environment.
 static STRAYS: AtomicUsize = AtomicUsize::new(0);
 
-/// How many messages since the last time came with an environment that no living instance was given.
+/// Number of messages since the last call whose environment belongs to no living instance.
 pub fn take_stray_messages() -> usize {
     STRAYS.swap(0, Ordering::AcqRel)
 }
@@ -114,7 +114,7 @@ fn find(environment: *mut c_void) -> Option<Arc<Environment>> {
     lock(&ENVIRONMENTS).get(&environment.addr()).cloned()
 }
 
-/// Notes a message and hands it to `tracing`.
+/// Stores a message and passes it to `tracing`.
 pub(super) fn deliver(environment: *mut c_void, message: Message) {
     let Some(environment) = find(environment) else {
         STRAYS.fetch_add(1, Ordering::AcqRel);
@@ -135,18 +135,18 @@ pub(super) unsafe extern "C" fn clock_update(environment: InstanceEnvironment) {
     }
 }
 
-/// `fmi3LockPreemptionCallback`, `fmi3UnlockPreemptionCallback`: nothing is to be locked, since `&mut`
-/// lets one partition of an instance run at a time.
+/// `fmi3LockPreemptionCallback`, `fmi3UnlockPreemptionCallback`: no lock is needed, since `&mut` lets only one
+/// partition of an instance run at a time.
 pub(super) unsafe extern "C" fn no_preemption() {}
 
-/// A closure that an instance calls within steps (FMI 3.0, section 4.2.2). It may return a time at which it
-/// wants the step to end early.
+/// A closure that an instance calls within steps (FMI 3.0, section 4.2.2). It may return a time at which the step
+/// should end early.
 pub struct IntermediateUpdate(Box<Update>);
 
 type Update = dyn FnMut(&mut Intermediate<'_>) -> Option<f64> + Send;
 
 impl IntermediateUpdate {
-    /// Of a closure. If it panics, the panic goes on when the FMU has come back.
+    /// Wraps a closure. If it panics, the panic is resumed after the FMU has returned.
     pub fn new(update: impl FnMut(&mut Intermediate<'_>) -> Option<f64> + Send + 'static) -> Self {
         Self(Box::new(update))
     }
@@ -175,10 +175,10 @@ pub struct Intermediate<'a> {
 }
 
 impl Intermediate<'_> {
-    /// `fmi3GetFloat64` of scalars. `None` if the FMU does not allow or do it.
+    /// `fmi3GetFloat64` of scalars. `None` if the FMU does not allow it or fails.
     ///
     /// # Panics
-    /// If there are not as many values as references, here and below.
+    /// If the numbers of values and references differ, here and below.
     pub fn get_real(&mut self, references: &[u32], values: &mut [f64]) -> Option<()> {
         assert_eq!(references.len(), values.len());
         let Functions::Fmi3(f) = &self.environment.loaded.binding.functions else {
@@ -187,12 +187,12 @@ impl Intermediate<'_> {
         let get = f.get_float64.filter(|_| self.can_get)?;
         let n = references.len();
         let instance = self.environment.instance.load(Ordering::Acquire);
-        // SAFETY: the instance has called us and waits; both arrays have `n` elements.
+        // SAFETY: the instance has called this process and waits; both arrays have `n` elements.
         let status = unsafe { get(instance, references.as_ptr(), n, values.as_mut_ptr(), n) };
         (status <= Status::WARNING).then_some(())
     }
 
-    /// `fmi3SetFloat64` of scalars. `None` if the FMU does not allow or do it.
+    /// `fmi3SetFloat64` of scalars. `None` if the FMU does not allow it or fails.
     pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> Option<()> {
         assert_eq!(references.len(), values.len());
         let Functions::Fmi3(f) = &self.environment.loaded.binding.functions else {
@@ -201,13 +201,13 @@ impl Intermediate<'_> {
         let set = f.set_float64.filter(|_| self.can_set)?;
         let n = references.len();
         let instance = self.environment.instance.load(Ordering::Acquire);
-        // SAFETY: the instance has called us and waits; both arrays have `n` elements.
+        // SAFETY: the instance has called this process and waits; both arrays have `n` elements.
         let status = unsafe { set(instance, references.as_ptr(), n, values.as_ptr(), n) };
         (status <= Status::WARNING).then_some(())
     }
 }
 
-/// Calls the closure. Booleans come as bytes: only 0 and 1 are a `bool` of Rust, and C may pass others.
+/// Calls the closure. Booleans are passed as bytes: a Rust `bool` must be 0 or 1, and C may pass other values.
 unsafe extern "C" fn update(
     environment: InstanceEnvironment,
     time: f64,
@@ -221,7 +221,7 @@ unsafe extern "C" fn update(
     let Some(environment) = find(environment) else {
         return;
     };
-    // An FMU that calls from within a call of the closure gets no answer.
+    // A recursive call from within the closure is ignored.
     let Ok(mut update) = environment.update.try_lock() else {
         return;
     };
@@ -239,7 +239,7 @@ unsafe extern "C" fn update(
         Some(time)
     });
     let wanted = wanted.filter(|_| can_return_early != 0);
-    // SAFETY: the FMU gives NULL or places that it reads afterwards.
+    // SAFETY: the FMU passes NULL or valid addresses that it reads afterwards.
     unsafe {
         if !wants_return.is_null() {
             *wants_return = u8::from(wanted.is_some());
@@ -250,9 +250,9 @@ unsafe extern "C" fn update(
     }
 }
 
-/// The callback with the type that the standard gives it.
+/// The callback with the type required by the standard.
 pub(super) fn intermediate_update() -> IntermediateUpdateCallback {
     type WithBytes = unsafe extern "C" fn(*mut c_void, f64, u8, u8, u8, u8, *mut u8, *mut f64);
-    // SAFETY: both are pointers to code; a C `bool` is passed as a byte of that value is.
+    // SAFETY: both are function pointers; a C `bool` is passed like a byte of the same value.
     unsafe { std::mem::transmute::<WithBytes, IntermediateUpdateCallback>(update) }
 }

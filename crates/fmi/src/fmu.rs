@@ -1,4 +1,4 @@
-//! An FMU as a whole: opened, looked into, loaded, instantiated.
+//! An FMU as a whole: opened, checked, loaded, instantiated.
 
 use super::archive::{Archive, ArchiveError, DESCRIPTION, Limits, Unpacked};
 use super::binary::{self, BinaryError};
@@ -17,51 +17,51 @@ use thiserror::Error;
 /// Why an FMU cannot be used.
 #[derive(Debug, Error)]
 pub enum FmuError {
-    /// The archive is bad.
+    /// The archive is invalid.
     #[error(transparent)]
     Archive(#[from] ArchiveError),
-    /// The description is bad.
+    /// The description is invalid.
     #[error("{}", path.display())]
     Description {
         /// The FMU.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: ReadError,
     },
-    /// It is for nothing: neither co-simulation nor model exchange nor scheduled execution.
+    /// It supports neither co-simulation nor model exchange nor scheduled execution.
     #[error("{} has neither <CoSimulation> nor <ModelExchange> nor <ScheduledExecution>", path.display())]
     NoKind {
         /// The FMU.
         path: PathBuf,
     },
-    /// It is not for this kind of instances.
+    /// It does not support this kind of instance.
     #[error("{} is no FMU for {kind}: it has no <{}>", path.display(), kind.element())]
     OtherKind {
         /// The FMU.
         path: PathBuf,
-        /// What it should be for.
+        /// The requested kind.
         kind: InterfaceType,
     },
-    /// No binary for this machine.
+    /// It has no binary for this machine.
     #[error("{} has no binary for this machine (looked in {}); it has {}", path.display(), wanted.join(", "), all_of(present))]
     NoPlatform {
         /// The FMU.
         path: PathBuf,
-        /// Folders under `binaries/` that would do.
+        /// Folders under `binaries/` that would be suitable.
         wanted: Vec<String>,
-        /// Folders that are there.
+        /// Folders that exist.
         present: Vec<String>,
     },
-    /// The folder is there, but not the file that the modelIdentifier names.
+    /// The folder exists, but not the file named by the modelIdentifier.
     #[error("{} has no `{expected}`, which modelIdentifier=\"{identifier}\" names; beside it are {}", path.display(), all_of(found))]
     NoLibrary {
         /// The FMU.
         path: PathBuf,
-        /// Name of the file that should be there.
+        /// Name of the missing file.
         expected: String,
         /// The modelIdentifier.
         identifier: String,
-        /// What is there.
+        /// Files in the folder.
         found: Vec<String>,
     },
     /// The binary is damaged or for another machine.
@@ -71,7 +71,7 @@ pub enum FmuError {
         path: PathBuf,
         /// Name of the binary in the archive.
         entry: String,
-        /// Why.
+        /// The cause.
         source: BinaryError,
     },
     /// The unpacked binary cannot be read.
@@ -81,25 +81,25 @@ pub enum FmuError {
         path: PathBuf,
         /// Name of the binary in the archive.
         entry: String,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
-    /// The binary is not what the standard asks for.
+    /// The binary does not conform to the standard.
     #[error("{}: `{entry}` cannot be used", path.display())]
     Binding {
         /// The FMU.
         path: PathBuf,
         /// Name of the binary in the archive.
         entry: String,
-        /// Why.
+        /// The cause.
         source: BindingError,
     },
-    /// It does not instantiate.
+    /// It cannot be instantiated.
     #[error("{}", path.display())]
     Instantiate {
         /// The FMU.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: CallError,
     },
 }
@@ -111,7 +111,7 @@ fn all_of(names: &[String]) -> String {
     }
 }
 
-/// An FMU: its archive, checked, and its description.
+/// An FMU: its checked archive and its description.
 #[derive(Debug)]
 pub struct Fmu {
     archive: Archive,
@@ -119,10 +119,10 @@ pub struct Fmu {
 }
 
 impl Fmu {
-    /// Opens an FMU and reads its description; nothing is unpacked.
+    /// Opens an FMU and reads its description, without unpacking.
     ///
     /// # Errors
-    /// If the archive or the description is bad.
+    /// If the archive or the description is invalid.
     pub fn open(path: &Path) -> Result<Self, FmuError> {
         let mut archive = Archive::open(path, Limits::default())?;
         let bytes = archive.read(DESCRIPTION)?;
@@ -163,12 +163,12 @@ impl Fmu {
         present.into_iter().map(str::to_owned).collect()
     }
 
-    /// The version of FMI that the description is written in.
+    /// The FMI version of the description.
     pub fn version(&self) -> FmiVersion {
         self.description.fmi_version
     }
 
-    /// What the FMU is for, and the modelIdentifier of each.
+    /// The supported kinds, each with its modelIdentifier.
     pub fn kinds(&self) -> Vec<(InterfaceType, &str)> {
         let cs = self.description.co_simulation.as_ref();
         let me = self.description.model_exchange.as_ref();
@@ -184,11 +184,11 @@ impl Fmu {
         cs.into_iter().chain(me).chain(se).collect()
     }
 
-    /// Unpacks the FMU, looks into its binaries (most often one for all kinds) and loads them. Each call
-    /// loads copies of its own.
+    /// Unpacks the FMU, checks its binaries (usually one for all kinds) and loads them. Each call loads separate
+    /// copies.
     ///
     /// # Errors
-    /// If there is no binary for this machine, or it is damaged, or not what the standard asks for.
+    /// If there is no binary for this machine, or it is damaged or does not conform to the standard.
     pub fn load(&mut self) -> Result<Library, FmuError> {
         self.load_from(None)
     }
@@ -201,10 +201,10 @@ impl Fmu {
         Ok(self.archive.unpack()?)
     }
 
-    /// As [`load`](Self::load), from a folder into which it is unpacked already, if there is one.
+    /// As [`load`](Self::load), from a folder into which it is already unpacked, if given.
     ///
     /// # Errors
-    /// As there.
+    /// As [`load`](Self::load).
     pub fn load_from(&mut self, unpacked: Option<Unpacked>) -> Result<Library, FmuError> {
         let path = self.path().to_owned();
         let mut groups: Vec<(String, Vec<InterfaceType>)> = Vec::new();
@@ -241,7 +241,7 @@ impl Fmu {
         }
     }
 
-    /// Name of the binary for this machine in the archive.
+    /// Name of this machine's binary in the archive.
     fn find_library(&self, identifier: &str) -> Result<String, FmuError> {
         let path = || self.path().to_owned();
         let present = self.platforms();
@@ -269,7 +269,7 @@ impl Fmu {
     }
 }
 
-/// Looks into an unpacked binary and loads it.
+/// Checks an unpacked binary and loads it.
 fn bind(
     path: &Path,
     folder: &Unpacked,
@@ -288,7 +288,7 @@ fn bind(
         entry: entry.clone(),
         source,
     })?;
-    // SAFETY: whoever asks to load an FMU trusts its code; the file's structure was checked.
+    // SAFETY: the caller who loads an FMU trusts its code; the structure of the file was checked.
     let binding = unsafe { Binding::load(path, &library, version, kinds) };
     binding.map_err(|source| FmuError::Binding {
         path: path.to_owned(),
@@ -297,28 +297,28 @@ fn bind(
     })
 }
 
-/// An FMU's binaries, loaded. Their instances keep them loaded.
+/// The loaded binaries of an FMU. Instances keep them loaded.
 #[derive(Debug, Clone)]
 pub struct Library {
     path: PathBuf,
-    /// Each binary, and what it is for; never empty.
+    /// Each binary, with the kinds that it supports; never empty.
     loaded: Vec<(Vec<InterfaceType>, Arc<Loaded>)>,
     description: Arc<ModelDescription>,
 }
 
 impl Library {
-    /// Makes an instance of a kind, without window, event mode or early return.
+    /// Creates an instance of a kind, without window, event mode or early return.
     ///
     /// # Errors
-    /// If the FMU is not for this kind, or refuses.
+    /// If the FMU does not support this kind, or refuses.
     pub fn instantiate(&self, name: &str, kind: InterfaceType) -> Result<Instance, FmuError> {
         self.instantiate_with(name, kind, InstanceOptions::default())
     }
 
-    /// Makes an instance of a kind.
+    /// Creates an instance of a kind.
     ///
     /// # Errors
-    /// If the FMU is not for this kind, or refuses.
+    /// If the FMU does not support this kind, or refuses.
     pub fn instantiate_with(
         &self,
         name: &str,
@@ -336,8 +336,7 @@ impl Library {
         })
     }
 
-    /// Whether the FMU makes an instance though the GUID (instantiation token) is another one, which it
-    /// should refuse.
+    /// Whether the FMU creates an instance although the GUID (instantiation token) is wrong, which it should refuse.
     pub fn accepts_wrong_guid(&self, kind: InterfaceType) -> bool {
         let mut other = ModelDescription::clone(&self.description);
         other.guid.push('!');

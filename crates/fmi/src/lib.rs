@@ -1,16 +1,15 @@
-//! FMI 2.0 and 3.0: anybody's FMU, read, loaded and called. Whether it follows the standard is `pilotage-fmi-check`'s
-//! to say; what must hold before it is unpacked and loaded is checked here.
+//! FMI 2.0 and 3.0: reads, loads and calls FMUs of any tool. `pilotage-fmi-check` checks conformity to the standard;
+//! this crate checks what must hold before an FMU is unpacked and loaded.
 //!
-//! An FMU hides a model behind C functions (Modelica Association, *Functional Mock-up Interface*). For
-//! co-simulation it takes steps by itself; for model exchange it gives the right-hand side and the events,
+//! An FMU hides a model behind C functions (Modelica Association, *Functional Mock-up Interface*). For co-simulation it
+//! performs the steps itself; for model exchange it provides the right-hand side and the events,
 //!
 //! ```text
 //! y(t + h) = step(x(t), u)     or     ẋ = f(t, x, u),   y = g(t, x, u),   an event where z(t, x, u) changes its sign
 //! ```
 //!
-//! and [`simulate`] solves them. This crate is for those who write a simulator or a checker; several FMUs together
-//! are `pilotage-cosim`'s, FMUs of one's own models `pilotage-sdk`'s. An FMU of `ẋ = -x`, `x(0) = 1`, in ten
-//! steps:
+//! which [`simulate`] integrates. This crate is meant for writing a simulator or a checker; `pilotage-cosim` couples
+//! several FMUs, `pilotage-sdk` exports models as FMUs. Ten steps of an FMU of `ẋ = -x`, `x(0) = 1`:
 //!
 //! ```
 //! use pilotage_fmi::{Fmu, InterfaceType, Step};
@@ -38,18 +37,18 @@
 //! | module | what it does |
 //! | --- | --- |
 //! | [`description`] | modelDescription.xml: typed model, reader, writer |
-//! | [`archive`] | the zip file: checked, then unpacked |
-//! | [`platform`] | names of platforms; which folder holds this machine's binary |
-//! | [`binary`] | a look into the binary before it is loaded |
-//! | [`binding`] | the binary loaded, with the addresses of its functions |
+//! | [`archive`] | the zip file: check and unpacking |
+//! | [`platform`] | names of platforms; folder of this machine's binary |
+//! | [`binary`] | check of the binary before it is loaded |
+//! | [`binding`] | the loaded binary, with the addresses of its functions |
 //! | [`instance`] | an instance, safe to call in any order |
-//! | [`memory`] | what FMUs get by callbacks, and whether they give it back |
-//! | [`simulate`] | a model exchange instance, integrated in time |
-//! | [`surroundings`] | what is the whole process's, and no FMU's to change |
-//! | [`fmu`] | all of it together: [`Fmu::open`], [`Fmu::load`], [`fmu::Library::instantiate`] |
+//! | [`memory`] | memory that FMUs allocate by callbacks, and whether they free it |
+//! | [`simulate`] | a model exchange instance, integrated over time |
+//! | [`surroundings`] | state of the process that an FMU must not change |
+//! | [`fmu`] | all of these together: [`Fmu::open`], [`Fmu::load`], [`fmu::Library::instantiate`] |
 //!
-//! What FMUs say goes to `tracing` (target `fmu`; fields `instance`, `category`, `status`) and, where a call
-//! fails, into its error.
+//! Messages of FMUs go to `tracing` (target `fmu`; fields `instance`, `category`, `status`) and, if a call fails, into
+//! its error.
 
 pub mod archive;
 pub mod binary;

@@ -1,42 +1,42 @@
-//! Memory that FMUs of FMI 2.0 get by callbacks: the C library's, and its books while somebody looks.
+//! Memory that FMUs of FMI 2.0 allocate by callbacks: by the C library, with bookkeeping during a [`Watch`].
 
 use std::collections::BTreeSet;
 use std::ffi::{CString, c_char, c_void};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// How many [`Watch`]es there are.
+/// Number of [`Watch`]es.
 static WATCHES: AtomicUsize = AtomicUsize::new(0);
-/// Blocks that instances made under a watch got and did not give back.
+/// Blocks that instances created under a watch have allocated and not freed.
 static BLOCKS: Mutex<BTreeSet<usize>> = Mutex::new(BTreeSet::new());
-/// How often such an instance gave back what it had not got.
+/// How often such an instance freed a block that it had not allocated.
 static STRAYS: AtomicUsize = AtomicUsize::new(0);
 
-/// What a poisoned text is full of.
+/// Byte that fills a poisoned text.
 pub const POISON: u8 = b'?';
 
 type Allocate = unsafe extern "C" fn(usize, usize) -> *mut c_void;
 type Free = unsafe extern "C" fn(*mut c_void);
 
-/// While this lives, books are kept for instances that are made: of all threads, so that only a process
-/// that runs one FMU at a time learns something of that FMU.
+/// While this lives, allocations of newly created instances are recorded: those of all threads, so the result is
+/// meaningful only in a process that runs one FMU at a time.
 #[derive(Debug)]
 pub struct Watch(());
 
 impl Watch {
-    /// Begins to keep books.
+    /// Starts recording.
     #[expect(clippy::new_without_default, reason = "it does something")]
     pub fn new() -> Self {
         WATCHES.fetch_add(1, Ordering::AcqRel);
         Self(())
     }
 
-    /// Blocks that were not given back.
+    /// Number of blocks not freed.
     pub fn kept(&self) -> usize {
         blocks(|blocks| blocks.len())
     }
 
-    /// How often something was given back that had not been got.
+    /// How often a block was freed that had not been allocated.
     pub fn strays(&self) -> usize {
         STRAYS.load(Ordering::Acquire)
     }
@@ -52,7 +52,7 @@ fn is_watched() -> bool {
     WATCHES.load(Ordering::Acquire) > 0
 }
 
-/// The callbacks for an instance that is made now.
+/// The callbacks for an instance created now.
 pub(super) fn callbacks() -> (Allocate, Free) {
     match is_watched() {
         true => (noted_calloc, noted_free),
@@ -60,13 +60,13 @@ pub(super) fn callbacks() -> (Allocate, Free) {
     }
 }
 
-/// Texts that an FMU got for one call, full of question marks afterwards: whoever kept an address rather than
-/// a copy will read these. Freed when this goes.
+/// Texts passed to an FMU for one call, filled with question marks afterwards: an FMU that keeps the address instead of
+/// a copy reads these. Freed on drop.
 #[derive(Debug, Default)]
 pub(super) struct PoisonedTexts(Vec<*mut c_char>);
 
 impl PoisonedTexts {
-    /// Poisons the texts if somebody watches.
+    /// Poisons the texts if there is a watch.
     pub(super) fn new<const N: usize>(texts: [CString; N]) -> Self {
         let texts = texts.into_iter().filter(|_| is_watched());
         Self(texts.map(poison).collect())
@@ -76,17 +76,17 @@ impl PoisonedTexts {
 impl Drop for PoisonedTexts {
     fn drop(&mut self) {
         for text in self.0.drain(..) {
-            // SAFETY: it came from `CString::into_raw` and is as long as it was.
+            // SAFETY: it came from `CString::into_raw` and has its original length.
             drop(unsafe { CString::from_raw(text) });
         }
     }
 }
 
-/// Overwrites a text through the very address that was given away.
+/// Overwrites a text through the same address that was passed.
 fn poison(text: CString) -> *mut c_char {
     let length = text.as_bytes().len();
     let text = text.into_raw();
-    // SAFETY: there are as many bytes, which nobody else holds but, wrongly, the FMU.
+    // SAFETY: there are `length` bytes, to which no other pointer exists except, wrongly, the FMU's.
     unsafe { text.cast::<u8>().write_bytes(POISON, length) };
     text
 }
@@ -107,7 +107,7 @@ unsafe extern "C" fn noted_calloc(count: usize, size: usize) -> *mut c_void {
 unsafe extern "C" fn noted_free(block: *mut c_void) {
     if block.is_null() {
     } else if blocks(|blocks| blocks.remove(&block.addr())) {
-        // SAFETY: `calloc` gave it, and it was not given back before.
+        // SAFETY: the block came from `calloc` and was not freed before.
         unsafe { free(block) };
     } else {
         STRAYS.fetch_add(1, Ordering::AcqRel);
@@ -115,8 +115,8 @@ unsafe extern "C" fn noted_free(block: *mut c_void) {
 }
 
 unsafe extern "C" {
-    /// C library: zeroed memory, or NULL. Given to FMUs as it is.
+    /// C library: zeroed memory, or NULL. Passed to FMUs as it is.
     fn calloc(count: usize, size: usize) -> *mut c_void;
-    /// C library: gives memory of `calloc` back. Given to FMUs as it is.
+    /// C library: frees memory of `calloc`. Passed to FMUs as it is.
     fn free(memory: *mut c_void);
 }

@@ -5,18 +5,18 @@ use pilotage_abi::fmi2::Status;
 /// A message of an FMU.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Message {
-    /// How bad it is; FMI 3.0 gives the numbers the same meaning.
+    /// Severity; FMI 3.0 uses the same numbers.
     pub status: Status,
-    /// The name by which the FMU calls its instance (FMI 2.0 alone), which should be the given one.
+    /// The name that the FMU uses for its instance (FMI 2.0 only), which should be the given one.
     pub instance_name: Option<String>,
-    /// Category, one of the description's `LogCategories` if the FMU keeps to the standard.
+    /// Category, one of the description's `LogCategories` if the FMU follows the standard.
     pub category: String,
-    /// The text, control characters escaped.
+    /// The text, with control characters escaped.
     pub text: String,
 }
 
 impl Message {
-    /// Of what an FMU said: trailing white space goes, control characters are escaped.
+    /// Builds a message: removes trailing white space and escapes control characters.
     pub(crate) fn new(
         status: Status,
         instance_name: Option<String>,
@@ -31,7 +31,7 @@ impl Message {
         }
     }
 
-    /// Hands the message to `tracing`, with the instance's name, category and status as fields.
+    /// Passes the message to `tracing`, with the instance's name, category and status as fields.
     pub(crate) fn trace(&self, instance: &str) {
         macro_rules! event {
             ($level:ident) => {

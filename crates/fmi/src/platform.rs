@@ -1,5 +1,4 @@
-//! Platforms: what they are called, what a library for one is, and which folders under `binaries/` hold this
-//! machine's.
+//! Platforms: their names, the format of their libraries, and the folders under `binaries/` for this machine.
 
 use crate::description::FmiVersion;
 use object::{Architecture, BinaryFormat};
@@ -9,14 +8,14 @@ use std::env::consts::{ARCH, DLL_EXTENSION, OS};
 /// A system and a processor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Platform {
-    /// FMI 3.0's name (section 2.5.1.4.1).
+    /// Name in FMI 3.0 (section 2.5.1.4.1).
     pub tuple: &'static str,
-    /// Folders that its library goes into in FMI 2.0 (2.0.4, section 2.3): the tuple where there is no other
-    /// name. Universal libraries for Macs stand in `darwin64`, so those with ARM look there too.
+    /// Folders of its library in FMI 2.0 (2.0.4, section 2.3): the tuple if there is no other name. Universal libraries
+    /// for Macs are in `darwin64`, so Macs with ARM search there too.
     pub fmi2: &'static [&'static str],
     /// Format of its library.
     pub format: BinaryFormat,
-    /// The processor that its library is made for.
+    /// Processor of its library.
     pub architecture: Architecture,
     extension: &'static str,
 }
@@ -34,7 +33,7 @@ macro_rules! platform {
 }
 
 impl Platform {
-    /// Those that libraries are made for.
+    /// Platforms for which libraries are built.
     #[rustfmt::skip]
     pub const ALL: [Self; 9] = [
         platform!("x86_64-linux", ["linux64"], Elf, X86_64, "so"),
@@ -48,13 +47,13 @@ impl Platform {
         platform!("aarch64-darwin", ["aarch64-darwin", "darwin64"], MachO, Aarch64, "dylib"),
     ];
 
-    /// The platforms whose libraries may lie in a folder of that name, a tuple or a name of FMI 2.0.
+    /// The platforms whose libraries may be in a folder of that name, a tuple or a name of FMI 2.0.
     pub fn of_folder(name: &str) -> impl Iterator<Item = Self> {
         let is = move |p: &Self| p.tuple == name || p.fmi2.contains(&name);
         Self::ALL.into_iter().filter(is)
     }
 
-    /// Paths in an archive under which its library goes.
+    /// Paths of its library in an archive.
     pub fn paths(&self, version: FmiVersion, model_identifier: &str) -> Vec<String> {
         let folders = match version {
             FmiVersion::V2 => self.fmi2,
@@ -64,14 +63,14 @@ impl Platform {
         folders.iter().map(path).collect()
     }
 
-    /// The platform that this program was built for, if it is known.
+    /// The platform that this program was built for, if known.
     pub fn host() -> Option<Self> {
         let tuple = tuple(ARCH, OS);
         Self::ALL.into_iter().find(|p| p.tuple == tuple)
     }
 }
 
-/// Processors: in a platform tuple (FMI 3.0, section 2.5.1.4.1), in Rust, and in the header of a library.
+/// Names of processors: in a platform tuple (FMI 3.0, section 2.5.1.4.1), in Rust, and in the header of a library.
 const PROCESSORS: [(&str, &str, Architecture); 8] = [
     ("aarch32", "arm", Architecture::Arm),
     ("aarch64", "aarch64", Architecture::Aarch64),
@@ -83,19 +82,19 @@ const PROCESSORS: [(&str, &str, Architecture); 8] = [
     ("ppc64", "powerpc64", Architecture::PowerPc64),
 ];
 
-/// The processor of that name in a tuple.
+/// The processor with that name in a tuple.
 pub fn processor(name: &str) -> Option<Architecture> {
     let (.., architecture) = PROCESSORS.iter().find(|(own, ..)| *own == name)?;
     Some(*architecture)
 }
 
-/// This machine's processor; none where FMI has no name for it.
+/// This machine's processor; `None` if FMI has no name for it.
 pub(crate) fn host_processor() -> Option<Architecture> {
     let (.., architecture) = PROCESSORS.iter().find(|(_, rust, _)| *rust == ARCH)?;
     Some(*architecture)
 }
 
-/// The tuple of a processor and a system, by their names in Rust.
+/// The tuple of a processor and a system, from their names in Rust.
 fn tuple(processor: &str, system: &str) -> String {
     let known = PROCESSORS.iter().find(|(_, rust, _)| *rust == processor);
     let processor = known.map_or(processor, |(name, ..)| name);
@@ -106,8 +105,8 @@ fn tuple(processor: &str, system: &str) -> String {
     format!("{processor}-{system}")
 }
 
-/// Folders to look in on this machine, in this order: the platform tuple of FMI 3.0 (FMI 2.0.4
-/// allows it), then what FMI 2.0 has beside it (section 2.3).
+/// Folders to search on this machine, in order: the platform tuple of FMI 3.0 (FMI 2.0.4 allows it), then the names of
+/// FMI 2.0 (section 2.3).
 pub fn folders() -> Vec<String> {
     let mut folders = vec![tuple(ARCH, OS)];
     let fmi2 = Platform::host().map_or(&[][..], |platform| platform.fmi2);
@@ -121,7 +120,7 @@ pub fn library_name(model_identifier: &str) -> String {
     format!("{model_identifier}.{DLL_EXTENSION}")
 }
 
-/// The platforms for which an archive with these files holds binaries.
+/// The platforms for which an archive with these files contains binaries.
 pub fn present<'a>(files: impl Iterator<Item = &'a str>) -> BTreeSet<&'a str> {
     files
         .filter_map(|name| name.strip_prefix("binaries/")?.split_once('/'))
@@ -133,7 +132,7 @@ pub fn present<'a>(files: impl Iterator<Item = &'a str>) -> BTreeSet<&'a str> {
 mod tests {
     use super::*;
 
-    /// Rust and FMI name processors and systems differently.
+    /// Rust and FMI use different names for processors and systems.
     #[test]
     fn tuples_have_the_names_of_the_standard() {
         assert_eq!(tuple("x86_64", "linux"), "x86_64-linux");
@@ -156,7 +155,7 @@ mod tests {
         assert_eq!(tuples("amiga"), [""; 0]);
     }
 
-    /// The table's processors are those of the tuples.
+    /// Each platform of the table has the processor of its tuple.
     #[test]
     fn platforms_have_the_processor_of_their_tuple() {
         for platform in Platform::ALL {

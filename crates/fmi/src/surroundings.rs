@@ -1,7 +1,7 @@
-//! What is the whole process's and no FMU's to change: how numbers are rounded, the working folder, signals, locale.
+//! State of the process that an FMU must not change: rounding mode, working folder, umask, signals, locale.
 //!
-//! Rounding is set back after each call, the working folder and the umask after loading and making instances: what is computed and
-//! written by others must not depend on an FMU. All else is [seen](Surroundings) only.
+//! The rounding mode is restored after each call, the working folder and the umask after loading and instantiation: the
+//! results of other code must not depend on an FMU. Other changes are only [detected](Surroundings).
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -9,15 +9,15 @@ use std::fs::DirEntry;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Whether some FMU has changed the rounding.
+/// Whether an FMU has changed the rounding mode.
 static CHANGED: AtomicBool = AtomicBool::new(false);
-/// Whether some FMU has left the working folder.
+/// Whether an FMU has changed the working folder.
 static LEFT: AtomicBool = AtomicBool::new(false);
 
-/// Whether some FMU has changed the umask.
+/// Whether an FMU has changed the umask.
 static MASKED: AtomicBool = AtomicBool::new(false);
 
-/// Calls, and goes back to the working folder and the rounding of before, and to the umask with which the program began.
+/// Makes the call, then restores the working folder and rounding mode from before it, and the program's initial umask.
 pub(crate) fn kept<T>(call: impl FnOnce() -> T) -> T {
     let folder = std::env::current_dir().ok();
     let done = call();
@@ -29,26 +29,26 @@ pub(crate) fn kept<T>(call: impl FnOnce() -> T) -> T {
         folder.filter(|folder| std::env::current_dir().ok().as_ref() != Some(folder))
     {
         LEFT.store(true, Ordering::Release);
-        // Should it be gone, the paths of outputs do not hang on it.
+        // If the folder no longer exists, the paths of outputs do not depend on it.
         let _ = std::env::set_current_dir(folder);
     }
     done
 }
 
-/// What can be seen of the surroundings.
+/// A snapshot of the process state.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Surroundings {
     folder: Option<PathBuf>,
     locale: Option<String>,
-    /// The system's own words for this process, by their names; none where it does not tell.
+    /// The system's values for this process, by name; empty if the system does not report them.
     status: Vec<String>,
-    /// Where each open descriptor leads.
+    /// Target of each open descriptor.
     open: BTreeMap<OsString, PathBuf>,
 }
 
 const UMASK: &str = "the umask";
 
-/// What Linux tells of a process in `/proc/self/status`, and what it is.
+/// Entries of `/proc/self/status` on Linux, with their descriptions.
 const STATUS: [(&str, &str); 4] = [
     ("Umask:", UMASK),
     ("SigIgn:", "which signals are ignored"),
@@ -57,7 +57,7 @@ const STATUS: [(&str, &str); 4] = [
 ];
 
 impl Surroundings {
-    /// As they are now. What changed before is forgotten.
+    /// Takes a snapshot, and clears the changes recorded before.
     pub fn look() -> Self {
         CHANGED.store(false, Ordering::Release);
         LEFT.store(false, Ordering::Release);
@@ -77,7 +77,7 @@ impl Surroundings {
         }
     }
 
-    /// What FMUs have changed since then.
+    /// What FMUs have changed since the snapshot.
     pub fn changed(&self) -> Vec<&'static str> {
         let now = Self::now();
         let is_masked = MASKED.load(Ordering::Acquire);
@@ -102,28 +102,28 @@ impl Surroundings {
     }
 }
 
-/// Where each open descriptor leads; none where the system does not tell.
+/// Target of each open descriptor; empty if the system does not report them.
 fn open() -> BTreeMap<OsString, PathBuf> {
     let entries = std::fs::read_dir("/proc/self/fd").into_iter().flatten();
     let lead = |entry: std::io::Result<DirEntry>| {
         let entry = entry.ok()?;
         Some((entry.file_name(), entry.path().read_link().ok()?))
     };
-    // Not the one by which we look.
+    // Excludes the descriptor used to read the folder.
     let is_others = |(_, path): &(OsString, PathBuf)| !path.starts_with("/proc");
     entries.filter_map(lead).filter(is_others).collect()
 }
 
-/// The locale of C; `None` where we do not know how to ask.
+/// The C locale; `None` if it cannot be queried on this system.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 fn locale() -> Option<String> {
     use std::ffi::{c_char, c_int};
     const LC_ALL: c_int = 6;
     unsafe extern "C" {
-        /// C library: with NULL, tells the locale.
+        /// C library: with NULL, returns the locale.
         fn setlocale(category: c_int, locale: *const c_char) -> *const c_char;
     }
-    // SAFETY: NULL asks only; what comes back is copied at once.
+    // SAFETY: NULL only queries; the result is copied at once.
     unsafe { crate::binding::owned(setlocale(LC_ALL, std::ptr::null())) }
 }
 
@@ -132,8 +132,8 @@ fn locale() -> Option<String> {
     None
 }
 
-/// Sets the rounding to what Rust expects, after a call of an FMU: to the nearest, subnormal numbers kept, no exception
-/// trapped.
+/// Restores the rounding mode that Rust expects after a call of an FMU: round to nearest, subnormal numbers kept,
+/// exceptions masked.
 #[inline(always)]
 pub(crate) fn keep() {
     #[cfg(target_arch = "x86_64")]
@@ -149,20 +149,20 @@ fn reset() {
     CHANGED.store(true, Ordering::Release);
 }
 
-/// The control register of the SSE unit, which computes all `f64` (Intel SDM, volume 1, section 10.2.3).
+/// Control register of the SSE unit, which computes all `f64` (Intel SDM, volume 1, section 10.2.3).
 #[cfg(target_arch = "x86_64")]
 mod mxcsr {
     use std::arch::asm;
 
-    /// All exceptions masked, nothing else.
+    /// All exceptions masked, no other bit set.
     pub(super) const DEFAULT: u32 = 0x1f80;
-    /// All but the flags of what has happened.
+    /// All bits except the exception flags.
     const CONTROL: u32 = 0xffc0;
 
     #[inline(always)]
     pub(super) fn control() -> u32 {
         let mut value = 0u32;
-        // SAFETY: writes four bytes to where the pointer leads.
+        // SAFETY: writes four bytes to the address of `value`.
         unsafe { asm!("stmxcsr [{}]", in(reg) &raw mut value, options(nostack, preserves_flags)) };
         value & CONTROL
     }

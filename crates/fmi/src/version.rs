@@ -1,11 +1,11 @@
-//! What differs between the versions of FMI in names and numbers, as one type each.
+//! Names and numbers that differ between the versions of FMI, as one type each.
 
 use pilotage_abi::{Part, fmi2, fmi3};
 
-/// What an instance is for.
+/// The interface type of an instance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum InterfaceType {
-    /// It brings its own solver.
+    /// It has its own solver.
     CoSimulation,
     /// The importer solves its equations.
     ModelExchange,
@@ -14,14 +14,14 @@ pub enum InterfaceType {
 }
 
 impl InterfaceType {
-    /// Every kind.
+    /// Every interface type.
     pub const ALL: [Self; 3] = [
         Self::CoSimulation,
         Self::ModelExchange,
         Self::ScheduledExecution,
     ];
 
-    /// The part of the interface that it adds to the common one.
+    /// The part of the API that it adds to the common one.
     pub fn part(self) -> Part {
         match self {
             Self::CoSimulation => Part::CoSimulation,
@@ -68,7 +68,7 @@ impl Function {
         }
     }
 
-    /// A number that no other function has, for [`call_name`].
+    /// A unique number, for [`call_name`].
     #[inline(always)]
     pub(crate) const fn number(self) -> u32 {
         match self {
@@ -100,16 +100,16 @@ impl Function {
     }
 }
 
-/// What is going on while a library is loaded: its initialization runs.
+/// A library is being loaded: its initialization runs.
 pub(crate) const LOADING: u32 = 1;
-/// What is going on while a library is unloaded: its finalization runs.
+/// A library is being unloaded: its finalization runs.
 pub(crate) const UNLOADING: u32 = 2;
-/// What is going on while an FMU in a process of its own is asked.
+/// A request to an FMU in a separate process is pending.
 pub const ASKING: u32 = 3;
 const FMI2: u32 = 1000;
 const FMI3: u32 = 2000;
 
-/// What a call is called whose number a process that loads FMUs has [noted](pilotage_process::Place::call).
+/// Name of a call, by the number [recorded](pilotage_process::Place::call) in a process that loads FMUs.
 pub fn call_name(number: u32) -> &'static str {
     let name = match number {
         LOADING => Some("the initialization of its library"),

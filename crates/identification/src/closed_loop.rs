@@ -1,5 +1,5 @@
-//! The closed loop of pilot and vehicle, linearised about hover: its poles, and its characteristic
-//! polynomial, which a fit keeps stable.
+//! Closed loop of pilot and vehicle, linearised about hover: its poles, and its characteristic polynomial, which a fit
+//! keeps stable.
 
 use super::joint::Joint;
 use super::linearised::Linear;
@@ -9,22 +9,22 @@ use pilotage_linear::eigenvalues;
 use pilotage_models::pilot::roots;
 use pilotage_models::{Pilot, Quadcopter, Scalar, quadcopter::N_STATES};
 
-/// Slowest decay of a closed loop that a fit may have [1/s]: each pole's real part is at most minus this.
-/// What is left of a slow mode then fades within a thousand seconds; flights of seconds cannot tell more.
+/// Smallest decay rate of the closed loop in a fit [1/s]: the real part of each pole is at most minus this. A slow mode
+/// then decays within a thousand seconds; flights of seconds cannot determine more.
 pub const LOOP_MARGIN: f64 = 1e-3;
-/// A pole within this factor of it lies on it.
+/// A pole within this factor of the bound lies on it.
 const ON_BOUND: f64 = 1.01;
 
 /// The closed loop of a pilot and a vehicle at hover.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClosedLoop {
-    /// Its poles [1/s], by magnitude: as many as pilot and vehicle have states.
+    /// Its poles [1/s], sorted by magnitude: one per state of pilot and vehicle.
     pub poles: Vec<Complex<f64>>,
 }
 
 impl ClosedLoop {
-    /// Of the pilot `theta` with that vehicle: eigenvalues of the Jacobian of the joint equations; infinite where
-    /// they cannot be found.
+    /// Computes the eigenvalues of the Jacobian of the joint equations for the pilot `theta` with this vehicle;
+    /// infinite if they cannot be found.
     pub fn of(vehicle: Quadcopter, pilot: Pilot, theta: &[f64]) -> Self {
         let joint = Joint { vehicle, pilot };
         let linear = Linear::of(&Differentiated::new(&joint.system()), theta);
@@ -33,13 +33,13 @@ impl ClosedLoop {
         }
     }
 
-    /// True when every pole lies in the left half-plane.
+    /// Whether every pole lies in the left half-plane.
     pub fn is_stable(&self) -> bool {
         self.rightmost().is_some_and(|pole| pole.re < 0.0)
     }
 
-    /// Of the poles that are no more stable than [`LOOP_MARGIN`] asks, the one that swings fastest; none where the loop
-    /// is unstable, or keeps away from its bound.
+    /// The pole of highest frequency among those on the bound [`LOOP_MARGIN`]; `None` if the loop is unstable or no
+    /// pole is on the bound.
     pub fn on_bound(&self) -> Option<Complex<f64>> {
         let on_bound = |pole: &Complex<f64>| pole.re >= -ON_BOUND * LOOP_MARGIN;
         let poles = self.poles.iter().copied().filter(on_bound);
@@ -54,9 +54,9 @@ impl ClosedLoop {
     }
 }
 
-/// From the stick to the position: `-gain / (s² (s³ + c₂ s² + c₁ s + c₀))`, the vehicle about hover.
+/// Transfer function from stick to position: `-gain / (s² (s³ + c₂ s² + c₁ s + c₀))`, the vehicle about hover.
 ///
-/// The sum of the two rotor speeds is missing: no stick moves it, and it decays with the propeller's lag.
+/// The sum of the two rotor speeds is omitted: no stick input excites it, and it decays with the propeller's lag.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LinearVehicle {
     gain: f64,
@@ -65,7 +65,7 @@ pub struct LinearVehicle {
 }
 
 impl LinearVehicle {
-    /// Of a vehicle.
+    /// Linearises a vehicle.
     pub fn of(vehicle: &Quadcopter) -> Self {
         let pitch = vehicle.pitch_polynomial();
         Self {
@@ -81,7 +81,7 @@ impl LinearVehicle {
         [&zeros[..], &roots(&self.pitch)].concat()
     }
 
-    /// Poles of the closed loop with a pilot [1/s], that of the sum of the rotor speeds among them.
+    /// Poles of the closed loop with a pilot [1/s], including that of the sum of the rotor speeds.
     pub fn closed_poles(&self, pilot: Pilot, theta: &[f64]) -> Vec<Complex<f64>> {
         let polynomial = self.characteristic(pilot, theta);
         let mut poles = roots(&polynomial[..self.degree(pilot)]);
@@ -89,8 +89,7 @@ impl LinearVehicle {
         poles
     }
 
-    /// `L(s)` of the loop with a pilot `N/D`, cut at the stick: `-gain N / (D s² P)`, so that `1 + L = 0` is the closed
-    /// loop.
+    /// Open loop `L(s)` with a pilot `N/D`, cut at the stick: `-gain N / (D s² P)`. The closed loop is `1 + L = 0`.
     pub fn loop_at(&self, pilot: Pilot, theta: &[f64], s: Complex<f64>) -> Complex<f64> {
         let value = |p: &[f64]| {
             let zero = Complex::new(0.0, 0.0);
@@ -101,13 +100,13 @@ impl LinearVehicle {
         -self.gain * value(numerator) / (monic(denominator) * s * s * monic(&self.pitch))
     }
 
-    /// Degree of the closed loop's characteristic polynomial with a pilot.
+    /// Degree of the closed loop's characteristic polynomial with this pilot.
     pub fn degree(&self, pilot: Pilot) -> usize {
         N_STATES - 1 + pilot.order
     }
 
-    /// The monic characteristic polynomial of the closed loop, ascending coefficients with the leading 1:
-    /// with the pilot `N/D` it is `D s² P - gain N`, P being the pitch loop's.
+    /// The monic characteristic polynomial of the closed loop, in ascending coefficients including the leading 1:
+    /// `D s² P - gain N` for the pilot `N/D` and the pitch loop's P.
     pub fn characteristic<T: Scalar>(&self, pilot: Pilot, theta: &[T]) -> Vec<T> {
         let n = pilot.order;
         let mut out = vec![T::from(0.0); self.degree(pilot) + 1];
@@ -125,12 +124,12 @@ impl LinearVehicle {
     }
 }
 
-/// The first column of Routh's array of `p(s - margin)`, without its leading entry: all positive exactly when
-/// each root of `p` has a real part below `-margin` (Gantmacher, *The Theory of Matrices*, vol. 2, ch. XV,
-/// §3). `p` has ascending coefficients and the leading one 1; `out` is as long as its degree.
+/// First column of Routh's array of `p(s - margin)`, without its leading entry: all entries are positive exactly if
+/// each root of `p` has a real part below `-margin` (Gantmacher, *The Theory of Matrices*, vol. 2, ch. XV, §3). `p` has
+/// ascending coefficients and the leading one 1; `out` is as long as its degree.
 ///
-/// On the way out of the stable region one of the last two entries is the first to vanish: a real root, or a
-/// pair, on the margin.
+/// When a path leaves the stable region, one of the last two entries vanishes first: a real root, or a pair, is on the
+/// margin.
 pub fn routh<T: Scalar>(p: &[T], margin: f64, out: &mut [T]) {
     let mut p = p.to_vec();
     shift(&mut p, -margin);
@@ -176,7 +175,7 @@ mod tests {
     }
 
     proptest! {
-        /// The array says what the roots say, from which the polynomial was made.
+        /// The array agrees with the roots from which the polynomial was made.
         #[test]
         fn the_array_is_positive_where_all_roots_are_left_of_the_margin(
             real in prop::collection::vec(-4.0..0.5_f64, 0..4),
@@ -192,7 +191,7 @@ mod tests {
             prop_assert_eq!(out.iter().all(|v| *v > 0.0), stable, "{:?}", out);
         }
 
-        /// The polynomial and the Jacobian are two ways to the same poles.
+        /// The polynomial and the Jacobian yield the same poles.
         #[test]
         fn the_polynomial_has_the_poles_of_the_joint_equations(
             order in 1_usize..=6,
@@ -214,7 +213,7 @@ mod tests {
         }
     }
 
-    /// Position feedback alone on two integrations: a pair in the right half-plane. With lead it is stable.
+    /// Position feedback alone on a double integrator: a pair in the right half-plane. With lead it is stable.
     #[test]
     fn a_pilot_without_lead_is_unstable() {
         let of = |theta: &[f64]| ClosedLoop::of(Quadcopter::default(), Pilot { order: 1 }, theta);

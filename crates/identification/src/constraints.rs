@@ -4,15 +4,15 @@ use super::closed_loop::{LOOP_MARGIN, LinearVehicle, routh};
 use pilotage_collocation::ParameterConstraints;
 use pilotage_models::{Pilot, Scalar};
 
-/// Smallest value that a coefficient or a Hurwitz minor may take, in its own unit: the paper's strict
-/// inequalities (its eq. for Routh–Hurwitz) made closed.
+/// Smallest value of a coefficient or a Hurwitz minor, in its own unit: it makes the paper's strict inequalities (its
+/// eq. for Routh–Hurwitz) closed.
 pub const STABILITY_MARGIN: f64 = 1e-6;
 
-/// The pilot's characteristic polynomial `s^n + θ_n s^{n-1} + ... + θ_1` is Hurwitz.
+/// Condition that the pilot's characteristic polynomial `s^n + θ_n s^{n-1} + ... + θ_1` is Hurwitz.
 ///
-/// In the form of Liénard and Chipart (Gantmacher, *The Theory of Matrices*, vol. 2, ch. XV, §13): all
-/// coefficients positive, and every second Hurwitz minor from the last but one down. For the third
-/// order these are the paper's four conditions, θ1, θ2, θ3 > 0 and θ3 θ2 - θ1 > 0.
+/// In the form of Liénard and Chipart (Gantmacher, *The Theory of Matrices*, vol. 2, ch. XV, §13): all coefficients
+/// positive, and every second Hurwitz minor from the last but one down. For the third order these are the paper's four
+/// conditions, θ1, θ2, θ3 > 0 and θ3 θ2 - θ1 > 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RouthHurwitz {
     /// The pilot's structure.
@@ -20,7 +20,7 @@ pub struct RouthHurwitz {
 }
 
 impl RouthHurwitz {
-    /// Sizes of the minors that are constrained, largest first.
+    /// Sizes of the constrained minors, largest first.
     fn minors(&self) -> impl Iterator<Item = usize> + use<> {
         let n = self.pilot.order;
         (2..n).rev().step_by(2)
@@ -33,7 +33,7 @@ impl RouthHurwitz {
         self.pilot.order + self.minors().count()
     }
 
-    /// Writes their values; each must be at least zero.
+    /// Writes the constraint values; each must be at least zero.
     pub fn values<T: Scalar>(&self, theta: &[T], out: &mut [T]) {
         let n = self.pilot.order;
         for (out, theta) in out.iter_mut().zip(&theta[..n]) {
@@ -45,12 +45,13 @@ impl RouthHurwitz {
     }
 }
 
-/// The pilot is stable, and so is its closed loop with a vehicle, if there is one.
+/// Conditions that the pilot is stable, and its closed loop with a vehicle, if given.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stability {
-    /// Of the pilot.
+    /// Conditions on the pilot.
     pub pilot: RouthHurwitz,
-    /// The vehicle with which the closed loop decays at least as fast as [`LOOP_MARGIN`]; none: nobody asks.
+    /// The vehicle with which the closed loop decays at least as fast as [`LOOP_MARGIN`]; `None` for no condition on
+    /// it.
     pub vehicle: Option<LinearVehicle>,
 }
 
@@ -66,7 +67,7 @@ impl Stability {
         traced.expect("the conditions are expressions")
     }
 
-    /// True where θ fulfils every condition.
+    /// Whether θ fulfils every condition.
     pub fn holds(&self, theta: &[f64]) -> bool {
         let mut values = vec![0.0; self.count()];
         self.values(theta, &mut values);
@@ -81,7 +82,7 @@ impl Stability {
         self.pilot.count() + closed_loop
     }
 
-    /// Writes their values; each must be at least zero.
+    /// Writes the values of the conditions; each must be at least zero.
     pub fn values<T: Scalar>(&self, theta: &[T], out: &mut [T]) {
         let (own, closed_loop) = out.split_at_mut(self.pilot.count());
         self.pilot.values(theta, own);

@@ -1,4 +1,4 @@
-//! What follows from θ: the figures of the closed loop with the vehicle, each with its interval.
+//! Quantities derived from θ: the figures of the closed loop with the vehicle, each with its interval.
 
 use super::closed_loop::LinearVehicle;
 use super::{Fit, FitOptions};
@@ -8,7 +8,7 @@ use pilotage_linear::{Figure, LoopFigures, OpenLoop};
 use pilotage_models::{Pilot, Quadcopter};
 use pilotage_refits::study::Derive;
 
-/// The loop of a pilot and a vehicle at hover, cut open at the stick.
+/// The open loop of a pilot and a vehicle at hover, cut at the stick.
 pub fn open_loop(
     vehicle: Quadcopter,
     pilot: Pilot,
@@ -23,8 +23,8 @@ pub fn open_loop(
     }
 }
 
-/// The figures of the closed loop of a fit, each with its interval (delta method): crossover frequency, phase and gain
-/// margin, effective delay, poles ([`LoopFigures::named`]). None where the fit knows no vehicle or no covariance.
+/// The figures of a fit's closed loop, each with its interval (delta method): crossover frequency, phase and gain
+/// margin, effective delay, poles ([`LoopFigures::named`]). Empty if the fit has no vehicle or no covariance.
 pub fn derived(fit: &Fit, options: &FitOptions) -> Vec<(Figure, Interval)> {
     let (Some(sure), Some(vehicle)) = (&fit.uncertainty, options.loop_vehicle()) else {
         return Vec::new();
@@ -53,7 +53,7 @@ pub(super) fn names(fit: &Fit, options: &FitOptions) -> Vec<String> {
         .collect()
 }
 
-/// The same figures of the pilots of refits.
+/// The same figures for the pilots of refits.
 pub(super) fn again(fit: &Fit, options: &FitOptions) -> Box<Derive<'static>> {
     let (named, pilot) = (derived(fit, options), options.pilot);
     let Some(vehicle) = options.loop_vehicle().copied() else {

@@ -1,5 +1,5 @@
-//! Frequency responses of pilot and loop, and their describing functions: those straight from flights after a target that
-//! is a sum of sines ([`pilotage_inference::spectrum`]).
+//! Frequency responses of pilot and loop, and their describing functions from flights whose target is a sum of sines
+//! ([`pilotage_inference::spectrum`]).
 
 use super::closed_loop::LinearVehicle;
 use super::{Fit, FitOptions, Trial};
@@ -14,15 +14,15 @@ fn polynomial(c: &[f64], s: Complex<f64>) -> Complex<f64> {
     c.iter().rev().fold(zero, |value, c| value * s + *c)
 }
 
-/// From the error \[m\] to the stick, at jω.
+/// Response from the error \[m\] to the stick at jω.
 pub fn pilot(pilot: Pilot, theta: &[f64], omega: f64) -> Complex<f64> {
     let s = Complex::new(0.0, omega);
     let (denominator, numerator) = theta.split_at(pilot.order);
     polynomial(numerator, s) / (polynomial(denominator, s) + s.powu(pilot.order as u32))
 }
 
-/// Pilot and vehicle cut open at the stick, at jω: `L = p/p₀ - 1`, where `p` is the closed loop's characteristic
-/// polynomial, and `p₀` that with a pilot who does nothing.
+/// Open loop of pilot and vehicle, cut at the stick, at jω: `L = p/p₀ - 1`, where `p` is the closed loop's
+/// characteristic polynomial, and `p₀` that with a pilot of zero gain.
 pub fn open_loop(vehicle: &LinearVehicle, pilot: Pilot, theta: &[f64], omega: f64) -> Complex<f64> {
     let s = Complex::new(0.0, omega);
     let mut idle = theta.to_vec();
@@ -32,7 +32,8 @@ pub fn open_loop(vehicle: &LinearVehicle, pilot: Pilot, theta: &[f64], omega: f6
     polynomial(&difference, s) / polynomial(&open, s)
 }
 
-/// What flights say of pilot and loop, beside a fitted θ. The loop has no fitted values where nobody said what was flown.
+/// Describing functions of pilot and loop, compared with a fitted θ. The loop has no fitted values if the vehicle is
+/// not known.
 pub fn describing(fit: &Fit, trials: &[Trial], options: &FitOptions) -> Describing {
     let (theta, vehicle) = (&fit.theta, options.loop_vehicle().map(LinearVehicle::of));
     let of_pilot = |theta: &[f64], omega: f64| pilot(options.pilot, theta, omega);
@@ -54,7 +55,7 @@ pub fn describing(fit: &Fit, trials: &[Trial], options: &FitOptions) -> Describi
     own
 }
 
-/// The mean square of the error of a response that follows from θ (delta method); 0 where it is not known.
+/// Mean square error of a response that depends on θ (delta method); 0 if not known.
 fn variance(spread: &Spread, theta: &[f64], of: impl Fn(&[f64]) -> Complex<f64>) -> f64 {
     let parts = |theta: &[f64]| {
         let value = of(theta);
@@ -65,7 +66,7 @@ fn variance(spread: &Spread, theta: &[f64], of: impl Fn(&[f64]) -> Complex<f64>)
     if variance.is_finite() { variance } else { 0.0 }
 }
 
-/// Trials as flights whose target alone drives them.
+/// Trials as flights driven only by their target.
 pub fn flights(trials: &[Trial]) -> Vec<Flight<'_>> {
     let error = |own: &Trial| {
         let pairs = own.target.iter().zip(&own.position);
@@ -88,8 +89,8 @@ mod tests {
     use pilotage_models::Quadcopter;
     use pilotage_models::pilot::PAPER_THETA;
 
-    /// A pilot of first order, by hand; and the loop by the eigenvalues of the joint equations: where 1 + L is zero, the
-    /// closed loop has a pole, so that |1 + L| along jω is the product of the distances to closed and open poles.
+    /// The pilot: a first-order one computed by hand. The loop: by the eigenvalues of the joint equations, since
+    /// `1 + L` is the product of the distances to the closed poles over that to the open ones.
     #[test]
     fn responses_are_those_of_the_equations() {
         let one = Pilot { order: 1 };

@@ -1,4 +1,4 @@
-//! A fit with all that belongs to it: what people and files are told comes from here.
+//! A fit with all results derived from it; reports and files are generated from this.
 
 use super::joint::Joint;
 use super::simulate::{LONGEST, at_rest};
@@ -15,35 +15,35 @@ use pilotage_linear::Figure;
 pub struct Identification {
     /// The fit.
     pub fit: Fit,
-    /// What it was asked to do.
+    /// The options of the fit.
     pub options: FitOptions,
-    /// The trials that it was fitted to, and those that it was not.
+    /// The trials of the fit and those for validation.
     pub trials: TrialSet,
     /// The figures of its closed loop, each with its interval ([`derived`](derived::derived)).
     pub derived: Vec<(Figure, Interval)>,
-    /// What the trials of the fit say of pilot and loop without a model.
+    /// Describing functions of pilot and loop from the trials of the fit.
     pub describing: Describing,
-    /// What they excite; none where no flight has three samples.
+    /// Excitation by the trials; `None` if no flight has three samples.
     pub excitation: Option<Excitation>,
-    /// All trials as the pilot flies them alone, from rest where the solution begins, in the order of
-    /// [`TrialSet::all`]: none where nobody said which vehicle was flown, where a trial is longer than
-    /// [`LONGEST`], or where the pilot is too fast to be simulated.
+    /// All trials simulated with the pilot alone, from rest at the initial position of the solution, in the order of
+    /// [`TrialSet::all`]: `None` if the vehicle is not known, if a trial is longer than [`LONGEST`], or if the pilot is
+    /// too fast to be simulated.
     flown: Vec<Option<RunFit>>,
 }
 
-/// A trial, and what the identified pilot makes of it.
+/// A trial and its simulation with the identified pilot.
 #[derive(Debug, Clone, Copy)]
 pub struct Outcome<'a> {
     /// The trial.
     pub trial: &'a Trial,
-    /// The run in the optimiser's solution; none for a validation run.
+    /// The run in the optimiser's solution; `None` for a validation run.
     pub solution: Option<&'a RunFit>,
-    /// The run as the pilot flies it alone.
+    /// The run simulated with the pilot alone.
     pub alone: Option<&'a RunFit>,
 }
 
 impl Outcome<'_> {
-    /// Of the pilot alone: rms distance from the recording, and where it ends, from the last target \[m\].
+    /// Errors of the pilot alone: rms distance from the recording, and final distance from the last target \[m\].
     pub fn errors(&self) -> Option<(f64, f64)> {
         let run = self.alone?;
         let last = |values: &[f64]| values.last().copied().unwrap_or(f64::NAN);
@@ -52,7 +52,7 @@ impl Outcome<'_> {
 }
 
 impl Identification {
-    /// Fits a pilot to the trials, as [`fit`](fit()) does, and flies it.
+    /// Fits a pilot to the trials, as [`fit`](fit()) does, and simulates it.
     ///
     /// # Errors
     /// As [`fit`](fit()).
@@ -65,7 +65,7 @@ impl Identification {
         Ok(Self::of(fit, options, trials))
     }
 
-    /// Of a fit to the trials of a set.
+    /// Builds the results of a fit to the trials of a set.
     pub fn of(fit: Fit, options: FitOptions, trials: TrialSet) -> Self {
         let solutions = fit.runs.iter().map(Some).chain(std::iter::repeat(None));
         let flown = (trials.all().zip(solutions))
@@ -82,7 +82,7 @@ impl Identification {
         }
     }
 
-    /// What became of each trial: those of the fit, then the others.
+    /// The outcome of each trial: those of the fit, then those for validation.
     pub fn outcomes(&self) -> impl Iterator<Item = Outcome<'_>> {
         let solutions = self.fit.runs.iter().map(Some);
         let solutions = solutions.chain(std::iter::repeat(None));
@@ -95,7 +95,7 @@ impl Identification {
     }
 }
 
-/// A trial flown by the pilot alone.
+/// Simulates a trial with the pilot alone.
 fn fly(
     fit: &Fit,
     options: &FitOptions,
@@ -110,7 +110,7 @@ fn fly(
         return None;
     }
     let run = match solution {
-        // The first sample is a measurement like the others.
+        // The first position is a measurement like the others, so the estimated one is used.
         Some(run) if options.objective == Objective::Response => {
             let states = at_rest(&joint, run.position[0]);
             simulate_from(&joint, &fit.theta, trial, &states)

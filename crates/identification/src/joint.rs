@@ -1,5 +1,5 @@
-//! Pilot and vehicle as one system: in closed loop ([`Joint`], paper eq. 3), and the pilot alone, driven by
-//! the recorded error ([`open_loop`], the stick fit that the paper argues against).
+//! Pilot and vehicle as one system: the closed loop ([`Joint`], paper eq. 3), and the pilot alone with the recorded
+//! error as input ([`open_loop`], the stick fit that the paper argues against).
 
 use pilotage_expression::{Model, System};
 use pilotage_models::quadcopter::N_STATES;
@@ -43,11 +43,11 @@ impl Joint {
     }
 }
 
-/// The pilot alone, whose input is the error as it was recorded, `ŷ - y_v(t)` \[m\]. Measured output and bounded
-/// signal are the stick.
+/// The pilot alone, whose input is the recorded error `ŷ - y_v(t)` \[m\]. Measured output and bounded signal are the
+/// stick.
 ///
-/// This is the model of earlier work that the paper contrasts with (its Fig. 2): it may follow the
-/// stick well and still never bring the vehicle to the target.
+/// This is the model of earlier work that the paper contrasts with (its Fig. 2): it may follow the stick well and still
+/// never bring the vehicle to the target.
 pub fn open_loop(pilot: Pilot) -> System {
     let origin = Model::trace([&[], &[], &[], &["zero"]], |point| {
         [vec![], vec![point.time * 0.0]]
@@ -59,7 +59,7 @@ pub fn open_loop(pilot: Pilot) -> System {
         .expect("the names of the built-in models")
 }
 
-/// The pilot, whose parameters are θ alone.
+/// The pilot with θ as its only parameters.
 fn linear_pilot(pilot: Pilot) -> Model {
     let model = pilotage_models::Model::pilot(&vec![0.0; pilot.n_parameters()], 1.0);
     traced(&model)

@@ -1,5 +1,5 @@
-//! The pilot from recorded flights: the paper's multi-run problem (its eq. 5). With the vehicle that was
-//! flown ([`vehicle`]), and a human who is not the fitted model ([`synthetic`]).
+//! Identification of a pilot from recorded flights: the paper's multi-run problem (its eq. 5), with the vehicle that
+//! was flown ([`vehicle`]) and a synthetic human that differs from the fitted model ([`synthetic`]).
 
 pub mod closed_loop;
 pub mod constraints;

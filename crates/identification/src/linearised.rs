@@ -8,16 +8,16 @@ use pilotage_models::lti::Transition;
 /// The linear system.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Linear {
-    /// A, by rows and columns of the states.
+    /// A, states × states.
     pub a: DMatrix<f64>,
-    /// B, by states and inputs.
+    /// B, states × inputs.
     pub b: DMatrix<f64>,
-    /// C.
+    /// C, a row over the states.
     pub c: Vec<f64>,
 }
 
 impl Linear {
-    /// Of a model and its first output, at zero time, states and inputs, by dual numbers.
+    /// Linearises a model and its first output at zero time, states and inputs, by dual numbers.
     pub fn of(model: &Differentiated, theta: &[f64]) -> Self {
         let (n, m) = (model.n_states(), model.n_inputs());
         let theta: Vec<Dual64> = theta.iter().map(|&t| t.into()).collect();
@@ -39,7 +39,7 @@ impl Linear {
         Self { a, b, c }
     }
 
-    /// The same with one more input for each of these states, which adds to its derivative.
+    /// The same system with an additional input for each of these states, which is added to its derivative.
     pub fn driven(self, states: &[usize]) -> Self {
         let m = self.b.ncols();
         let mut b = self.b.resize_horizontally(m + states.len(), 0.0);
@@ -59,7 +59,7 @@ impl Linear {
             .collect()
     }
 
-    /// One step; none where it cannot be computed.
+    /// The transition over one step; `None` if it cannot be computed.
     pub fn transition(&self, h: f64) -> Option<Transition> {
         let size = [self.a.nrows(), self.b.ncols()];
         let derivative =

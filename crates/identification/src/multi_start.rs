@@ -1,4 +1,4 @@
-//! The SQP from several starts: losers stop early, the most promising is finished.
+//! Multi-start SQP: losing starts stop early, the most promising one is completed.
 
 use super::race::{Race, TIE};
 use super::result::{FEASIBLE, StartReport, agree};
@@ -9,22 +9,22 @@ use pilotage_sqp::{Iteration, Solution, Status};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-/// SQP iterations from each start before the most promising is finished.
+/// Maximum number of SQP iterations from each start before the most promising one is completed.
 const SCOUT_ITERATIONS: usize = 60;
-/// Times that the best start tries other tumbles.
+/// Number of rounds in which the best start tries other tumbles.
 const ROUNDS: u64 = 4;
-/// Scaled violation of the constraints below which the states are nearly consistent, so that the objective
-/// tells how promising a start is.
+/// Scaled constraint violation below which the states are nearly consistent, so that the objective shows how promising
+/// a start is.
 pub(super) const NEAR: f64 = 1e-2;
 
-/// Where a solve starts.
+/// Initial values of a solve.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Start {
     /// θ.
     pub theta: Vec<f64>,
-    /// States of each run at its samples; none: those that follow from the data.
+    /// States of each run at its samples; `None`: derived from the data.
     pub states: Option<Vec<Vec<Vec<f64>>>>,
-    /// How many descents of the linearised problem ended here; 1 where it comes from elsewhere.
+    /// Number of descents of the linearised problem that ended here; 1 if it has another origin.
     pub descents: usize,
 }
 
@@ -38,27 +38,27 @@ impl From<Vec<f64>> for Start {
     }
 }
 
-/// Where the SQP starts.
+/// Starts of the SQP.
 #[derive(Debug, Clone, Default)]
 pub struct Starts {
-    /// Those that all run.
+    /// Starts that always run.
     pub all: Vec<Start>,
-    /// Those that join, one after another, while one start alone leads to the best objective; where
+    /// Starts that are added one after another while only one start leads to the best objective; with
     /// [`Self::tumbles`], while none has converged.
     pub spare: Vec<Start>,
-    /// True where the best that these lead to is to be looked at with other initial states (module `tumbles`).
+    /// Whether to try other initial states at the best solution of these starts (module `tumbles`).
     pub tumbles: bool,
-    /// Descents of the linearised problem that ended elsewhere.
+    /// Number of descents of the linearised problem that ended elsewhere.
     pub lost: usize,
-    /// SQP iterations that finding them took.
+    /// Number of SQP iterations spent on finding the starts.
     pub iterations: usize,
 }
 
-/// Makes the runs of a solution.
+/// Computes the runs of a solution.
 pub(super) type Runs<'a> = dyn Fn(&Collocation, &[f64]) -> Vec<RunFit> + 'a;
 
-/// Runs the SQP from each start for some iterations, then goes on with the most promising until none is
-/// ahead of the best that has converged.
+/// Runs the SQP from each start for some iterations, then continues the most promising ones until none is ahead of the
+/// best converged one.
 pub(super) fn multi_start(
     starts: &Starts,
     from: &impl Fn(&Start) -> (Collocation, Vec<f64>),
@@ -118,8 +118,8 @@ pub(super) fn multi_start(
     fit
 }
 
-/// Goes on with the start that is most ahead of the best converged one, until there is none, and sorts
-/// them, best first.
+/// Continues the start that is furthest ahead of the best converged one until there is none, and sorts the starts, best
+/// first.
 fn finish(attempts: &mut [Attempt], options: &FitOptions, watched: &mut Watched<'_, '_>) {
     loop {
         attempts.sort_by(|a, b| {
@@ -138,8 +138,8 @@ fn finish(attempts: &mut [Attempt], options: &FitOptions, watched: &mut Watched<
     }
 }
 
-/// Adds a start that begins where the best has converged, and goes on from better tumbles of its runs
-/// ([`tumbles`]), round by round.
+/// Adds a start at the best converged solution and continues it, round by round, from better tumbles of its runs
+/// ([`tumbles`]).
 fn tumble(attempts: &mut Vec<Attempt>, options: &FitOptions, watched: &mut Watched<'_, '_>) {
     let Some(best) = attempts.iter().find(|a| a.has_converged()) else {
         return;
@@ -174,20 +174,20 @@ fn tumble(attempts: &mut Vec<Attempt>, options: &FitOptions, watched: &mut Watch
     }
 }
 
-/// The least objective of the converged starts.
+/// The lowest objective of the converged starts.
 fn best_converged(attempts: &[Attempt]) -> Option<f64> {
     let converged = attempts.iter().filter(|a| a.has_converged());
     converged.map(|a| a.record.near).min_by(f64::total_cmp)
 }
 
-/// The best objective, if one start alone leads to it.
+/// The best objective, if only one start leads to it.
 fn lone(attempts: &[Attempt]) -> Option<f64> {
     let best = best_converged(attempts)?;
     let agreeing = attempts.iter().filter(|a| agree(a.record.near, best));
     (agreeing.count() == 1).then_some(best)
 }
 
-/// The caller's observer, and whether it has ended the fit.
+/// The caller's observer, and whether it has stopped the fit.
 struct Watched<'a, 'b> {
     observer: &'a mut Observer<'b>,
     order: usize,
@@ -196,7 +196,7 @@ struct Watched<'a, 'b> {
 }
 
 impl Watched<'_, '_> {
-    /// Shows an iteration of a solve that had `before` iterations earlier.
+    /// Reports an iteration of a solve after `before` earlier iterations.
     fn show(&mut self, start: usize, before: usize, iteration: &Iteration) -> ControlFlow<Status> {
         let flow = (self.observer)(&Progress::Iterate(Iterate {
             order: self.order,
@@ -211,7 +211,7 @@ impl Watched<'_, '_> {
         flow
     }
 
-    /// Shows the part of a search that is done; true where it is to end.
+    /// Reports the completed share of a search; returns true if it is to stop.
     fn search(&mut self, done: f64) -> bool {
         let order = self.order;
         let flow = (self.observer)(&Progress::Search { order, done });
@@ -220,15 +220,15 @@ impl Watched<'_, '_> {
     }
 }
 
-/// How a solve goes.
+/// Progress of a solve.
 #[derive(Debug, Clone, Copy)]
 struct Record {
-    /// Which start, from 0.
+    /// Number of the start, from 0.
     number: usize,
-    /// Objective of the last iterate whose states are nearly consistent ([`NEAR`]): what the starts are
-    /// compared by. A solve may be cut short after a long step, away from such an iterate.
+    /// Objective of the last iterate with nearly consistent states ([`NEAR`]), by which starts are compared. A solve
+    /// may be interrupted after a long step, away from such an iterate.
     near: f64,
-    /// Least objective of a feasible iterate ([`FEASIBLE`]).
+    /// Lowest objective of a feasible iterate ([`FEASIBLE`]).
     feasible: f64,
     iterations: usize,
     seconds: f64,
@@ -277,7 +277,7 @@ impl Record {
     }
 }
 
-/// A solve that may go on.
+/// A solve that can be continued.
 struct Attempt {
     problem: Collocation,
     solution: Solution,
@@ -290,13 +290,13 @@ impl Attempt {
         self.solution.status == Status::Converged
     }
 
-    /// True when it ended for its limit on iterations or a lost race.
+    /// Whether it ended by its iteration limit or by a lost race.
     fn may_go_on(&self, options: &FitOptions) -> bool {
         let cut_short = [Status::IterationLimit, Status::Stopped].contains(&self.solution.status);
         cut_short && self.record.iterations < options.max_iterations
     }
 
-    /// Another start, which is where this one has come to.
+    /// A new start at the current iterate of this one.
     fn again(&self, number: usize) -> Self {
         Self {
             problem: self.problem.clone(),
@@ -327,7 +327,7 @@ impl Attempt {
 }
 
 impl Attempt {
-    /// The first iterations.
+    /// Runs the first iterations.
     fn scout(
         (number, descents): (usize, usize),
         (problem, z): (Collocation, Vec<f64>),
@@ -351,14 +351,14 @@ impl Attempt {
         }
     }
 
-    /// The iterations that are left.
+    /// Runs the remaining iterations.
     fn go_on(&mut self, best: f64, options: &FitOptions, watched: &mut Watched<'_, '_>) {
         let left = options.max_iterations - self.record.iterations;
         let z = self.solution.iterate.z.clone();
         self.solution = (self.record).run(&self.problem, z, (left, best), options, watched);
     }
 
-    /// Goes to where these variables lead, if that is feasible and better.
+    /// Solves from these variables and keeps the result if it is feasible and better.
     fn improve(
         &mut self,
         z: Vec<f64>,
@@ -376,8 +376,8 @@ impl Attempt {
     }
 }
 
-/// Of the best that has converged, or the most promising. `stopped` is why the observer ended the fit, if it
-/// did.
+/// The fit of the best converged start, or else of the most promising one. `stopped` is the status with which the
+/// observer stopped the fit, if it did.
 fn report(
     attempts: &[Attempt],
     (stopped, skipped): (Option<Status>, usize),

@@ -1,9 +1,9 @@
-//! The options' names, as the command line and the result file write them.
+//! Names of the options on the command line and in the result file.
 
 use super::{InitialPosition, InitialState, Objective};
 
 impl InitialState {
-    /// All of them.
+    /// All values.
     pub const ALL: [Self; 3] = [Self::Free, Self::VehicleAtRest, Self::AtRest];
 
     /// `free`, `vehicle-at-rest` or `at-rest`.
@@ -17,7 +17,7 @@ impl InitialState {
 }
 
 impl InitialPosition {
-    /// All of them.
+    /// All values.
     pub const ALL: [Self; 2] = [Self::Estimated, Self::Known];
 
     /// `estimated` or `known`.
@@ -30,7 +30,7 @@ impl InitialPosition {
 }
 
 impl Objective {
-    /// All of them.
+    /// All values.
     pub const ALL: [Self; 2] = [Self::Response, Self::Stick];
 
     /// `response` or `stick`.

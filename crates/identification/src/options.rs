@@ -1,10 +1,10 @@
-//! What a user may choose about a fit.
+//! Options of a fit.
 
 use pilotage_collocation::Scheme;
 use pilotage_inference::Method;
 use pilotage_models::{Pilot, Quadcopter};
 
-/// The mesh on which the states are solved; residuals stay at the samples.
+/// The mesh of the states; residuals are always at the samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mesh {
     /// The samples (the paper's).
@@ -13,27 +13,27 @@ pub enum Mesh {
     Step(f64),
 }
 
-/// What is known of the states at the first sample.
+/// What is known about the states at the first sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum InitialState {
     /// Nothing: every state of every run is free (the paper's implicit states).
     Free,
-    /// The vehicle hovers, where [`InitialPosition`] says; the pilot's states are free.
+    /// The vehicle hovers at the position given by [`InitialPosition`]; the pilot's states are free.
     VehicleAtRest,
-    /// The vehicle hovers, where [`InitialPosition`] says, and the pilot's states are zero.
+    /// The vehicle hovers at the position given by [`InitialPosition`], and the pilot's states are zero.
     AtRest,
 }
 
-/// What is known of the vehicle's position at the first sample, where the vehicle is at rest.
+/// What is known about the vehicle's position at the first sample, if the vehicle is at rest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum InitialPosition {
-    /// It is measured as at every other sample, and estimated.
+    /// It is measured like every other sample, and estimated.
     Estimated,
-    /// It is the first recorded one exactly, as where a simulator sets it.
+    /// It equals the first recorded one exactly, as if set by a simulator.
     Known,
 }
 
-/// What is compared with the recording.
+/// The signal whose residuals are minimised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Objective {
     /// The vehicle's response: sum of squared position residuals \[m²\] (the paper's).
@@ -50,12 +50,12 @@ pub struct FitOptions {
     pub scheme: Scheme,
     /// Mesh. Default: the samples.
     pub mesh: Mesh,
-    /// Initial states. Default: at rest, as an exported pilot begins; the paper's are free.
+    /// Initial states. Default: at rest, as an exported pilot starts; the paper's are free.
     pub initial_state: InitialState,
     /// Position at the start. Default: estimated.
     pub initial_position: InitialPosition,
-    /// True, the default, where a fit of the response keeps the closed loop with [`Self::vehicle`] stable
-    /// ([`super::closed_loop::LOOP_MARGIN`]).
+    /// Whether a fit of the response keeps the closed loop with [`Self::vehicle`] stable
+    /// ([`super::closed_loop::LOOP_MARGIN`]). Default: true.
     pub stable_loop: bool,
     /// Objective. Default: the vehicle's response.
     pub objective: Objective,
@@ -63,15 +63,15 @@ pub struct FitOptions {
     pub pilot: Pilot,
     /// The vehicle. Default: the project's own quadcopter.
     pub vehicle: Quadcopter,
-    /// True where nobody said which vehicle was flown, and [`Self::vehicle`] is the default one: a fit of the
-    /// stick then knows no closed loop. Default: false.
+    /// Whether the vehicle was not specified and [`Self::vehicle`] is the default one: a fit of the stick then has no
+    /// closed loop. Default: false.
     pub vehicle_assumed: bool,
-    /// A start for θ; none: estimated from the data.
+    /// A start for θ; `None`: estimated from the data.
     pub start: Option<Vec<f64>>,
-    /// Random starts beside the others ([`super::random_starts`]). None, the default: where runs begin at rest
-    /// up to [`super::solve::SPARE_STARTS`] of at most [`super::solve::MANY_TRIALS`] trials, one after another,
-    /// as long as one start alone leads to the best objective; as many where all initial states are free, until one
-    /// has converged; none with the vehicle alone at rest, and none beside a start of the user's.
+    /// Number of random starts in addition to the others ([`super::random_starts`]). `None`, the default, depends on
+    /// the initial states. At rest: up to [`super::solve::SPARE_STARTS`] for at most [`super::solve::MANY_TRIALS`]
+    /// trials, one after another while only one start leads to the best objective. All free: the same number, until one
+    /// has converged. Only the vehicle at rest, or with a start of the user: no random starts.
     pub random_starts: Option<usize>,
     /// Limit on |y_p|, dimensionless. Default: 1.
     pub stick_limit: f64,
@@ -79,20 +79,19 @@ pub struct FitOptions {
     pub tolerance: f64,
     /// Iteration limit of one solve. Default: 200.
     pub max_iterations: usize,
-    /// How residuals become a covariance. Default: as the number of runs tells
+    /// Method for the covariance. Default: chosen by the number of runs
     /// ([`pilotage_inference::Inference::covariance`]).
     pub covariance: Option<Method>,
 }
 
 impl FitOptions {
-    /// The vehicle with which the pilot closes a loop: none in a fit of the stick where nobody said which one
-    /// was flown.
+    /// The vehicle of the closed loop: `None` in a fit of the stick if the vehicle was not specified.
     pub fn loop_vehicle(&self) -> Option<&Quadcopter> {
         let known = self.objective == Objective::Response || !self.vehicle_assumed;
         known.then_some(&self.vehicle)
     }
 
-    /// The vehicle with which a fit keeps the closed loop stable: none in a fit of the stick.
+    /// The vehicle with which a fit keeps the closed loop stable: `None` in a fit of the stick.
     pub fn kept_vehicle(&self) -> Option<&Quadcopter> {
         let kept = self.stable_loop && self.objective == Objective::Response;
         kept.then_some(&self.vehicle)

@@ -1,4 +1,4 @@
-//! Which order of the linear pilot? Each is fitted to all trials, and to all but one, for each trial.
+//! Choice of the order of the linear pilot: each order is fitted to all trials, and once without each trial.
 
 use super::solve::Observer;
 use super::{FitError, FitOptions, Identification, InitialPosition, Trial, TrialSet, fit};
@@ -14,8 +14,9 @@ pub struct Ordered {
     pub order: usize,
     /// The fit to all trials.
     pub fit: super::Fit,
-    /// Its figures, with a noise level that is one more unknown. A trial that is left out is flown by the pilot alone, from
-    /// rest at its first recorded position; not a number where it cannot be, or a fit to the others has no answer.
+    /// Its statistics, with the noise level as one more unknown. A held-out trial is simulated with the pilot alone,
+    /// from rest at its first recorded position; NaN if it cannot be simulated, or if the fit to the other trials is
+    /// not valid.
     pub figures: Contender,
 }
 
@@ -60,7 +61,7 @@ pub fn ordered(
     Ok(all)
 }
 
-/// −2 log likelihood of each trial by the pilot of the others.
+/// −2 log likelihood of each trial by the pilot fitted to the other trials.
 fn held_out(
     trials: &TrialSet,
     options: &FitOptions,
@@ -89,7 +90,7 @@ fn held_out(
     Ok(all)
 }
 
-/// −2 log likelihood of a trial by the pilot of others.
+/// −2 log likelihood of a trial by the pilot fitted to others.
 fn left_out(
     others: Vec<Trial>,
     own: Trial,
@@ -112,7 +113,7 @@ fn left_out(
     Ok(surprise.unwrap_or(f64::NAN))
 }
 
-/// The variance of the residuals of a fit, by maximum likelihood, and their number.
+/// Maximum likelihood estimate of the variance of a fit's residuals, and their number.
 fn noise(fit: &super::Fit) -> (f64, usize) {
     let samples = fit.residuals().filter(|e| e.is_finite()).count();
     (fit.objective / samples.max(1) as f64, samples)

@@ -1,4 +1,4 @@
-//! The result file `pilot.toml`: θ and where it comes from.
+//! The result file `pilot.toml`: θ and its provenance.
 
 use super::result::PilotDiagnostic;
 use super::{
@@ -12,28 +12,28 @@ use pilotage_text::document::{self, Document, DocumentError, number, quoted};
 use pilotage_units::{power, pretty};
 use std::path::Path;
 
-/// What can be wrong with a pilot file.
+/// Errors of a pilot file.
 #[derive(Debug, thiserror::Error)]
 pub enum PilotFileError {
     /// Not a TOML file with the fields of a pilot.
     #[error(transparent)]
     Document(#[from] DocumentError),
-    /// A vehicle that is none.
+    /// The vehicle is invalid.
     #[error(transparent)]
     Vehicle(#[from] VehicleError),
-    /// A number of parameters that no pilot has.
+    /// The number of parameters is not that of a pilot.
     #[error(
         "{file}:{line}: [theta] has {found} parameters; a pilot of order n has 2n: theta1 to theta2n"
     )]
     Count {
         /// The file.
         file: String,
-        /// Line of the table.
+        /// Line of the table `[theta]`.
         line: usize,
         /// Number of parameters.
         found: usize,
     },
-    /// A parameter that is not a finite number.
+    /// A parameter is not finite.
     #[error("{file}:{line}: {field} = {value}; expected a finite number")]
     NotFinite {
         /// The file.
@@ -45,17 +45,17 @@ pub enum PilotFileError {
         /// Its value.
         value: f64,
     },
-    /// A table that does not say how sure θ is.
+    /// The table `[uncertainty]` is invalid.
     #[error("{file}:{line}: [uncertainty] {fault}")]
     Uncertainty {
         /// The file.
         file: String,
         /// Line of the field.
         line: usize,
-        /// The field, and what is wrong with it.
+        /// The field and its fault.
         fault: String,
     },
-    /// A stick limit that is not positive.
+    /// The stick limit is not positive.
     #[error("{file}:{line}: stick_limit = {value}; expected a finite number above 0")]
     StickLimit {
         /// The file.
@@ -67,10 +67,10 @@ pub enum PilotFileError {
     },
 }
 
-/// The code of a loop that was allowed to be unstable.
+/// Code of the diagnostic for a loop that was allowed to be unstable.
 const UNSTABLE: &str = "unstable-loop";
 
-/// Fields of the file's top level. Those that only tell where θ comes from may be missing.
+/// Fields at the file's top level. Those that only document where θ comes from are optional.
 const FIELDS: [&str; 12] = [
     "tool",
     "status",
@@ -80,7 +80,7 @@ const FIELDS: [&str; 12] = [
     "uncertainty",
     "pole",
     "closed_loop",
-    // The diagnostics, under the name that pilot files have always had for them.
+    // The diagnostics; existing pilot files use this name for them.
     "doubt",
     "fit",
     "vehicle",
@@ -91,13 +91,13 @@ impl PilotFile {
     /// Reads a pilot file.
     ///
     /// # Errors
-    /// When the file cannot be read, or θ is missing or not made of numbers.
+    /// If the file cannot be read, or θ is missing or not numeric.
     pub fn read(path: &Path) -> Result<Self, PilotFileError> {
         Self::parse(&document::read(path)?, &path.display().to_string())
     }
 
-    /// Parses the text of a pilot file; `file` is its name in messages. A file without `converged` or
-    /// `stick_limit`, as somebody may write by hand, means `true` and 1.
+    /// Parses the text of a pilot file; `file` is its name in messages. If `converged` or `stick_limit` is missing, as
+    /// in a file written by hand, it defaults to `true` or 1.
     ///
     /// # Errors
     /// As [`PilotFile::read`].
@@ -133,7 +133,7 @@ impl PilotFile {
         })
     }
 
-    /// What speaks against the pilot so that it is no answer, none where it is one.
+    /// Why the pilot is not a valid result; `None` if it is.
     pub fn objection(&self) -> Option<String> {
         if !self.converged {
             return Some("did not converge".into());
@@ -153,8 +153,8 @@ impl PilotFile {
         })
     }
 
-    /// The closed loop with the vehicle of the fit, from θ as it stands in the file; none where the file does not say
-    /// what was flown.
+    /// The closed loop with the vehicle of the fit, computed from θ in the file; `None` if the file does not specify
+    /// the vehicle.
     pub fn closed_loop(&self) -> Option<ClosedLoop> {
         let pilot = Pilot {
             order: self.theta.len() / 2,
@@ -168,7 +168,7 @@ impl PilotFile {
         self.closed_loop().map(|known| known.is_stable())
     }
 
-    /// What a user must know before trusting the pilot; what the file says of its loop only where θ says so too.
+    /// Warnings for users of the pilot; statements of the file about its loop are included only if they agree with θ.
     pub fn caveat(&self) -> Option<String> {
         let unconverged = "The fit did NOT converge: θ is its best iterate, not a solution.";
         let unconverged = (!self.converged).then(|| unconverged.to_owned());
@@ -196,7 +196,7 @@ impl PilotDiagnostic {
     }
 }
 
-/// θ from its table.
+/// Reads θ from its table.
 fn theta(table: &document::TomlTable) -> Result<Vec<f64>, PilotFileError> {
     let (file, found) = (table.file().to_owned(), table.count());
     if found == 0 || found % 2 == 1 {
@@ -220,7 +220,7 @@ fn theta(table: &document::TomlTable) -> Result<Vec<f64>, PilotFileError> {
     names.iter().map(value).collect()
 }
 
-/// The text of a pilot file. A fit that is no answer is marked as such, first thing.
+/// Text of a pilot file. An invalid fit is marked as such at the top.
 pub fn to_toml(found: &Identification) -> String {
     let Identification { fit, options, .. } = found;
     let trials = &found.trials.fit;
@@ -236,7 +236,7 @@ pub fn to_toml(found: &Identification) -> String {
         .iter()
         .filter(|diagnostic| diagnostic.is_fatal())
     {
-        // A comment ends with its line; the name of a run may hold what breaks it.
+        // A comment ends with its line; the name of a run may contain line breaks.
         let words = diagnostic.to_string().replace(char::is_control, " ");
         text += &format!("# NO ANSWER: {words}.\n");
     }
@@ -264,7 +264,7 @@ pub fn to_toml(found: &Identification) -> String {
     text + &diagnostics + &closed_loop + &pilot + &solve(fit, options) + &data(options, trials)
 }
 
-/// Units of the components of θ, in order (see [`pilotage_models::pilot`]), as people write them.
+/// Units of the components of θ, in order (see [`pilotage_models::pilot`]), for display.
 pub fn units(pilot: Pilot) -> Vec<String> {
     let n = pilot.order;
     let denominator = (0..n).map(|i| format!("1/{}", power("s", n - i)));
@@ -274,7 +274,7 @@ pub fn units(pilot: Pilot) -> Vec<String> {
         .collect()
 }
 
-/// How sure θ is: of the same units.
+/// The table `[uncertainty]`, in the units of θ.
 fn uncertainty(own: &Uncertainty) -> String {
     let mut text = format!(
         "\n[uncertainty]                      # 95 % intervals\nmethod = {}\n",
@@ -466,7 +466,7 @@ mod tests {
             rng_seed: proptest::test_runner::RngSeed::Fixed(6),
             ..ProptestConfig::default()
         })]
-        /// Whatever a solve ends with: θ, its limit and the mark come back, and the rest is TOML.
+        /// For any outcome of a solve, θ, its limit and the mark are read back, and the rest is valid TOML.
         #[test]
         fn whatever_is_written_is_read_again(
             theta in prop::collection::vec(prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL | prop::num::f64::ZERO, 6),
@@ -541,7 +541,7 @@ mod tests {
             PilotFile::parse(&text, "pilot.toml").unwrap().spread,
             Some(odd)
         );
-        // Older files say intervals alone.
+        // Older files contain only intervals.
         let lines = THREE.lines().filter(|line| !line.starts_with("covariance"));
         let text: String = lines.map(|line| format!("{line}\n")).collect();
         assert_eq!(PilotFile::parse(&text, "pilot.toml").unwrap().spread, None);

@@ -1,4 +1,4 @@
-//! The paper's problem from trials and options.
+//! The paper's problem, built from trials and options.
 
 use super::closed_loop::LinearVehicle;
 use super::constraints::{RouthHurwitz, Stability};
@@ -24,17 +24,17 @@ impl Mesh {
         }
     }
 
-    /// How many intervals of about `step` seconds lie between the first and the last sample.
+    /// Number of intervals of about `step` seconds between the first and the last sample.
     pub fn intervals(time: &[f64], step: f64) -> f64 {
         ((time[time.len() - 1] - time[0]) / step).round().max(1.0)
     }
 }
 
-/// What is to be fitted, before it is discretised.
+/// A fit problem before its discretisation.
 pub struct Posed {
-    /// The model: its first output is measured, the second bounded.
+    /// The model: its first output is measured, the second is bounded.
     pub model: Arc<Differentiated>,
-    /// What θ must fulfil.
+    /// Conditions on θ.
     pub stability: Stability,
     constraints: ParameterConstraints,
     /// The runs.
@@ -69,7 +69,7 @@ pub fn response(trials: &[Trial], options: &FitOptions, scales: Scales) -> Collo
     pose_response(trials, options).discretised(options, scales)
 }
 
-/// The stick problem, discretised: stick residuals of the pilot that sees the recorded error.
+/// The stick problem, discretised: stick residuals of the pilot with the recorded error as input.
 pub fn stick(trials: &[Trial], options: &FitOptions, scales: Scales) -> Collocation {
     pose_stick(trials, options).discretised(options, scales)
 }
@@ -96,7 +96,7 @@ pub fn pose_response(trials: &[Trial], options: &FitOptions) -> Posed {
     Posed::new(&joint.system(), stability, runs.collect())
 }
 
-/// What a trial recorded of the one measured output.
+/// The recording of a trial's only measured output.
 fn recording(trial: &Trial, values: Vec<f64>) -> Vec<Recording> {
     let weight = trial.weight;
     vec![Recording {
@@ -106,7 +106,7 @@ fn recording(trial: &Trial, values: Vec<f64>) -> Vec<Recording> {
     }]
 }
 
-/// What is known of pilot and vehicle at the first sample.
+/// Known states of vehicle and pilot at the first sample.
 fn known_states(trial: &Trial, options: &FitOptions) -> Vec<Option<f64>> {
     let vehicle = Quadcopter::hover(trial.origin());
     let vehicle_known = options.initial_state != InitialState::Free;
@@ -141,7 +141,7 @@ pub fn pose_stick(trials: &[Trial], options: &FitOptions) -> Posed {
     Posed::new(&open_loop(options.pilot), stability, runs.collect())
 }
 
-/// The error ŷ - y_v that the pilot saw at each sample \[m\], gaps filled.
+/// The error ŷ - y_v seen by the pilot at each sample \[m\], with gaps filled.
 pub fn recorded_error(trial: &Trial) -> Vec<f64> {
     let position = fill_gaps(&trial.time, &trial.position);
     trial

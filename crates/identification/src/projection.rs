@@ -1,12 +1,11 @@
 //! Starts for problems with free initial states, by variable projection on the linearised model.
 //!
-//! Free initial states make many optima: each run may explain its samples by states of its own. But for a
-//! given θ the linearised model is linear in them, so that the best ones, and the sum of squares that is left,
-//! are a linear least squares problem of a few unknowns for each run (G. H. Golub and V. Pereyra, "The
-//! differentiation of pseudo-inverses and nonlinear least squares problems whose variables separate", SIAM J.
-//! Numer. Anal. 10(2), 1973). What remains is a function of θ alone, some 100 µs each: cheap enough to look at
-//! thousands of pilots and to follow the best down to their optima. These are then the starts of the
-//! nonlinear problem, with their states.
+//! Free initial states cause many local optima: each run may explain its samples by its own states. For a given θ,
+//! however, the linearised model is linear in them, so that the optimal states and the remaining sum of squares are a
+//! linear least-squares problem with a few unknowns per run (G. H. Golub and V. Pereyra, "The differentiation of
+//! pseudo-inverses and nonlinear least squares problems whose variables separate", SIAM J. Numer. Anal. 10(2), 1973).
+//! The result is a function of θ alone that takes some 100 µs per evaluation: cheap enough to evaluate thousands of
+//! pilots and to minimise from the best ones. The optima, with their states, are the starts of the nonlinear problem.
 
 use super::constraints::Stability;
 use super::linearised::{Linear, dot};
@@ -17,63 +16,63 @@ use pilotage_collocation::{Differentiated, Run};
 use pilotage_models::lti::Transition;
 use rayon::prelude::*;
 
-/// Most samples of a run that the search looks at.
+/// Maximum number of samples of a run in the search.
 const MOST_SAMPLES: usize = 200;
-/// Of the drawn pilots so many go on; of these, so many after [`FIRST`] steps.
+/// Number of drawn pilots that are continued, and of these, the number after [`FIRST`] steps.
 const PROMISING: [usize; 2] = [96, 32];
-/// Levenberg–Marquardt steps of the promising ones, and of those that are left.
+/// Number of Levenberg–Marquardt steps of the promising ones, and of the remaining ones.
 const FIRST: usize = 6;
 const REST: usize = 40;
-/// Draws, and descents, between two looks at whether to go on.
+/// Number of draws, and of descents, between two checks whether to continue.
 const LOOKS: usize = 200;
 const DESCENTS: usize = 16;
-/// The draws' part of the work, about.
+/// Approximate share of the draws in the work.
 const LOOKING: f64 = 0.3;
-/// Relative gain of a step below which a descent has ended.
+/// Relative gain of a step below which a descent ends.
 const FLAT: f64 = 1e-5;
-/// Relative change of a parameter for a difference quotient.
+/// Relative change of a parameter in a finite difference.
 const DIFFERENCE: f64 = 1e-6;
-/// A column of which less than this part is new lies in the span of those before.
+/// A column whose remainder is below this part is in the span of the previous ones.
 const DEPENDENT: f64 = 1e-9;
-/// Optima whose sums of squares differ by less, relatively, are one.
+/// Relative difference of sums of squares below which two optima are equal.
 const SAME: f64 = 1e-3;
-/// A correction of a smaller magnitude is none, in the state's unit per second.
+/// Magnitude of a correction below which it is ignored, in the state's unit per second.
 const NEGLIGIBLE: f64 = 1e-9;
-/// Optima within this factor of the best are starts, and so many at most.
+/// Optima within this factor of the best become starts, up to the maximum number below.
 const NEAR_BEST: f64 = 1.5;
 const STARTS: usize = 6;
 
-/// A model and its runs, as the linearised problem sees them.
+/// A model and its runs in the linearised problem.
 pub struct Search<'a> {
     model: &'a Differentiated,
     stability: &'a Stability,
-    /// States whose equations have a correction, which stands behind the inputs of each run.
+    /// States whose equations have a correction; the corrections follow the inputs of each run.
     corrected: Vec<usize>,
     runs: Vec<Run>,
     step: f64,
     sampled: Vec<Sampled>,
 }
 
-/// One run on an even grid.
+/// One run on a uniform grid.
 struct Sampled {
     inputs: Vec<Vec<f64>>,
     measured: Vec<f64>,
     weight: f64,
     /// Known initial states; zero where free.
     initial: Vec<f64>,
-    /// Which are free.
+    /// Indices of the free ones.
     free: Vec<usize>,
 }
 
 impl<'a> Search<'a> {
-    /// Of a problem.
+    /// The search for a problem.
     pub fn of(posed: &'a Posed) -> Self {
         Self::with(posed, Vec::new(), posed.runs.clone())
     }
 
-    /// Of a problem of which the solution at some other θ is known, with the states of each run at its
-    /// samples: what the linearisation leaves out along them is kept as a known function of time. Since all
-    /// pilots that fit move the vehicle as it was recorded, it is nearly the same for all of them.
+    /// The search for a problem with a known solution at another θ, with the states of each run at its samples: the
+    /// linearisation error along that solution is kept as a known function of time. It is nearly the same for all
+    /// pilots that fit, since they all move the vehicle as recorded.
     pub fn about(posed: &'a Posed, theta: &[f64], states: &[Vec<Vec<f64>>]) -> Self {
         let linear = Linear::of(&posed.model, theta);
         let n = posed.model.n_states();
@@ -112,13 +111,13 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The linearised model, with an input for each correction.
+    /// The linearised model, with an additional input for each correction.
     fn linear(&self, theta: &[f64]) -> Linear {
         Linear::of(self.model, theta).driven(&self.corrected)
     }
 
-    /// Where descents from the most promising of `draws` end, best first; `watch` sees the part of the work that is
-    /// done and says whether to end.
+    /// Results of descents from the most promising of `draws`, best first; `watch` receives the completed share of the
+    /// work and returns whether to stop.
     pub fn descents(
         &self,
         draws: Vec<Vec<f64>>,
@@ -147,7 +146,7 @@ impl<'a> Search<'a> {
         descents
     }
 
-    /// The best optima at which descents ended, best first, with their states.
+    /// The best optima of these descents, best first, with their states.
     pub fn starts(&self, descents: Vec<Descent>) -> Starts {
         let all = descents.len();
         let optima = distinct(descents);
@@ -198,7 +197,7 @@ impl<'a> Search<'a> {
         finite.then_some(states)
     }
 
-    /// The residuals that no initial states remove, all runs after each other; none outside the constraints.
+    /// Residuals that no initial states remove, of all runs in sequence; `None` if the constraints are violated.
     fn residuals(&self, theta: &[f64]) -> Option<Vec<f64>> {
         if !self.stability.holds(theta) {
             return None;
@@ -207,7 +206,7 @@ impl<'a> Search<'a> {
         let transition = linear.transition(self.step)?;
         let longest = self.sampled.iter().map(|run| run.measured.len()).max()?;
         let responses = linear.responses(&transition, longest);
-        // Runs of one length that begin alike share a projection.
+        // Runs of equal length with the same free states share a projection.
         let mut projections: Vec<((usize, &[usize]), Projection)> = Vec::new();
         let mut all = Vec::new();
         for run in &self.sampled {
@@ -229,8 +228,8 @@ fn duration(run: &Run) -> f64 {
     run.time[run.time.len() - 1] - run.time[0]
 }
 
-/// The first of each group of sorted descents that ended within [`SAME`] of each other, with how many they are;
-/// of those near the best, some.
+/// The first of each group of sorted descents within [`SAME`] of each other, with the size of the group; only the best
+/// groups near the optimum.
 fn distinct(descents: Vec<Descent>) -> Vec<(Descent, usize)> {
     let best = descents.first().map_or(0.0, |d| d.objective);
     let mut optima: Vec<(Descent, usize)> = Vec::new();
@@ -253,7 +252,7 @@ fn sort(descents: &mut [Descent]) {
 }
 
 impl Sampled {
-    /// Linear between samples; missing measurements are bridged.
+    /// Linear interpolation between samples, also across missing measurements.
     fn of(run: &Run, step: f64) -> Self {
         let count = (duration(run) / step + 1e-6).floor() as usize + 1;
         let known: Vec<usize> = (0..run.time.len())
@@ -288,7 +287,7 @@ impl Sampled {
         }
     }
 
-    /// What the inputs and the known initial states leave of the measurements.
+    /// Measurements minus the response to the inputs and the known initial states.
     fn unexplained(&self, linear: &Linear, transition: &Transition, step: f64) -> Vec<f64> {
         let mut x = self.initial.clone();
         let mut next = x.clone();
@@ -309,7 +308,7 @@ impl Sampled {
     }
 }
 
-/// The value at `t` on the straight line between its neighbours; the nearest beyond the ends.
+/// Linear interpolation at `t`; the nearest value beyond the ends.
 fn between(time: &[f64], values: &[f64], t: f64) -> f64 {
     let to = time.partition_point(|s| *s < t);
     match (to.checked_sub(1), values.get(to)) {
@@ -322,23 +321,22 @@ fn between(time: &[f64], values: &[f64], t: f64) -> f64 {
     }
 }
 
-/// An orthonormal basis of the outputs that the free initial states make, by Gram and Schmidt's method, each
-/// column twice.
+/// Orthonormal basis of the outputs due to the free initial states, by the Gram–Schmidt method applied twice.
 struct Projection {
     directions: Vec<Direction>,
 }
 
-/// What one free state adds to those before it.
+/// Contribution of one free state in addition to the previous ones.
 struct Direction {
     state: usize,
-    /// Of length 1, at right angles to those before.
+    /// Unit vector, orthogonal to the previous ones.
     unit: Vec<f64>,
-    /// The state's own outputs in terms of the directions up to this one.
+    /// The state's outputs in terms of the directions up to this one.
     coefficients: Vec<f64>,
 }
 
 impl Projection {
-    /// From the outputs at each sample for each unit initial state.
+    /// Built from the outputs at each sample for each unit initial state.
     fn new(responses: &[Vec<f64>], free: &[usize]) -> Self {
         let mut directions: Vec<Direction> = Vec::new();
         for &state in free {
@@ -364,8 +362,8 @@ impl Projection {
         Self { directions }
     }
 
-    /// Takes out of the residuals what initial states explain, and tells which states do so, last first; those that
-    /// add nothing are left out.
+    /// Removes from the residuals what initial states explain, and returns these states with their values, last first;
+    /// states without a contribution are left out.
     fn remove(&self, residual: &mut [f64]) -> Vec<(usize, f64)> {
         let directions = self.directions.iter();
         let mut along: Vec<f64> = directions.map(|d| take_out(&d.unit, residual)).collect();
@@ -381,16 +379,16 @@ impl Projection {
     }
 }
 
-/// Takes the component along a vector of length 1 out of `v`, and tells its length.
+/// Removes the component along a unit vector from `v` and returns its length.
 fn take_out(unit: &[f64], v: &mut [f64]) -> f64 {
     let along = dot(unit, v);
     v.iter_mut().zip(unit).for_each(|(v, u)| *v -= along * u);
     along
 }
 
-/// A descent of the projected sum of squares by Levenberg's and Marquardt's method, inside the constraints.
+/// Minimisation of the projected sum of squares by the Levenberg–Marquardt method, within the constraints.
 pub struct Descent {
-    /// Where it is.
+    /// Current parameters.
     pub theta: Vec<f64>,
     residuals: Vec<f64>,
     objective: f64,
@@ -417,7 +415,7 @@ impl Descent {
         }
     }
 
-    /// One step; false where none goes down.
+    /// Takes one step; false if no step decreases the objective.
     fn step(&mut self, search: &Search<'_>) -> bool {
         let Some(jacobian) = self.jacobian(search) else {
             return false;
@@ -449,7 +447,8 @@ impl Descent {
         false
     }
 
-    /// Derivatives of the residuals by the scaled parameters; a quotient goes the other way at a constraint.
+    /// Derivatives of the residuals with respect to the scaled parameters; at a constraint the difference is taken in
+    /// the other direction.
     fn jacobian(&self, search: &Search<'_>) -> Option<DMatrix<f64>> {
         let p = self.theta.len();
         let mut jacobian = DMatrix::zeros(self.residuals.len(), p);
@@ -471,7 +470,7 @@ impl Descent {
     }
 }
 
-/// What counts as a change of a parameter: its size, or a small part of the largest.
+/// Scale of a parameter: its magnitude, or a small part of the largest one.
 fn scale(value: f64, all: &[f64]) -> f64 {
     let largest = all.iter().fold(0.0, |m: f64, t| m.max(t.abs()));
     value.abs().max(1e-6 * largest)
@@ -483,8 +482,8 @@ mod tests {
     use crate::{FitOptions, InitialState, Trial, problem};
     use pilotage_models::{Pilot, lti::Transition};
 
-    /// A stick fit is linear: flights of a known pilot from known states of its own give both back, from a start
-    /// elsewhere, and nothing is left.
+    /// A stick fit is linear: from flights of a known pilot with known initial states the search recovers both, from
+    /// another start, with zero residual.
     #[test]
     fn the_search_finds_a_linear_pilot_and_its_states() {
         let options = FitOptions {
@@ -538,7 +537,7 @@ mod tests {
         }
     }
 
-    /// Against the normal equations of a small problem, with one column that adds nothing.
+    /// Comparison with the normal equations of a small problem, with one dependent column.
     #[test]
     fn a_projection_is_the_least_squares_solution() {
         let responses: Vec<Vec<f64>> = (0..6)

@@ -1,25 +1,25 @@
-//! When a solve loses against another.
+//! Criterion for a solve to lose against another.
 
 use super::multi_start::NEAR;
 use super::result::AGREE;
 use pilotage_sqp::Iteration;
 
-/// Iterations over which a start must gain half of what it lies behind.
+/// Number of iterations within which a start must gain half of its distance from the best.
 const RACE_WINDOW: usize = 10;
-/// Iterations over which a start beside the best must gain something, and the relative gain that counts.
+/// Number of iterations within which a start equal to the best must gain something, and the minimum relative gain.
 const TIE_WINDOW: usize = 2;
 pub(super) const TIE: f64 = 1e-5;
 /// Relative difference below which two objectives are equal.
 const ROUNDING: f64 = 1e-8;
 
-/// Whether a start still may beat the best so far.
+/// Decides whether a start may still beat the best objective so far.
 pub(super) struct Race {
     best: f64,
     window: Vec<f64>,
 }
 
 impl Race {
-    /// Against the best objective so far.
+    /// A race against the best objective so far.
     pub(super) fn against(best: f64) -> Self {
         Self {
             best,
@@ -27,9 +27,9 @@ impl Race {
         }
     }
 
-    /// True when the states are consistent and the objective is behind the best and hardly moves: it
-    /// gained less than half of what is left over [`RACE_WINDOW`] iterations, or nothing that counts
-    /// over [`TIE_WINDOW`] and ends where the best is.
+    /// Whether the states are consistent and the objective is behind the best and hardly changes: it gained less than
+    /// half of its distance over [`RACE_WINDOW`] iterations, or it reaches the best objective and gained nothing
+    /// significant over [`TIE_WINDOW`].
     pub(super) fn is_lost(&mut self, iteration: &Iteration) -> bool {
         let f = iteration.objective;
         self.window.push(f);

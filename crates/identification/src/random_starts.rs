@@ -1,4 +1,4 @@
-//! Random starts: pilots over more than any human, for a look at what the starts from the data may miss.
+//! Random starts: pilots over a wider range than human ones, to find optima that the starts from the data may miss.
 
 use super::FitOptions;
 use super::closed_loop::LinearVehicle;
@@ -13,19 +13,19 @@ use rand_distr::{Distribution, Uniform};
 const POLES: [f64; 2] = [0.05, 20.0];
 /// Damping of a complex pair.
 const DAMPING: [f64; 2] = [0.1, 1.0];
-/// Acceleration that a steady error of 1 m makes [1/s²].
+/// Acceleration due to a steady error of 1 m [1/s²].
 const STIFFNESS: [f64; 2] = [0.02, 1.5];
-/// Lead time: the numerator's second coefficient over its first [s].
+/// Lead time: the numerator's second coefficient divided by its first [s].
 const LEAD: [f64; 2] = [0.3, 10.0];
-/// Each later coefficient of the numerator over the one before, with either sign [s].
+/// Each later coefficient of the numerator divided by the previous one, with either sign [s].
 const LATER: [f64; 2] = [0.03, 3.0];
 
-/// Draws of a pilot at most until its closed loop is stable.
+/// Maximum number of draws of a pilot until its closed loop is stable.
 const TRIES: usize = 1000;
 
-/// Stable pilots, drawn log-uniformly; a pair of poles is complex half of the time. Where the options keep the
-/// closed loop stable, it is so from the start: from an unstable one the solver comes nowhere in a third of
-/// the cases. The first of more starts with the same seed are the same.
+/// Stable pilots, drawn log-uniformly; a pair of poles is complex with probability one half. If the options keep the
+/// closed loop stable, it is stable at the start: from an unstable one the solver fails in a third of the cases. With
+/// the same seed, a larger number of starts begins with the same ones.
 pub fn draw(options: &FitOptions, seed: u64, count: usize) -> Vec<Vec<f64>> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let unit = Uniform::new(0.0, 1.0).expect("0 is less than 1");
@@ -50,7 +50,7 @@ pub fn draw(options: &FitOptions, seed: u64, count: usize) -> Vec<Vec<f64>> {
     (0..count).map(|_| one()).collect()
 }
 
-/// θ from numbers between 0 and 1.
+/// θ from uniform numbers between 0 and 1.
 fn pilot(options: &FitOptions, unit: &mut impl FnMut() -> f64) -> Vec<f64> {
     let order = options.pilot.order;
     let mut poles = Vec::with_capacity(order);
@@ -68,7 +68,7 @@ fn pilot(options: &FitOptions, unit: &mut impl FnMut() -> f64) -> Vec<f64> {
         });
     }
     let mut theta = denominator(poles.into_iter());
-    // Stick forward is negative.
+    // Forward stick is negative.
     let plant = options.vehicle.gravity * options.vehicle.max_pitch;
     let mut coefficient = -theta[0] * between(STIFFNESS, unit()) / plant;
     for k in 0..order {
@@ -84,7 +84,7 @@ fn pilot(options: &FitOptions, unit: &mut impl FnMut() -> f64) -> Vec<f64> {
     theta
 }
 
-/// Log-uniform.
+/// Log-uniform value.
 pub(super) fn between([low, high]: [f64; 2], unit: f64) -> f64 {
     low * (high / low).powf(unit)
 }
@@ -116,10 +116,10 @@ mod tests {
         }
     }
 
-    /// Half of the pairs, up to the chance of 200 draws.
+    /// Half of the pairs are complex, within the scatter of 200 draws.
     #[test]
     fn pairs_are_complex_half_of_the_time() {
-        // Without what leaves unstable loops out.
+        // Without rejection of unstable loops.
         let options = FitOptions {
             stable_loop: false,
             ..FitOptions::default()

@@ -1,4 +1,4 @@
-//! A fit, handed over to be solved again: profile likelihoods and bootstraps of `pilotage-refits`.
+//! Refits of a fit: profile likelihoods and bootstraps of `pilotage-refits`.
 
 use super::constraints::STABILITY_MARGIN;
 use super::solve::{again, sqp_options};
@@ -12,14 +12,13 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use std::ops::ControlFlow;
 
-/// The names of what is sought, in the order of [`Study::unknowns`].
+/// Names of the unknowns, in the order of [`Study::unknowns`].
 pub fn sought(options: &FitOptions) -> Vec<String> {
     let count = options.pilot.n_parameters();
     (1..=count).map(|k| format!("theta{k}")).collect()
 }
 
-/// A fit that is to be solved again. None where it does not say how sure it is, or where its solution is not found
-/// again.
+/// The refit problem of a fit. `None` if the fit has no uncertainty, or if its solution is not found again.
 pub fn study(fit: &Fit, trials: &[Trial], options: &FitOptions) -> Option<Study<'static>> {
     let sure = fit.uncertainty.as_ref()?;
     let sqp = sqp_options(options);
@@ -82,7 +81,7 @@ pub fn study(fit: &Fit, trials: &[Trial], options: &FitOptions) -> Option<Study<
     })
 }
 
-/// What each run should have recorded.
+/// Predicted measurements of each run.
 fn predicted(problem: &pilotage_collocation::Collocation, at: &Iterate) -> Vec<Vec<f64>> {
     let runs = 0..problem.runs.len();
     runs.map(|j| problem.outputs_at_samples(&at.z, j).swap_remove(0))

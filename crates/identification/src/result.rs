@@ -1,4 +1,4 @@
-//! What a fit gives, and the file that hands it on.
+//! Results of a fit and of the pilot file.
 
 use super::{ClosedLoop, Diagnostic, Uncertainty};
 use crate::spread::Spread;
@@ -18,29 +18,29 @@ pub struct RunFit {
     pub position: Vec<f64>,
     /// Model stick at the nodes.
     pub stick: Vec<f64>,
-    /// Recorded minus modelled, at the nodes; NaN where no sample is.
+    /// Recorded minus modelled, at the nodes; NaN where there is no sample.
     pub residual: Vec<f64>,
-    /// States at the nodes: the vehicle's, then the pilot's; the pilot's alone in a stick fit.
+    /// States at the nodes: the vehicle's, then the pilot's; only the pilot's in a stick fit.
     pub states: Vec<Vec<f64>>,
 }
 
 impl RunFit {
-    /// From the first node to the last \[s\].
+    /// Time from the first node to the last \[s\].
     pub fn duration(&self) -> f64 {
         self.time[self.time.len() - 1] - self.time[0]
     }
 }
 
-/// What became of one start.
+/// Result of one start.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StartReport {
-    /// Which start, from 1, in the order in which they began.
+    /// Number of the start, from 1, in order of execution.
     pub number: usize,
     /// How its solve ended.
     pub status: Status,
     /// Its objective.
     pub objective: f64,
-    /// The least objective of its iterates that fulfil the constraints; none if there was none.
+    /// Lowest objective of its feasible iterates; `None` if there was none.
     pub feasible: Option<f64>,
     /// Its scaled KKT residual.
     pub kkt: f64,
@@ -48,84 +48,84 @@ pub struct StartReport {
     pub curvature: Option<f64>,
     /// Its SQP iterations.
     pub iterations: usize,
-    /// Wall time that it took \[s\].
+    /// Wall time \[s\].
     pub seconds: f64,
-    /// How many descents of the linearised problem ended where it began; 1 where it began elsewhere.
+    /// Number of descents of the linearised problem that ended at this start; 1 if it has another origin.
     pub descents: usize,
 }
 
-/// The outcome of a fit, converged or not.
+/// Result of a fit, converged or not.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
     /// θ, in the units of [`pilotage_models::pilot`].
     pub theta: Vec<f64>,
     /// Sum of squared residuals: \[m²\] for the response, \[1\] for the stick.
     pub objective: f64,
-    /// True when the scaled KKT residual reached the tolerance and the second-order condition holds.
+    /// Whether the scaled KKT residual reached the tolerance and the second-order condition holds.
     pub converged: bool,
     /// How the solve ended.
     pub status: Status,
     /// Scaled KKT residual of the returned iterate.
     pub kkt: f64,
-    /// Its scaled violation of the constraints: above [`FEASIBLE`] its runs are no flights of its pilot.
+    /// Its scaled constraint violation: above [`FEASIBLE`], its runs are not simulations of its pilot.
     pub violation: f64,
-    /// Smallest eigenvalue of the reduced Hessian of the Lagrangian over the critical cone, scaled by that
-    /// matrix's norm ([`pilotage_sqp::Curvature::smallest`]): not negative, beyond rounding, at a local
-    /// optimum. None where it was not looked at, since the iterate is no KKT point.
+    /// Smallest eigenvalue of the reduced Hessian of the Lagrangian over the critical cone, scaled by that matrix's
+    /// norm ([`pilotage_sqp::Curvature::smallest`]): nonnegative, up to rounding, at a local optimum. `None` if not
+    /// computed, since the iterate is no KKT point.
     pub curvature: Option<f64>,
-    /// SQP iterations, over all starts.
+    /// Number of SQP iterations over all starts.
     pub iterations: usize,
-    /// Unknowns of the NLP: the states of all nodes and θ.
+    /// Number of unknowns of the NLP: the states of all nodes and θ.
     pub unknowns: usize,
     /// Wall time of the fit \[s\].
     pub seconds: f64,
-    /// What became of each start, best first.
+    /// Result of each start, best first.
     pub starts: Vec<StartReport>,
-    /// All starts: those of [`Self::starts`], each with its descents, and the descents that were given up.
+    /// Number of all starts: those of [`Self::starts`], each with its descents, and the discarded descents.
     pub tried: usize,
-    /// Starts that were not tried, since the observer ended the fit.
+    /// Number of starts that were not tried, since the observer stopped the fit.
     pub skipped: usize,
     /// The runs.
     pub runs: Vec<RunFit>,
-    /// The linearised closed loop with the vehicle of the fit; none where nobody said which was flown.
+    /// The linearised closed loop with the vehicle of the fit; `None` if the vehicle is not known.
     pub closed_loop: Option<ClosedLoop>,
-    /// The objective without the bound on the closed loop, where the solution lies on it: what it costs.
+    /// The objective without the bound on the closed loop, if the solution lies on it.
     pub unbounded: Option<f64>,
-    /// How sure it is; none where it did not converge, or where the data do not tell.
+    /// Uncertainty; `None` if the fit did not converge, or if the data do not determine it.
     pub uncertainty: Option<Uncertainty>,
-    /// What speaks against taking it at its word, the gravest first.
+    /// Diagnostics, the most severe first.
     pub diagnostics: Vec<Diagnostic>,
 }
 
-/// Scaled violation of the constraints below which an iterate is a pilot that flies so.
+/// Scaled constraint violation below which an iterate is feasible: its runs follow the equations.
 pub const FEASIBLE: f64 = 1e-6;
 
 /// Relative distance to the best objective within which starts agree.
 pub const AGREE: f64 = 1e-3;
 
-/// True when two objectives count as the same.
+/// Whether two objectives count as equal.
 pub(super) fn agree(objective: f64, best: f64) -> bool {
     (objective - best).abs() <= AGREE * best
 }
 
 impl Fit {
-    /// The residuals of all runs; NaN where no sample is.
+    /// Residuals of all runs; NaN where there is no sample.
     pub fn residuals(&self) -> impl Iterator<Item = &f64> {
         self.runs.iter().flat_map(|run| &run.residual)
     }
 
-    /// True when it converged and no diagnostic makes it meaningless.
+    /// Whether it converged and no diagnostic makes it meaningless.
     pub fn is_answer(&self) -> bool {
         self.converged && !self.diagnostics.iter().any(Diagnostic::is_fatal)
     }
 
-    /// True when the runs of the returned iterate fulfil the equations.
+    /// Whether the runs of the returned iterate fulfil the equations.
     pub fn is_feasible(&self) -> bool {
         self.violation <= FEASIBLE
     }
 
-    /// How many of [`Self::tried`] ended within 0.1 % of the best objective among them. One alone of
-    /// several is a warning: there are other optima, and one may be missed.
+    /// Number of starts among [`Self::tried`] within 0.1 % of the best objective. If it is only one of several, there
+    /// are other optima, and a better one may be missed.
     pub fn agreeing(&self) -> usize {
         let near = |start: &&StartReport| agree(start.objective, self.objective);
         let near = self.starts.iter().filter(near);
@@ -140,23 +140,23 @@ pub struct PilotFile {
     pub theta: Vec<f64>,
     /// Limit on |y_p| that the fit used.
     pub stick_limit: f64,
-    /// False marks the best iterate of a fit that did not converge.
+    /// False for the best iterate of a fit that did not converge.
     pub converged: bool,
-    /// The vehicle of its closed loop; none where nobody said what was flown.
+    /// The vehicle of its closed loop; `None` if the vehicle is not known.
     pub vehicle: Option<Quadcopter>,
-    /// How sure θ is; none where the file does not say it of all components.
+    /// Uncertainty of θ; `None` if the file does not contain it for all components.
     pub spread: Option<Spread>,
-    /// What spoke against taking the fit at its word.
+    /// Diagnostics of the fit.
     pub diagnostics: Vec<PilotDiagnostic>,
 }
 
-/// A [`Diagnostic`] as a pilot file keeps it.
+/// A [`Diagnostic`] as stored in a pilot file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PilotDiagnostic {
-    /// One word for scripts.
+    /// Code for scripts.
     pub code: String,
-    /// For people.
+    /// Message.
     pub words: String,
-    /// True when it makes the result meaningless.
+    /// Whether it makes the result meaningless.
     pub fatal: bool,
 }

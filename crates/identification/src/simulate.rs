@@ -1,43 +1,43 @@
-//! A run flown by the identified pilot alone: the closed loop integrated from rest, without the
-//! optimiser. What a fit is worth shows here, on the runs that it saw and on those that it did not.
+//! Simulation of a run with the identified pilot alone: the closed loop integrated from rest, without the optimiser. It
+//! shows the quality of a fit, on the runs of the fit and on others.
 
 use super::joint::Joint;
 use super::{RunFit, Trial};
 use pilotage_models::lti::{Transition, TransitionError};
 use pilotage_models::{Quadcopter, quadcopter::N_STATES};
 
-/// Integration step [s], at most: small against the vehicle's attitude loop.
+/// Maximum integration step [s]: small compared with the vehicle's attitude loop.
 const MAX_STEP: f64 = 2e-3;
 
-/// Longest run that is flown for somebody to look at \[s\]: some seconds of work.
+/// Longest run that is simulated for display \[s\]: it takes some seconds.
 pub const LONGEST: f64 = 1e4;
 
-/// Longest flight of [`departure`] [s]: what the stability bound leaves of the slowest mode is then a third.
+/// Maximum duration of a simulation in [`departure`] [s]: the slowest mode within the stability bound decays to a
+/// third.
 const LONG: f64 = 1000.0;
-/// Between looks at such a flight [s].
+/// Time between checks of such a simulation [s].
 const LOOK: f64 = 1.0;
-/// It has settled when the error stays below this part of the step ...
+/// It has settled if the error stays below this part of the step ...
 const SETTLED: f64 = 0.05;
-/// ... for so many looks.
+/// ... for this number of checks.
 const STEADY: usize = 60;
-/// It has left when the error is beyond so many steps.
+/// It has left if the error exceeds this multiple of the step.
 const GONE: f64 = 10.0;
 
-/// The closed loop over a trial's times, from hover at the first recorded position with the pilot at
-/// zero; the target goes straight from sample to sample, as in the fit. The stick is not clipped: the pilot
-/// is linear.
+/// Simulates the closed loop over a trial's times, from hover at the first recorded position with the pilot's states
+/// zero. The target is linear between samples, as in the fit. The stick is not clipped, since the pilot is linear.
 /// Residuals are positions \[m\].
 ///
-/// A fitted pilot may have poles far faster than anything here, so its steps are exact (matrix
-/// exponential); the vehicle's are those of the classical Runge–Kutta method.
+/// A fitted pilot may have very fast poles, so its steps are exact (matrix exponential); those of the vehicle use the
+/// classical Runge–Kutta method.
 ///
 /// # Errors
-/// When the pilot is so fast that its exponential has no digits left.
+/// If the pilot is so fast that its exponential has no correct digits.
 pub fn simulate(joint: &Joint, theta: &[f64], trial: &Trial) -> Result<RunFit, TransitionError> {
     simulate_from(joint, theta, trial, &at_rest(joint, trial.origin()))
 }
 
-/// The states of a vehicle that hovers at `position` \[m\], and of a pilot at zero.
+/// States of a vehicle that hovers at `position` \[m\] and of a pilot with zero states.
 pub fn at_rest(joint: &Joint, position: f64) -> Vec<f64> {
     let mut x = Quadcopter::hover(position).to_vec();
     x.resize(joint.n_states(), 0.0);
@@ -82,7 +82,7 @@ pub fn simulate_from(
     Ok(run)
 }
 
-/// How far a vehicle comes from hover in `duration` seconds, the stick at `limit` \[m\].
+/// Distance that a vehicle covers from hover in `duration` seconds with the stick at `limit` \[m\].
 pub fn at_full_stick(vehicle: &Quadcopter, limit: f64, duration: f64) -> f64 {
     let mut x = Quadcopter::hover(0.0);
     let steps = (duration / MAX_STEP).ceil().max(1.0);
@@ -92,18 +92,18 @@ pub fn at_full_stick(vehicle: &Quadcopter, limit: f64, duration: f64) -> f64 {
     vehicle.output(&x).abs()
 }
 
-/// A loop that does not come to its target.
+/// A loop that does not reach its target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Departure {
-    /// When the flight was ended \[s\].
+    /// Time at which the simulation was ended \[s\].
     pub time: f64,
-    /// Its largest distance from the target in the last third of that time \[m\].
+    /// Largest distance from the target in the last third of that time \[m\].
     pub error: f64,
 }
 
-/// Flies a step of `step` metres from rest, the stick at its stops of ±`limit` where the pilot asks for more,
-/// until the loop settles; what became of it where it does not within a thousand seconds, or leaves. A loop
-/// whose poles are stable may do so: what the stops take from the pilot, the poles do not know.
+/// Simulates a step of `step` metres from rest until the loop settles, with the stick limited to ±`limit`. Returns the
+/// departure if it leaves or does not settle within a thousand seconds. This may happen even with stable poles, since
+/// the linear analysis does not include the limits of the stick.
 ///
 /// # Errors
 /// As [`simulate`].
@@ -125,7 +125,7 @@ pub fn departure(
         advance(joint, theta, task, LOOK, &mut x)?;
         let error = (step - joint.vehicle.output(&x)).abs();
         errors.push(error);
-        // Not a number is not near.
+        // NaN counts as far from the target.
         if error.is_nan() || error >= GONE * step.abs() {
             break;
         }
@@ -142,14 +142,14 @@ pub fn departure(
     Ok((!settles).then_some(Departure { time, error }))
 }
 
-/// What is asked of a pilot for some time.
+/// Input of a pilot over some time.
 #[derive(Clone, Copy)]
 struct Task {
-    /// The target at the beginning [m].
+    /// The target at the start [m].
     target: f64,
     /// Its rate [m/s].
     rate: f64,
-    /// The stick's stops.
+    /// Limit of the stick.
     limit: f64,
 }
 
@@ -181,8 +181,8 @@ fn advance(
     Ok(())
 }
 
-/// The error now [m], and its mean rate over the coming `h` seconds [m/s]: the stick reaches the
-/// position through four integrations, so that velocity and acceleration tell it to third order.
+/// Current error [m], and its mean rate over the next `h` seconds [m/s]: the stick reaches the position through four
+/// integrations, so velocity and acceleration predict it to third order.
 fn error_ahead(vehicle: &Quadcopter, target: f64, x_v: &[f64], stick: f64, h: f64) -> (f64, f64) {
     let mut dx = [0.0; N_STATES];
     vehicle.derivative(x_v, stick, &mut dx);
@@ -193,7 +193,7 @@ fn error_ahead(vehicle: &Quadcopter, target: f64, x_v: &[f64], stick: f64, h: f6
     )
 }
 
-/// One step of the vehicle, the stick going from `before` to `after`.
+/// One step of the vehicle, with the stick going from `before` to `after`.
 fn fly(vehicle: &Quadcopter, x_v: &mut [f64], before: f64, after: f64, h: f64) {
     let derivative = |x: &[f64], part: f64| {
         let mut dx = [0.0; N_STATES];
@@ -251,7 +251,7 @@ mod tests {
         );
     }
 
-    /// The joint ODE by the Runge–Kutta method with steps of 1 ms: slow, and obvious.
+    /// The joint ODE by the Runge–Kutta method with steps of 1 ms, as a simple reference.
     #[test]
     fn the_coupled_steps_follow_the_joint_ode() {
         let (joint, theta) = (joint(3), [216.0, 108.0, 18.0, -6.48, -16.2, -0.5]);
@@ -280,8 +280,8 @@ mod tests {
         );
     }
 
-    /// The fit to a human whose own loop grows: its slowest pair is at -0.001 ± 0.55i 1/s. From 18 m the stick comes
-    /// to its stops, and without them the same loop comes to rest.
+    /// The fit to a human whose own loop is unstable: its slowest pair is at -0.001 ± 0.55i 1/s. From 18 m the stick
+    /// reaches its stops; without them the same loop settles.
     #[test]
     fn a_loop_may_leave_though_its_poles_are_stable() {
         let theta = [1.66473, 3.67618, 5.13526, -0.0703582, -0.130389, -0.280807];
@@ -291,7 +291,7 @@ mod tests {
         assert_eq!([of(1.0, 1.0), of(f64::INFINITY, 1.0)], [None, None]);
     }
 
-    /// A pilot with one pole at -1e6 1/s flies as the pilot without it.
+    /// A pilot with an additional pole at -1e6 1/s behaves like the pilot without it.
     #[test]
     fn a_pole_that_ran_away_is_no_trouble() {
         let slow = [1.426, 1.771, -0.0003, -0.0713];

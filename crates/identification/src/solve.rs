@@ -1,4 +1,4 @@
-//! The fit: starts from the data, the SQP from each, the best.
+//! The fit: starts from the data, the SQP from each start, the best result.
 
 use super::multi_start::{Start, Starts, multi_start};
 use super::problem::{self, Posed, fill_gaps};
@@ -14,47 +14,47 @@ use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-/// What can be wrong with the data or the options of a fit.
+/// Errors in the data or the options of a fit.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FitError {
     /// No trial was given.
     #[error("no trial to fit")]
     NoTrials,
-    /// A start of the wrong length.
+    /// The start has the wrong length.
     #[error("the start has {found} parameters; a pilot of order {order} has {expected}")]
     StartLength {
-        /// Parameters given.
+        /// Number of parameters given.
         found: usize,
-        /// Parameters needed.
+        /// Number of parameters required.
         expected: usize,
         /// The pilot's order.
         order: usize,
     },
-    /// A start that is not finite, or with every parameter zero.
+    /// The start is not finite, or all of its parameters are zero.
     #[error("start parameter theta{index} = {value}; expected finite numbers, not all zero")]
     StartValue {
-        /// Which, from 1.
+        /// Index of the parameter, from 1.
         index: usize,
         /// Its value.
         value: f64,
     },
-    /// A pilot without states or with more than fit a node.
+    /// The pilot's order is out of range.
     #[error("pilot order {order}; expected {low} to {high}")]
     Order {
-        /// The order asked for.
+        /// The requested order.
         order: usize,
-        /// Lowest.
+        /// Lowest order.
         low: usize,
-        /// Highest.
+        /// Highest order.
         high: usize,
     },
-    /// A mesh step that is no length of time.
+    /// The mesh step is not a positive finite time.
     #[error("mesh step {step} s; expected a finite number above 0")]
     MeshStep {
-        /// The step asked for \[s\].
+        /// The requested step \[s\].
         step: f64,
     },
-    /// A mesh step so small that the states would not fit into memory.
+    /// The mesh step is so small that the states would not fit into memory.
     #[error(
         "trial {trial}: a mesh step of {step:?} s makes {intervals:.0} intervals, and a run may have {limit}; \
          take at least {least:?} s, or a scheme of higher order on a coarser mesh"
@@ -62,16 +62,16 @@ pub enum FitError {
     MeshIntervals {
         /// Name of the trial.
         trial: String,
-        /// The step asked for \[s\].
+        /// The requested step \[s\].
         step: f64,
-        /// Intervals that it makes.
+        /// Resulting number of intervals.
         intervals: f64,
-        /// Most intervals of a run.
+        /// Maximum number of intervals of a run.
         limit: usize,
-        /// A step that the trial allows \[s\].
+        /// A step that is allowed for the trial \[s\].
         least: f64,
     },
-    /// A position that no vehicle was ever at.
+    /// A position is implausibly large.
     #[error(
         "trial {trial}: position = {position:e} m at {time} s; expected less than {limit:e} m in magnitude: \
          empty the cell if it is an error, or give the column its unit, as in `position [mm]`"
@@ -86,7 +86,7 @@ pub enum FitError {
         /// The limit \[m\].
         limit: f64,
     },
-    /// A trial without a stick, for the stick objective.
+    /// A trial has no stick, which the stick objective requires.
     #[error("trial {trial} has no recorded stick, which the stick objective compares with")]
     NoStick {
         /// Name of the trial.
@@ -94,81 +94,79 @@ pub enum FitError {
     },
 }
 
-/// Trials to which a fit that only gives a start is made; of more, so many are taken
+/// Maximum number of trials in a fit that only provides a start; of more trials, this many are selected
 /// ([`start::spread`]).
 pub const MANY_TRIALS: usize = 24;
 
-/// Random starts that join at most, without being asked for: see [`FitOptions::random_starts`].
+/// Maximum number of random starts that are added by default: see [`FitOptions::random_starts`].
 pub const SPARE_STARTS: usize = 8;
 
-/// Pilots drawn for the search where initial states are free .
+/// Number of pilots drawn for the search if initial states are free.
 const DRAWS: usize = 2000;
 
 /// Seed of the random starts.
 const SEED: u64 = 0;
 
-/// [`pilotage_sqp::SqpOptions::short_step`] of the fits: with 0.05 some starts whose closed loop is unstable
-/// fail.
+/// [`pilotage_sqp::SqpOptions::short_step`] of the fits: with 0.05 some starts with an unstable closed loop fail.
 pub const SHORT_STEP: f64 = 0.01;
 
-/// Scaled KKT residual of a fit that only gives a start.
+/// Scaled KKT residual of a fit that only provides a start.
 pub(super) const ROUGH_TOLERANCE: f64 = 1e-4;
 
 /// Highest order of an identified pilot.
 pub const MAX_ORDER: usize = 6;
 
-/// Most mesh intervals of a run where the mesh is not its samples: some 1 GB of derivatives.
+/// Maximum number of mesh intervals of a run if the mesh is not its samples: some 1 GB of derivatives.
 pub const MAX_INTERVALS: usize = 200_000;
 
-/// Positions and targets of a larger magnitude are refused \[m\]: more than the way to the Moon and back.
+/// Limit on the magnitude of positions and targets \[m\]: more than twice the distance to the Moon.
 pub const FARTHEST: f64 = 1e9;
 
-/// What an observer of a fit sees.
+/// Progress of a fit, as reported to an observer.
 #[derive(Debug, Clone, Copy)]
 pub enum Progress<'a> {
-    /// Starts are looked for: pilots in the linearised problem, or other initial states of the best.
+    /// Search for starts: pilots in the linearised problem, or other initial states of the best solution.
     Search {
-        /// Their order.
+        /// Order of the pilots.
         order: usize,
-        /// Part of the work that is done, 0 to 1.
+        /// Completed share of the work, 0 to 1.
         done: f64,
     },
     /// An iterate of the solver.
     Iterate(Iterate<'a>),
 }
 
-/// An iterate of the solver, and whose it is.
+/// An iterate of the solver and the start that it belongs to.
 #[derive(Debug, Clone, Copy)]
 pub struct Iterate<'a> {
-    /// Order of the pilot that is fitted: lower ones come first, for their optimum as a start.
+    /// Order of the fitted pilot: lower orders are fitted first to provide starts.
     pub order: usize,
-    /// Which start, from 0.
+    /// Number of the start, from 0.
     pub start: usize,
-    /// Of how many so far: random ones may join.
+    /// Number of starts so far: random ones may be added.
     pub starts: usize,
     /// The iterate.
     pub iteration: &'a Iteration,
 }
 
-/// Sees the search's progress and each iterate; `Break` ends the fit with the best iterate so far and that status, or with the
-/// start that had converged before.
+/// Receives the search's progress and each iterate. `Break` stops the fit with the best iterate so far and that status,
+/// or with the start that had converged before.
 pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + 'a;
 
 /// Fits one pilot to all trials (paper, eq. 5).
 ///
-/// Where a run begins at rest, a pilot of second order is fitted first, from starts estimated from the
-/// data ([`start::low_order`]), unless the user gives a start; each order above that starts from the one
-/// below, with a pole and a zero more ([`start::with_pair`]), so that its objective is never above. Of
-/// several starts the SQP runs some iterations from each and finishes the best. Of many trials some suffice
-/// for the order below. They would not for the order asked for: what all trials tell of the last pole, a few
-/// may not, and it runs away to −∞.
+/// If runs start at rest, a pilot of second order is fitted first, from starts estimated from the data
+/// ([`start::low_order`]), unless the user gives a start. Each higher order starts from the order below with an
+/// additional pole and zero ([`start::with_pair`]), so that its objective is never higher. With several starts the SQP
+/// runs some iterations from each and completes the best. If there are many trials, a selection of them is sufficient
+/// for the lower order, but not for the requested one: a selection may not determine the last pole, which then diverges
+/// to −∞.
 ///
-/// Where initial states are free, the starts are the optima of the linearised problem
-/// (variable projection).
+/// If initial states are free, the starts are the optima of the linearised problem (variable projection).
 ///
 /// # Errors
-/// When there is nothing to fit or an option does not suit the data. A fit that does not converge is a
-/// result, with its status.
+/// If there is nothing to fit or an option does not suit the data. A fit that does not converge is a result, with its
+/// status.
 pub fn fit(
     trials: &[Trial],
     options: &FitOptions,
@@ -186,8 +184,8 @@ pub fn fit(
     Ok(fit)
 }
 
-/// The objective without the bound on the closed loop, where a solution lies on it: of the optimum to which that
-/// solution leads then. Of few trials alone, since it is another solve.
+/// The objective without the bound on the closed loop if a solution lies on it: that of the optimum reached from this
+/// solution. Computed only for few trials, since it requires another solve.
 fn unbounded(fit: &Fit, trials: &[Trial], options: &FitOptions) -> Result<Option<f64>, FitError> {
     let on_bound = fit.closed_loop.as_ref().and_then(ClosedLoop::on_bound);
     if !(fit.converged && on_bound.is_some() && options.kept_vehicle().is_some())
@@ -206,7 +204,7 @@ fn unbounded(fit: &Fit, trials: &[Trial], options: &FitOptions) -> Result<Option
     Ok(free.converged.then(|| free.objective.min(fit.objective)))
 }
 
-/// The fit, without what is said of it.
+/// The fit without diagnostics.
 fn solve(
     trials: &[Trial],
     options: &FitOptions,
@@ -218,7 +216,7 @@ fn solve(
         .par_iter()
         .map(|t| start::implied_stick(t, &options.vehicle))
         .collect();
-    // An observer that has ended the fit is not asked again.
+    // An observer that has stopped the fit is not called again.
     let mut ended = None;
     let mut latched = |progress: &Progress<'_>| match ended {
         Some(status) => ControlFlow::Break(status),
@@ -244,7 +242,7 @@ fn solve(
     Ok(fit)
 }
 
-/// The response problem from these starts.
+/// Solves the response problem from these starts.
 fn solve_response(
     posed: &Posed,
     trials: &[Trial],
@@ -262,7 +260,7 @@ fn solve_response(
     )
 }
 
-/// The stick problem from these starts.
+/// Solves the stick problem from these starts.
 fn solve_stick(
     posed: &Posed,
     trials: &[Trial],
@@ -279,16 +277,16 @@ fn solve_stick(
         start::stick_states,
     );
     for (run, trial) in fit.runs.iter_mut().zip(trials) {
-        // The pilot alone moves no vehicle: the position stays the recorded one.
+        // The pilot alone does not move a vehicle: the position is the recorded one.
         run.position = fill_gaps(&trial.time, &trial.position);
     }
     fit
 }
 
-/// States of a trial from its data, for a pilot.
+/// Computes states of a trial from its data for a pilot.
 type FromData = fn(&Trial, &FitOptions, &[f64]) -> Vec<Vec<f64>>;
 
-/// A problem from these starts.
+/// Solves a problem from these starts.
 fn solve_posed(
     posed: &Posed,
     trials: &[Trial],
@@ -305,7 +303,7 @@ fn solve_posed(
     multi_start(starts, &from, options, observer, &runs)
 }
 
-/// The discretised problem, scaled for a start, and its variables there.
+/// The discretised problem, scaled for a start, and its variables at the start.
 fn begin(
     posed: &Posed,
     trials: &[Trial],
@@ -322,7 +320,7 @@ fn begin(
     (problem, z)
 }
 
-/// The discretised problem of a fit, and its variables where that has ended.
+/// The discretised problem of a fit, and its variables at the solution.
 pub(super) fn again(fit: &Fit, trials: &[Trial], options: &FitOptions) -> (Collocation, Vec<f64>) {
     let posed = match options.objective {
         Objective::Response => problem::pose_response(trials, options),
@@ -344,7 +342,7 @@ pub(super) fn sqp_options(options: &FitOptions) -> SqpOptions {
     }
 }
 
-/// True where initial states make many optima.
+/// Whether free initial states cause many local optima.
 fn is_free(options: &FitOptions) -> bool {
     options.initial_state != InitialState::AtRest
 }
@@ -380,7 +378,7 @@ pub fn candidates(
         starts.iterations = iterations;
     }
     if starts.all.is_empty() {
-        // No pilot that was looked at fulfils the conditions: the solver may find one.
+        // No evaluated pilot fulfils the conditions, but the solver may find one.
         let regressions = start::regressions(trials, sticks, options);
         starts.all.extend(regressions.into_iter().map(Start::from));
     }
@@ -396,11 +394,11 @@ pub fn candidates(
     Ok(starts)
 }
 
-/// Optima of the linearised problem, from drawn pilots and those that the sticks suggest; of many trials some
-/// suffice.
+/// Optima of the linearised problem, from random pilots and from regressions of the sticks; if there are many trials, a
+/// selection is used.
 ///
-/// The vehicle is at rest there even where its states are free: free ones make the vehicle tumble in the first
-/// tenths of a second, which no linearisation follows.
+/// The vehicle is at rest here even if its states are free: free states make it tumble in the first tenths of a second,
+/// which no linearisation can follow.
 fn optima(
     trials: &[Trial],
     sticks: &[Vec<f64>],
@@ -464,7 +462,7 @@ fn optima(
     }
 }
 
-/// The random starts that [`FitOptions::random_starts`] tells of: those that all run, and those that may join.
+/// The random starts by [`FitOptions::random_starts`]: those that always run, and those that may be added.
 fn random(options: &FitOptions) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let (count, sure) = match (options.random_starts, &options.start) {
         (Some(count), _) => (count, count),
@@ -477,7 +475,7 @@ fn random(options: &FitOptions) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     (all, spare)
 }
 
-/// θ of a fit that only gives a start, to some of the trials if they are many, and its SQP iterations.
+/// θ of a fit that only provides a start, to a selection of the trials if they are many, and its SQP iterations.
 fn rough(
     trials: &[Trial],
     options: &FitOptions,
@@ -579,11 +577,11 @@ fn check_mesh(trial: &Trial, mesh: Mesh) -> Result<(), FitError> {
     })
 }
 
-/// The next number of two significant digits.
+/// Rounds up to two significant digits.
 fn rounded_up(x: f64) -> f64 {
     let unit = 10_f64.powi(x.log10().floor() as i32 - 1);
     let up = (x / unit).ceil() * unit;
-    // The decimal that is meant, without the digits that the product left.
+    // Removes the rounding error of the product.
     format!("{up:.1e}").parse().unwrap_or(up)
 }
 

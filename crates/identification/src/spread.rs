@@ -1,17 +1,17 @@
-//! The covariance of θ, what follows from it, and how a pilot file keeps it.
+//! The covariance of θ, its propagation to derived quantities, and its storage in a pilot file.
 
 use crate::pilot_file::PilotFileError;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use pilotage_inference::{Interval, Method};
 use pilotage_text::document::{TomlTable, number};
 
-/// Step of differences, per standard deviation.
+/// Step of finite differences, in standard deviations.
 const STEP: f64 = 1e-3;
 
-/// What intervals of numbers that follow from θ are made of; a pilot file keeps it.
+/// What intervals of quantities derived from θ require; a pilot file stores it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spread {
-    /// How the covariance was computed.
+    /// Method of the covariance.
     pub method: Method,
     /// Covariance of θ.
     pub covariance: DMatrix<f64>,
@@ -20,9 +20,10 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// The intervals of numbers that follow from θ, such as margins or poles, and have these values there (delta method,
-    /// by central differences of `of`). Differences go along the axes of the ellipsoid, not along each component: where a
-    /// pole runs away, components are unsure by far more than what they are together, and their parts would not cancel.
+    /// Intervals of quantities derived from θ, such as margins or poles, with these values at θ (delta method, by
+    /// central differences of `of`). Differences are taken along the axes of the ellipsoid, not along each component:
+    /// if a pole diverges, the components are individually far less certain than in combination, and their
+    /// contributions would not cancel.
     pub fn derived(
         &self,
         theta: &[f64],
@@ -45,7 +46,7 @@ impl Spread {
         values.iter().zip(&variances).map(interval).collect()
     }
 
-    /// The axes of the ellipsoid of one standard deviation: `Σ a aᵀ` over them is the covariance.
+    /// Axes of the ellipsoid of one standard deviation: the sum of `a aᵀ` over them is the covariance.
     fn axes(&self) -> Vec<DVector<f64>> {
         let sd = self.covariance.diagonal().map(f64::sqrt);
         let n = sd.len();
@@ -65,12 +66,13 @@ impl Spread {
             .collect()
     }
 
-    /// Degrees of freedom of what depends on all components.
+    /// Degrees of freedom of a quantity that depends on all components.
     pub fn least_degrees(&self) -> f64 {
         self.degrees.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
-    /// How sure θ is, from its table; none where it has no covariance, as where the data leave a direction open.
+    /// Reads the table of the uncertainty; `None` if it has no covariance, as when the data leave a direction
+    /// undetermined.
     pub(super) fn of_table(
         table: &TomlTable<'_>,
         n: usize,
@@ -132,7 +134,7 @@ impl Spread {
         }))
     }
 
-    /// The fields that [`Spread::of_table`] reads, beside the method.
+    /// The fields that [`Spread::of_table`] reads, except the method.
     pub(super) fn to_toml(&self) -> String {
         let row = |row: Vec<f64>| -> String {
             let all: Vec<String> = row.into_iter().map(number).collect();
@@ -149,7 +151,7 @@ impl Spread {
     }
 }
 
-/// Refuses an interval `{ sd, low, high }` that is none.
+/// Rejects an invalid interval `{ sd, low, high }`.
 fn check_interval(table: &TomlTable<'_>) -> Result<(), PilotFileError> {
     table.only(&["sd", "low", "high"])?;
     let fault = |field: &str, fault: String| PilotFileError::Uncertainty {
@@ -170,7 +172,7 @@ fn check_interval(table: &TomlTable<'_>) -> Result<(), PilotFileError> {
     }
 }
 
-/// Why a matrix is no covariance. Rounding may leave an eigenvalue of a correlation matrix a little below 0.
+/// Why a matrix is not a covariance. Rounding may leave an eigenvalue of a correlation matrix slightly below 0.
 fn trouble(covariance: &DMatrix<f64>) -> Option<&'static str> {
     if covariance.iter().any(|own| !own.is_finite()) {
         return Some("has an entry that is no finite number");
@@ -198,7 +200,7 @@ fn trouble(covariance: &DMatrix<f64>) -> Option<&'static str> {
 mod tests {
     use super::*;
 
-    /// Two components that are unsure by five times their size, and whose ratio is sure to a hundredth.
+    /// Two components with an uncertainty of five times their size, whose ratio is certain to a hundredth.
     #[test]
     fn what_components_are_together_is_surer_than_they_are() {
         let half = 0.5_f64.sqrt();

@@ -1,4 +1,4 @@
-//! Starts, so that none is asked of the user.
+//! Starts from the data, so that the user need not give one.
 
 use super::problem::{fill_gaps, recorded_error};
 use super::{FitOptions, Trial};
@@ -7,21 +7,21 @@ use pilotage_collocation::rk4;
 use pilotage_models::lti::Transition;
 use pilotage_models::{Pilot, Quadcopter, quadcopter};
 
-/// Half width of the window of local polynomials that smooth a recorded position [s].
+/// Half width of the window of the local polynomials that smooth a recorded position [s].
 const WINDOW: f64 = 0.35;
 
-/// Poles of the filters of the regressions [1/s]: about the bandwidth of a person who flies to a target.
+/// Poles of the regressions' filters [1/s]: about the bandwidth of a human who flies to a target.
 const FILTERS: [f64; 2] = [0.5, 1.0];
-/// Places of a pole and a zero on each other, over the corner frequency.
+/// Locations of a coinciding pole and zero, relative to the corner frequency.
 const PAIRS: [f64; 3] = [1.5, 0.1, 10.0];
-/// Relative difference below which two steps between samples are one.
+/// Relative difference below which two sampling steps are equal.
 const SAME_STEP: f64 = 1e-9;
 /// Magnitude of the fastest pole of a start [1/s].
 const FASTEST: f64 = 30.0;
-/// Time from what a pilot sees to what the hand does [s], for the estimate of gain and lead.
+/// Reaction time of a pilot [s], for the estimate of gain and lead.
 const REACTION: f64 = 0.2;
 
-/// What the data say of one run, before any fit: the recorded position smoothed, with derivatives.
+/// Smoothed position of a run with its derivatives, before any fit.
 #[derive(Debug, Clone)]
 pub struct Smoothed {
     /// Position \[m\].
@@ -32,7 +32,7 @@ pub struct Smoothed {
     pub a: Vec<f64>,
 }
 
-/// Local cubic polynomials through the samples within 0.35 s (Savitzky & Golay 1964).
+/// Fits local cubic polynomials to the samples within 0.35 s (Savitzky & Golay 1964).
 pub fn smooth(trial: &Trial) -> Smoothed {
     let (time, position) = (&trial.time, fill_gaps(&trial.time, &trial.position));
     let n = time.len();
@@ -58,8 +58,8 @@ pub fn smooth(trial: &Trial) -> Smoothed {
     out
 }
 
-/// Coefficients of the cubic in `(t - t0)/WINDOW` nearest to the values, of lower degree where there are
-/// too few; the others are zero.
+/// Coefficients of the least-squares cubic in `(t - t0)/WINDOW`, of lower degree if there are too few values; the
+/// others are zero.
 fn local_cubic(time: &[f64], values: &[f64], t0: f64) -> Option<Vector4<f64>> {
     let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
     for (t, value) in time.iter().zip(values) {
@@ -73,11 +73,11 @@ fn local_cubic(time: &[f64], values: &[f64], t0: f64) -> Option<Vector4<f64>> {
     normal.cholesky().map(|factor| factor.solve(&right))
 }
 
-/// The stick of a run: recorded where it was, else what the inverted vehicle implies,
-/// `sin φ = -v̇/g` on an attitude loop that follows the stick at once.
+/// The stick of a run: the recorded one if available, else that of the inverted vehicle, `sin φ = -v̇/g` with an
+/// attitude loop that follows the stick instantly.
 pub fn implied_stick(trial: &Trial, vehicle: &Quadcopter) -> Vec<f64> {
     match &trial.stick {
-        // One that never moves was not recorded.
+        // A stick that never moves was not recorded.
         Some(stick) if stick.iter().any(|u| u.is_finite() && *u != 0.0) => {
             fill_gaps(&trial.time, stick)
         }
@@ -92,8 +92,8 @@ pub fn implied_stick(trial: &Trial, vehicle: &Quadcopter) -> Vec<f64> {
     }
 }
 
-/// So many of the trials, from the smallest to the largest error at equal distances, so that they show
-/// what all of them show, in whatever order these came.
+/// Selects trials at equal distances in order of their largest error, so that they represent all trials whatever their
+/// original order.
 pub fn spread(trials: &[Trial], count: usize) -> Vec<Trial> {
     let size = |trial: &Trial| {
         let errors = recorded_error(trial).into_iter();
@@ -106,9 +106,9 @@ pub fn spread(trials: &[Trial], count: usize) -> Vec<Trial> {
         .collect()
 }
 
-/// θ by linear regression of stick on error: the transfer function times its denominator, every
-/// signal through the filter `1/(s + ω)^n` (Young, *Recursive Estimation and Time-Series Analysis*,
-/// 2nd ed. 2011, ch. 8: state-variable filters), ridge-regularised, then made stable.
+/// θ by linear regression of stick on error: the transfer function multiplied by its denominator, with every signal
+/// filtered by `1/(s + ω)^n` (Young, *Recursive Estimation and Time-Series Analysis*, 2nd ed. 2011, ch. 8:
+/// state-variable filters), ridge-regularised, then stabilised.
 pub fn regression(trials: &[Trial], sticks: &[Vec<f64>], pilot: Pilot, filter: f64) -> Vec<f64> {
     let n = pilot.order;
     let mut normal = DMatrix::<f64>::zeros(2 * n, 2 * n);
@@ -134,11 +134,11 @@ pub fn regression(trials: &[Trial], sticks: &[Vec<f64>], pilot: Pilot, filter: f
     stabilised(pilot, &theta)
 }
 
-/// Starts for a pilot of first or second order: one with the gain and the lead that the stick shows,
-/// and a regression of the stick on the error for each filter.
+/// Starts for a pilot of first or second order: one with gain and lead estimated from the stick, and a regression of
+/// the stick on the error for each filter.
 ///
-/// With `u ≈ k_p e + k_d ė` the closed loop's bandwidth is about `√(|k_p| g φ_max)`; the poles of the
-/// first are twice as fast, and it has a tenth of the gain: people who flew there lean on the rate.
+/// With `u ≈ k_p e + k_d ė` the closed loop's bandwidth is about `√(|k_p| g φ_max)`. The first start has poles at twice
+/// this frequency and a tenth of the gain, since the recorded humans rely mainly on the rate.
 pub fn low_order(trials: &[Trial], sticks: &[Vec<f64>], options: &FitOptions) -> Vec<Vec<f64>> {
     let (k_p, k_d) = proportional_derivative(trials, sticks);
     let w = corner(k_p, options);
@@ -160,13 +160,12 @@ pub fn regressions(trials: &[Trial], sticks: &[Vec<f64>], options: &FitOptions) 
         .collect()
 }
 
-/// Starts for a pilot of one order more than `theta`, which was fitted: the same transfer function with
-/// a pole and a zero on each other, slow, in the middle, or fast. All of them fly as `theta` does, and
-/// moving the pair apart can only gain.
+/// Starts for a pilot of one order more than the fitted `theta`: the same transfer function with a coinciding pole and
+/// zero that are slow, in the middle, or fast. All of them behave as `theta` does, and moving the pair apart can only
+/// improve the fit.
 ///
-/// A pair that is nowhere tells the solver nothing about where it belongs, and each of the three places
-/// leads to optima that the others miss: an integrating pilot, an interior one, and one whose fastest
-/// pole runs away.
+/// A cancelling pair contains no information for the solver about its best location, and each of the three locations
+/// leads to optima that the others miss: an integrating pilot, an interior one, and one whose fastest pole diverges.
 pub fn with_pair(
     theta: &[f64],
     trials: &[Trial],
@@ -192,13 +191,13 @@ fn times(c: &[f64], root: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Twice the closed loop's bandwidth with the gain `k_p` [1/s].
+/// Twice the closed loop's bandwidth for the gain `k_p` [1/s].
 fn corner(k_p: f64, options: &FitOptions) -> f64 {
     let plant = options.vehicle.gravity * options.vehicle.max_pitch;
     (2.0 * (k_p.abs() * plant).sqrt()).clamp(0.05, 10.0)
 }
 
-/// Gains of `u(t) ≈ k_p e(t - τ) + k_d ė(t - τ)` by least squares, with τ of [`REACTION`].
+/// Gains of `u(t) ≈ k_p e(t - τ) + k_d ė(t - τ)` by least squares, with τ = [`REACTION`].
 fn proportional_derivative(trials: &[Trial], sticks: &[Vec<f64>]) -> (f64, f64) {
     let (mut normal, mut right) = (
         nalgebra::Matrix2::<f64>::zeros(),
@@ -220,7 +219,7 @@ fn proportional_derivative(trials: &[Trial], sticks: &[Vec<f64>]) -> (f64, f64) 
     })
 }
 
-/// Derivatives 0..=n of a signal through `1/(s + ω)^n`, at each sample; the signal is zero before.
+/// Derivatives 0..=n of a signal filtered by `1/(s + ω)^n`, at each sample; the signal is zero before the first.
 fn filtered_derivatives(time: &[f64], signal: &[f64], n: usize, omega: f64) -> Vec<Vec<f64>> {
     // Controllable canonical form: x_1 is the filtered signal, x_{i+1} its i-th derivative.
     let binomial = |i: usize| (0..i).fold(1.0, |b, j| b * (n - j) as f64 / (j + 1) as f64);
@@ -245,8 +244,7 @@ fn filtered_derivatives(time: &[f64], signal: &[f64], n: usize, omega: f64) -> V
     out
 }
 
-/// θ with its unstable poles mirrored into the left half plane, and none slower than 0.05 1/s or
-/// faster than 30 1/s.
+/// θ with its unstable poles mirrored into the left half-plane, none slower than 0.05 1/s or faster than 30 1/s.
 pub fn stabilised(pilot: Pilot, theta: &[f64]) -> Vec<f64> {
     let damped = |pole: Complex<f64>| {
         let re = -pole.re.abs().clamp(0.05, FASTEST);
@@ -258,10 +256,10 @@ pub fn stabilised(pilot: Pilot, theta: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// θ with its poles that are faster than 30 1/s at 30 1/s, and the same gain for what is slow.
+/// θ with poles faster than 30 1/s moved to 30 1/s, with the same gain at low frequencies.
 ///
-/// Some of the trials may drive a pole to infinity where all together would not, and a start out there
-/// gives the problem scales in which its solution cannot be told from others.
+/// A selection of trials may drive a pole to infinity although all trials together would not. From such a start the
+/// problem is scaled so that its solution cannot be distinguished from others.
 pub fn restrained(pilot: Pilot, theta: &[f64]) -> Vec<f64> {
     let slowed = |pole: Complex<f64>| pole * (FASTEST / pole.norm()).min(1.0);
     let denominator = denominator(pilot.poles(theta).into_iter().map(slowed));
@@ -285,8 +283,8 @@ pub(super) fn denominator(poles: impl Iterator<Item = Complex<f64>>) -> Vec<f64>
     polynomial.iter().map(|c| c.re).collect()
 }
 
-/// The pilot's states when it sees the recorded error from rest, by exact steps, however fast its poles
-/// are; zero from where they cannot be computed.
+/// The pilot's states with the recorded error as input, from rest, by exact steps for poles of any speed; zero from
+/// where they cannot be computed.
 fn pilot_states(trial: &Trial, pilot: Pilot, theta: &[f64]) -> Vec<Vec<f64>> {
     let (time, error) = (&trial.time, recorded_error(trial));
     let mut out = vec![vec![0.0; pilot.order]; time.len()];
@@ -315,9 +313,8 @@ fn pilot_states(trial: &Trial, pilot: Pilot, theta: &[f64]) -> Vec<Vec<f64>> {
     out
 }
 
-/// States of the closed loop at the samples, from the data: position and velocity as recorded, the
-/// attitude loop and the pilot simulated (both are stable by themselves), the pilot on the recorded
-/// error.
+/// States of the closed loop at the samples, from the data: position and velocity as recorded; attitude loop and pilot
+/// simulated (each is stable by itself), the pilot with the recorded error as input.
 pub fn joint_states(trial: &Trial, options: &FitOptions, theta: &[f64]) -> Vec<Vec<f64>> {
     let smoothed = smooth(trial);
     let pilot = pilot_states(trial, options.pilot, theta);
@@ -367,7 +364,8 @@ mod tests {
         }
     }
 
-    /// Runs to two targets by turns, as an experiment may record them: an equal step would see one alone.
+    /// Runs to two alternating targets, as an experiment may record them: every second run would contain only one
+    /// target.
     #[test]
     fn some_of_the_trials_show_what_all_show() {
         let run = |k: u8| {
@@ -421,7 +419,7 @@ mod tests {
         }
     }
 
-    /// Samples so far apart that only two are near: a line, and no acceleration.
+    /// Only two samples are near each other: the fit is a line without acceleration.
     #[test]
     fn two_samples_make_a_line() {
         let smoothed = smooth(&trial(vec![0.0, 1.0], |t| 3.0 * t));

@@ -1,13 +1,13 @@
-//! Values in a number. What is missing (NaN) does not count.
+//! Statistics of values; missing ones (NaN) are ignored.
 
-/// Root mean square; NaN of none.
+/// Root mean square; NaN if there are no values.
 pub fn rms<'a>(values: impl IntoIterator<Item = &'a f64>) -> f64 {
     let finite = values.into_iter().filter(|value| value.is_finite());
     let (sum, count) = finite.fold((0.0, 0), |(sum, count), v| (sum + v * v, count + 1));
     (sum / f64::from(count)).sqrt()
 }
 
-/// Least and greatest.
+/// Minimum and maximum.
 pub fn range(values: &[f64]) -> [f64; 2] {
     let present = || values.iter().copied();
     [

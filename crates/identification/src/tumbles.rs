@@ -1,9 +1,8 @@
 //! Other initial states of each run at a known θ.
 //!
-//! Where the vehicle's initial states are free, it may tumble through the first tenths of a second, and each
-//! tumble is an optimum of its own: of each run, whatever the others do. So no start leads to a good one of all
-//! runs at once, but at a known θ each run is a small problem by itself, and the best of several tumbles is
-//! soon found.
+//! If the vehicle's initial states are free, it may tumble in the first tenths of a second, and each tumble is a local
+//! optimum of its run, independently of the other runs. No start therefore leads to good optima of all runs at once. At
+//! a known θ, however, each run is a small separate problem, and the best of several tumbles is found quickly.
 
 use super::FitOptions;
 use super::race::Race;
@@ -21,19 +20,19 @@ use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-/// Tumbles that each run tries at a time.
+/// Number of tumbles per run and round.
 const KICKS: usize = 8;
-/// States of the vehicle that make it tumble, and what a kick of size 1 adds to each, with either sign: pitch
-/// [rad], its rate [rad/s], speeds of the rotors [krad/s].
+/// Vehicle states that cause a tumble, and the change of each by a kick of size 1, with either sign: pitch [rad], its
+/// rate [rad/s], speeds of the rotors [krad/s].
 const KICKED: [(usize, f64); 4] = [(1, 1.0), (3, 10.0), (4, 0.3), (5, 0.3)];
 /// Sizes of the kicks, drawn for each state.
 const SIZES: [f64; 2] = [0.1, 3.0];
-/// Iterations of the problem of one run.
+/// Maximum number of iterations for the problem of one run.
 const ITERATIONS: usize = 40;
-/// Steps of the Runge–Kutta method between two nodes.
+/// Number of Runge–Kutta steps between two nodes.
 const SUBSTEPS: usize = 8;
 
-/// What is added to [`KICKED`].
+/// Changes of the states in [`KICKED`].
 type Kick = [f64; KICKED.len()];
 
 fn kicks(seed: u64, count: usize) -> Vec<Kick> {
@@ -47,8 +46,8 @@ fn kicks(seed: u64, count: usize) -> Vec<Kick> {
     (0..count).map(|_| KICKED.map(&mut along)).collect()
 }
 
-/// The variables of an optimum with, of each run, the best tumble of several at the same θ; none where no run
-/// gains, or where `watch` ends it, which sees the part of the work that is done.
+/// The variables of an optimum with the best of several tumbles of each run at the same θ; `None` if no run gains, or
+/// if `watch`, which receives the completed share of the work, stops it.
 pub(super) fn better(
     problem: &Collocation,
     z: &[f64],
@@ -77,13 +76,13 @@ pub(super) fn better(
 /// One run of a problem at a known θ.
 struct OneRun {
     problem: Collocation,
-    /// Where it begins.
+    /// Its variables at the optimum of the whole problem.
     z: Vec<f64>,
     objective: f64,
 }
 
 impl OneRun {
-    /// Of run `j`; `model` is that of the whole problem at its θ.
+    /// Extracts run `j`; `model` is that of the whole problem at its θ.
     fn of(
         whole: &Collocation,
         model: Arc<Differentiated>,
@@ -112,7 +111,7 @@ impl OneRun {
         }
     }
 
-    /// The scaled states of the best of these tumbles, if it is better than where it begins.
+    /// The scaled states of the best of these tumbles, if it is better than the initial solution.
     fn best(&self, kicks: &[Kick], options: &FitOptions) -> Option<Vec<f64>> {
         let solved: Vec<_> = (kicks.par_iter())
             .map(|kick| self.solved(self.kicked(kick, options)))
@@ -122,7 +121,7 @@ impl OneRun {
         Some(z)
     }
 
-    /// The variables with the vehicle's pitch as it goes on from its first states and a kick under the same stick.
+    /// The variables with the vehicle's pitch simulated from its kicked initial states under the same stick.
     fn kicked(&self, kick: &Kick, options: &FitOptions) -> Vec<f64> {
         let (n, times) = (self.problem.n_states(), &self.problem.grids[0].times);
         let scales = &self.problem.model.scales.states;
@@ -131,7 +130,7 @@ impl OneRun {
             scaled.map(|(x, s)| x * s).collect()
         };
         let no_inputs = vec![0.0; self.problem.model.n_inputs()];
-        // Behind the derivatives and the measured output.
+        // The stick follows the derivatives and the measured output.
         let stick = |k: usize| {
             let model = &self.problem.model.tapes;
             model.evaluate(times[k], &states(k), &no_inputs, &[])[n + 1]
@@ -157,7 +156,7 @@ impl OneRun {
         z
     }
 
-    /// Objective and variables of the optimum to which these lead, if it is below where the run begins.
+    /// Objective and variables of the optimum reached from these variables, if it is below the initial objective.
     fn solved(&self, z: Vec<f64>) -> Option<(f64, Vec<f64>)> {
         let options = pilotage_sqp::SqpOptions {
             tolerance: ROUGH_TOLERANCE,
@@ -183,7 +182,8 @@ mod tests {
     use crate::{InitialState, Trial, problem, start};
     use pilotage_models::Quadcopter;
 
-    /// Two flights, free initial states, and a pilot that flies so; the variables are of the data alone.
+    /// Two flights with free initial states, and a pilot that flies similarly; the variables are derived from the data
+    /// only.
     fn with_flights(check: impl Fn(&Collocation, &[f64], &FitOptions)) {
         let flown = Flights {
             runs: 1,
@@ -214,7 +214,7 @@ mod tests {
         (objective, c.iter().fold(0.0, |most, c| most.max(c.abs())))
     }
 
-    /// Each solved run is a flight of the same pilot in the whole problem, with what it says that it leaves.
+    /// Each solved run is a run of the same pilot in the whole problem, with the objective that it reports.
     #[test]
     fn one_run_is_the_whole_problem_at_its_theta() {
         with_flights(|problem, z, options| {
@@ -242,7 +242,7 @@ mod tests {
         });
     }
 
-    /// A kick moves the pitch alone, from the first node on, and has died away before the run ends.
+    /// A kick changes only the pitch states, from the first node on, and decays before the run ends.
     #[test]
     fn a_kick_turns_the_vehicle_and_dies_away() {
         with_flights(|problem, z, options| {

@@ -1,4 +1,4 @@
-//! How sure θ is: standard deviations and 95 % intervals, by `pilotage-inference`.
+//! Uncertainty of θ: standard deviations and 95 % intervals, by `pilotage-inference`.
 
 use super::{FitOptions, Spread};
 use nalgebra::{DMatrix, DVector};
@@ -8,19 +8,20 @@ use pilotage_inference::{Direction, Noise};
 use pilotage_sqp::Iterate;
 use pilotage_text::counted;
 
-/// Step along a direction that the data leave open, per size of a parameter.
+/// Step along an undetermined direction, relative to a parameter.
 const ALONG: f64 = 1e-3;
-/// What follows from θ changes along it where twice the parameters would change it by more than this part.
+/// A derived quantity is undetermined if its relative change, per relative change of the parameters along such a
+/// direction, exceeds this.
 const TOUCHED: f64 = 0.01;
 
-/// How sure a fit is of θ, linearised at the solution.
+/// Uncertainty of θ, linearised at the solution.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Uncertainty {
-    /// Covariance of θ, and how it was computed.
+    /// Covariance of θ and its method.
     pub spread: Spread,
-    /// Whose correlations these are: where runs are few, of another method.
+    /// Method behind the correlations: a different one if there are few runs.
     pub correlated_by: Method,
-    /// The interval of each component of θ; a condition of stability that holds with equality takes its direction out.
+    /// Intervals of the components of θ; a stability condition that holds with equality removes its direction.
     pub intervals: Vec<Interval>,
     /// Correlations of θ.
     pub correlations: DMatrix<f64>,
@@ -28,21 +29,21 @@ pub struct Uncertainty {
     pub cramer_rao: Vec<f64>,
     /// Insensitivities `√(1/Hᵢᵢ)` relative to θ \[%\].
     pub insensitivity: Vec<f64>,
-    /// Conditions on θ that hold with equality.
+    /// Number of conditions on θ that hold with equality.
     pub held: usize,
-    /// Samples at which the limit of the stick holds.
+    /// Number of samples at which the limit of the stick is active.
     pub limited: usize,
-    /// Directions that the data leave open.
+    /// Directions that the data leave undetermined.
     pub open: Vec<Direction>,
 }
 
 impl Uncertainty {
-    /// At a solution of the paper's problem; none where its derivatives or its noise are not known.
+    /// Computed at a solution of the paper's problem; `None` if its derivatives or its noise are not known.
     pub(super) fn of(problem: &Collocation, at: &Iterate, options: &FitOptions) -> Option<Self> {
         let data = data(problem, at)?;
         let inference = Inference::new(&data).ok()?;
         let covariance = inference.covariance(options.covariance);
-        // What was asked for may not be: then the default says so by its name.
+        // If the requested method fails, the default is used, identified by its name.
         let covariance = covariance.or_else(|_| inference.covariance(None)).ok()?;
         let theta = problem.physical_theta(&at.z);
         let percent = |(value, theta): (f64, &f64)| 100.0 * value / theta.abs();
@@ -74,12 +75,12 @@ impl Uncertainty {
         })
     }
 
-    /// What numbers that follow from θ are as sure as; none where the data leave a direction open.
+    /// The covariance for derived quantities; `None` if the data leave a direction undetermined.
     pub fn told(&self) -> Option<&Spread> {
         self.open.is_empty().then_some(&self.spread)
     }
 
-    /// [`Spread::derived`]; flat are those that change along a direction that the data leave open.
+    /// [`Spread::derived`]; quantities that change along an undetermined direction are flat.
     pub fn derived(
         &self,
         theta: &[f64],
@@ -90,7 +91,7 @@ impl Uncertainty {
         let flat = |value: &f64| Interval::new(*value, f64::INFINITY, f64::INFINITY, open, None);
         let mut changes = vec![0.0_f64; values.len()];
         for Direction(parts) in &self.open {
-            // By as much as the component that changes most, per its size.
+            // Normalised by the component with the largest relative change.
             let relative = parts
                 .iter()
                 .zip(theta)
@@ -124,7 +125,7 @@ impl Uncertainty {
         .collect()
     }
 
-    /// What one must know of it, in words.
+    /// Notes for the user.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         if self.held > 0 {
@@ -154,7 +155,7 @@ impl Uncertainty {
     }
 }
 
-/// The least-squares problem of a solution; none where its derivatives are not known.
+/// The least-squares problem of a solution; `None` if its derivatives are not known.
 pub(super) fn data(problem: &Collocation, at: &Iterate) -> Option<Data> {
     let found = Sensitivities::new(problem, at)?;
     let runs = found.runs.iter().enumerate();
@@ -167,7 +168,7 @@ pub(super) fn data(problem: &Collocation, at: &Iterate) -> Option<Data> {
     })
 }
 
-/// A run's residuals and their derivatives.
+/// Residuals and derivatives of a run.
 fn run(
     problem: &Collocation,
     at: &Iterate,

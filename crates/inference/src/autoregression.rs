@@ -1,14 +1,14 @@
-//! Autoregressive noise, estimated from residuals with the bias that the fit leaves in them taken off.
+//! Autoregressive noise, estimated from the residuals of a fit without the bias that the fit causes.
 //!
-//! A fit takes from its residuals what its unknowns can follow, so that they look less coloured than the noise is.
+//! A fit removes from its residuals what its unknowns can follow, so they look less coloured than the noise is.
 //! Restricted maximum likelihood is free of that bias to first order (Cheang & Reinsel, *Bias reduction of
 //! autoregressive estimates in time series regression model through restricted maximum likelihood*, J. Am. Stat. Assoc.
-//! 95, 2000). The process is told by its partial autocorrelations, which are stationary below one (Barndorff-Nielsen &
-//! Schou, J. Multivar. Anal. 3, 1973); the order is that of Akaike's criterion.
+//! 95, 2000). The process is parametrised by its partial autocorrelations; it is stationary if they are below one
+//! (Barndorff-Nielsen & Schou, J. Multivar. Anal. 3, 1973). The order minimises Akaike's criterion.
 //!
-//! Where samples are not evenly apart, or some are missing, the process is one of first order in continuous time, whose
-//! correlation over a time Δ is `exp(-rate Δ)` (R. H. Jones, *Fitting a continuous time autoregression to discrete data*,
-//! Applied Time Series Analysis II, 1981).
+//! If samples are missing or not evenly spaced, the process is of first order in continuous time, with the correlation
+//! `exp(-rate Δ)` over a time Δ (R. H. Jones, *Fitting a continuous time autoregression to discrete data*, Applied Time
+//! Series Analysis II, 1981).
 
 use crate::burg;
 use crate::residuals::is_even;
@@ -16,38 +16,39 @@ use crate::restricted::{LARGEST, Likelihood, golden, of_whitened};
 use nalgebra::DMatrix;
 use std::borrow::Cow;
 
-/// Highest order. White noise that lies over what a loop swings with has no finite one, and the criterion may have a lower
-/// minimum beyond a first one.
+/// Highest order. White noise added to the oscillation of a loop has no finite order, and the criterion may have a
+/// lower minimum beyond the first one.
 const MOST: usize = 32;
-/// Rows of a run for each order.
+/// Rows of a run required per order.
 const ROWS: usize = 10;
-/// Part of the mean distance of samples below which they count as that far apart: values of one time are not the same.
+/// Smallest distance of samples, relative to the mean one: values recorded at one time are not identical.
 const LEAST: f64 = 0.01;
 
 /// An autoregressive process.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Autoregression {
-    /// Predictors of all orders up to its own: `predictors[k]` has `k` coefficients, the nearest value's first.
+    /// Predictors of all orders up to the process's own: `predictors[k]` has `k` coefficients, that of the nearest
+    /// value first.
     pub(crate) predictors: Vec<Vec<f64>>,
-    /// Variances of what each order leaves, per innovation.
+    /// Prediction error variance of each order, relative to the innovations' variance.
     pub(crate) left: Vec<f64>,
-    /// Variance of the innovations; of the values themselves, in continuous time.
+    /// Variance of the innovations; in continuous time, of the values themselves.
     pub variance: f64,
-    /// In continuous time, how fast correlations decay [1/s], and the least distance of samples that counts [s].
+    /// In continuous time: the decay rate of correlations [1/s] and the smallest distance of samples used [s].
     decay: Option<[f64; 2]>,
 }
 
-/// A run's rows of one signal: columns of the run's own unknowns, of the shared ones, and the residuals.
+/// One signal's rows of a run: columns of the run's own unknowns, of the shared unknowns, and the residuals.
 #[derive(Debug, Clone)]
 pub struct Segment {
     pub own: usize,
-    /// When each row was recorded [s].
+    /// Time of each row [s].
     pub time: Vec<f64>,
     pub rows: DMatrix<f64>,
 }
 
 impl Autoregression {
-    /// Of these partial autocorrelations; innovations of unit variance (Durbin and Levinson).
+    /// The process with these partial autocorrelations and innovations of unit variance (Durbin and Levinson).
     pub fn new(partial: &[f64]) -> Self {
         let mut predictors = vec![Vec::new()];
         for k in partial {
@@ -70,7 +71,7 @@ impl Autoregression {
         }
     }
 
-    /// The process in the residuals of a signal.
+    /// Estimates the process from the residuals of a signal.
     pub fn estimated(segments: &[Segment]) -> Self {
         match is_even(segments.iter().map(|own| &own.time[..])) {
             true => Self::even(segments),
@@ -78,10 +79,10 @@ impl Autoregression {
         }
     }
 
-    /// The process in series, each of values and their times \[s\], from which no fit has taken anything.
+    /// Estimates the process from series of values and their times \[s\] that are not residuals of a fit.
     ///
     /// # Panics
-    /// Without a series, or where a series has not as many times as values.
+    /// If there are no series, or if the values and times of a series differ in number.
     pub fn of_series(all: &[(Vec<f64>, Vec<f64>)]) -> Self {
         assert!(!all.is_empty(), "a series at least");
         let segment = |(values, time): &(Vec<f64>, Vec<f64>)| {
@@ -95,7 +96,7 @@ impl Autoregression {
         Self::estimated(&all.iter().map(segment).collect::<Vec<_>>())
     }
 
-    /// Of samples that are not evenly apart: of first order in continuous time, or white.
+    /// For samples that are not evenly spaced: first order in continuous time, or white.
     fn uneven(segments: &[Segment]) -> Self {
         let gaps = segments.iter().flat_map(|own| own.time.windows(2));
         let (span, count) = gaps.fold((0.0, 0.0), |(span, count), pair| {
@@ -111,7 +112,7 @@ impl Autoregression {
         let [slow, fast] = [-f64::ln(LARGEST), 10.0].map(f64::ln);
         let best = golden(at, slow, fast);
         let white = value(&Self::new(&[]));
-        // A rate is one more unknown, as in Akaike's criterion.
+        // The rate counts as one more unknown, as in Akaike's criterion.
         let (process, variance) = match at(best) + 2.0 < white.0 {
             true => (of(best.exp() / mean), value(&of(best.exp() / mean)).1),
             false => (Self::new(&[]), white.1),
@@ -122,7 +123,7 @@ impl Autoregression {
         }
     }
 
-    /// What predicts the value of a number from those before it, the nearest first, and the variance that it leaves, per
+    /// Predictor of value `t` from the values before it, the nearest first, and its error variance relative to
     /// [`Self::variance`].
     fn step(&self, t: usize, time: &[f64]) -> (Cow<'_, [f64]>, f64) {
         match self.decay {
@@ -138,10 +139,11 @@ impl Autoregression {
         }
     }
 
-    /// What the values before each one say of it: 0 of the first. `time` is that of each value \[s\].
+    /// One-step predictions: each value predicted from those before it, 0 for the first. `time` holds the time of each
+    /// value \[s\].
     ///
     /// # Panics
-    /// Where these are not equally many.
+    /// If the lengths differ.
     pub fn one_step(&self, values: &[f64], time: &[f64]) -> Vec<f64> {
         assert_eq!(values.len(), time.len(), "a time for each value");
         let expected = |t: usize| {
@@ -152,7 +154,7 @@ impl Autoregression {
         (0..values.len()).map(expected).collect()
     }
 
-    /// Its order: how many values before tell of the next.
+    /// The order: how many previous values predict the next one.
     pub fn order(&self) -> usize {
         match self.decay {
             Some(_) => 1,
@@ -160,7 +162,7 @@ impl Autoregression {
         }
     }
 
-    /// The process in residuals that are evenly apart.
+    /// Estimates the process from evenly spaced residuals.
     fn even(segments: &[Segment]) -> Self {
         let longest = segments
             .iter()
@@ -194,8 +196,8 @@ impl Autoregression {
         }
     }
 
-    /// `√Σ Wᵀ`-transformed rows: `C` with `CᵀC = JᵀΣJ`, for rows `J` of these times \[s\] and the covariance `Σ` of as
-    /// many values.
+    /// `C` with `CᵀC = JᵀΣJ` for rows `J` at these times \[s\], where `Σ` is the covariance of as many values of the
+    /// process.
     pub fn coloured(&self, rows: &DMatrix<f64>, time: &[f64]) -> DMatrix<f64> {
         let mut out = rows.clone();
         for t in (0..rows.nrows()).rev() {
@@ -210,8 +212,8 @@ impl Autoregression {
         out
     }
 
-    /// Rows of these times \[s\] of which each column is what its values before do not tell, over its standard deviation:
-    /// `L⁻¹ J` of rows `J`, with the covariance `LLᵀ` of as many values.
+    /// `L⁻¹ J` for rows `J` at these times \[s\], where `LLᵀ` is the covariance of as many values: each entry is the
+    /// one-step prediction error over its standard deviation.
     pub fn whitened(&self, rows: &DMatrix<f64>, time: &[f64]) -> DMatrix<f64> {
         let mut out = DMatrix::zeros(rows.nrows(), rows.ncols());
         for t in 0..rows.nrows() {
@@ -225,7 +227,8 @@ impl Autoregression {
         out
     }
 
-    /// Values of the process at these times \[s\], from innovations of unit variance: stationary from the first on.
+    /// Simulates the process at these times \[s\] from innovations of unit variance, stationary from the first value
+    /// on.
     pub fn simulated(&self, time: &[f64], mut innovation: impl FnMut() -> f64) -> Vec<f64> {
         let mut values: Vec<f64> = Vec::with_capacity(time.len());
         for t in 0..time.len() {
@@ -277,7 +280,7 @@ pub(crate) mod tests {
         assert!((coloured.tr_mul(&coloured) - &expected).amax() < 1e-10 * expected.amax());
     }
 
-    /// The covariance of simulated values is that of the process, since they are linear in the innovations.
+    /// Simulated values are linear in the innovations; their covariance is that of the process.
     #[test]
     fn simulated_values_have_the_covariance_of_the_process() {
         let (a, b, n) = (1.5, -0.7, 12);
@@ -311,7 +314,7 @@ pub(crate) mod tests {
         let coloured = process.coloured(&rows, &TIMES);
         let expected = rows.transpose() * &sigma * &rows;
         assert!((coloured.tr_mul(&coloured) - &expected).amax() < 1e-12 * expected.amax());
-        // The best linear prediction of the last value is that of Yule and Walker's equations.
+        // The best linear prediction of the last value follows from the Yule–Walker equations.
         let values: Vec<f64> = (0..8).map(|t| (t as f64).cos()).collect();
         let before = sigma.view((0, 0), (7, 7)).into_owned();
         let weights = before.try_inverse().expect("regular") * sigma.view((0, 7), (7, 1));
@@ -320,7 +323,7 @@ pub(crate) mod tests {
         assert!((found[7] - best).abs() < 1e-12 && found[0] == 0.0);
     }
 
-    /// The rate of a process that is seen at random times, and that white noise is white.
+    /// The rate of a process sampled at random times is estimated, and white noise is recognised as white.
     #[test]
     fn the_rate_of_an_uneven_process_is_found() {
         let mut random = ChaCha8Rng::seed_from_u64(5);

@@ -2,13 +2,13 @@
 
 use crate::restricted::LARGEST;
 
-/// Partial autocorrelations of a process in several series of it, up to an order.
+/// Partial autocorrelations of a process, estimated from several series of it, up to an order.
 ///
-/// Each makes what is left of all values least, of those that the values before and of those that the values behind them
-/// predict (J. P. Burg, *Maximum Entropy Spectral Analysis*, 1975). Those of sample autocovariances are too small in size where
-/// values hardly change from one to the next, so that a likelihood by them chooses too low an order.
+/// Each one minimises the sum of the forward and backward prediction errors (J. P. Burg, *Maximum Entropy Spectral
+/// Analysis*, 1975). Estimates from sample autocovariances are too small if values change little between samples, so
+/// that a likelihood based on them chooses too low an order.
 pub fn partial(series: Vec<Vec<f64>>, order: usize) -> Vec<f64> {
-    // What is left of each value by those before it, and of the one so many places before by those behind it.
+    // Forward prediction error of each value, and backward prediction error of the value as many samples before.
     let mut left: Vec<[Vec<f64>; 2]> = series.into_iter().map(|own| [own.clone(), own]).collect();
     let mut found = Vec::new();
     for _ in 0..order {
@@ -46,7 +46,7 @@ mod tests {
     use rand_chacha::rand_core::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
-    /// Series of x = 1.675 x₋₁ - 0.7165 x₋₂ + w + 0.9 w₋₁ with w = 0.9 w₋₁ + e, a remnant that a loop has smoothed.
+    /// Series of x = 1.675 x₋₁ - 0.7165 x₋₂ + w + 0.9 w₋₁ with w = 0.9 w₋₁ + e, a remnant smoothed by a loop.
     fn smooth(runs: u64, count: usize) -> Vec<Vec<f64>> {
         let run = |seed| {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -63,7 +63,7 @@ mod tests {
         (0..runs).map(run).collect()
     }
 
-    /// A moving average takes many orders; the spectrum at 0 is what the variance of an offset hangs on.
+    /// A moving average requires many orders; the variance of an offset depends on the spectrum at 0.
     #[test]
     fn smooth_noise_has_a_high_order_and_its_power_at_low_frequencies() {
         let time: Vec<f64> = (0..300).map(f64::from).collect();
@@ -77,7 +77,7 @@ mod tests {
         assert!((power / expected).ln().abs() < 0.5, "{power} {expected}");
     }
 
-    /// Of an undamped oscillation each value is told by the two before it, however few there are.
+    /// Each value of an undamped oscillation is predicted by the two before it, even in a short series.
     #[test]
     fn a_sine_is_predicted() {
         let series = (0..40).map(|t| (0.3 * f64::from(t) + 0.2).sin()).collect();

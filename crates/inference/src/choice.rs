@@ -1,18 +1,18 @@
-//! Which of several models of the same data: the smallest that none predicts better.
+//! Choice between several models of the same data: the smallest one that no other predicts better than.
 //!
-//! Criteria of information believe that residuals are white, and take too large a model where they are not. What a model
-//! says of a run that it was not fitted to needs no such belief: runs share no noise. So a larger model is taken where it
-//! predicts runs better that were left out, by Student's test on the differences from run to run.
+//! Information criteria assume white residuals and choose too large a model if they are coloured. Predictions of a run
+//! that the model was not fitted to do not need this assumption, since runs share no noise. A larger model is therefore
+//! chosen if it predicts held-out runs better, by Student's test on the differences between runs.
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-/// Probability with which a larger model is taken though it is no better.
+/// Probability of choosing a larger model that is no better.
 pub const SIZE: f64 = 0.05;
 
-/// Fewest runs for a test.
+/// Minimum number of runs for a test.
 pub const FEWEST_RUNS: usize = 3;
 
-/// A model's figures.
+/// Fit statistics of a model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contender {
     /// Number of unknowns.
@@ -21,12 +21,12 @@ pub struct Contender {
     pub samples: usize,
     /// −2 log likelihood of the fit.
     pub surprise: f64,
-    /// The same of each run by a fit to the others; NaN where there is none.
+    /// −2 log likelihood of each run by a fit to the other runs; NaN if there is none.
     pub held_out: Vec<f64>,
 }
 
 impl Contender {
-    /// Akaike's criterion with the correction for few samples (Hurvich & Tsai, Biometrika 76, 1989); infinite where there
+    /// Akaike's criterion with the correction for few samples (Hurvich & Tsai, Biometrika 76, 1989); infinite if there
     /// are no more samples than unknowns.
     pub fn aicc(&self) -> f64 {
         let (n, k) = (self.samples as f64, self.unknowns as f64);
@@ -42,27 +42,27 @@ impl Contender {
     }
 }
 
-/// A larger model against the one that was taken before it.
+/// Comparison of a larger model with the one chosen before it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Comparison {
-    /// The one before.
+    /// Index of the model chosen before.
     pub before: usize,
-    /// The larger one, or the later of the same size.
+    /// Index of the larger model, or of the later one of the same size.
     pub after: usize,
-    /// By how much the one before is more surprised by a run that was left out, in the mean; not a number where the larger
-    /// one predicts too few runs.
+    /// Mean decrease of −2 log likelihood of a held-out run by the larger model; NaN if the larger model predicts too
+    /// few runs.
     pub gain: f64,
-    /// Probability of such a gain or a larger one where both predict as well.
+    /// Probability of such a gain or a larger one if both models predict equally well.
     pub p: f64,
-    /// Whether the larger one is taken.
+    /// Whether the larger model is chosen.
     pub is_taken: bool,
 }
 
-/// Which model, and by which comparisons; none where there are too few runs that one of them predicts.
+/// Chooses a model and returns its index and the comparisons; `None` if no model predicts enough runs.
 ///
-/// From the smallest model on that predicts enough of them, each larger one is held against the one that was taken last. With m models the
-/// probability of a comparison is [`SIZE`]`/(m - 1)` (Bonferroni), so that a model that is too large is taken with `SIZE` at
-/// most.
+/// Starting from the smallest model that predicts enough runs, each larger one is compared with the last one chosen.
+/// With m models the significance level of a comparison is [`SIZE`]`/(m - 1)` (Bonferroni), so that too large a model
+/// is chosen with a probability of at most `SIZE`.
 pub fn choose(all: &[Contender]) -> Option<(usize, Vec<Comparison>)> {
     let mut order: Vec<usize> = (0..all.len()).collect();
     order.sort_by_key(|k| all[*k].unknowns);
@@ -83,7 +83,7 @@ pub fn choose(all: &[Contender]) -> Option<(usize, Vec<Comparison>)> {
             false => (f64::NAN, 1.0),
         };
         if both().any(|(before, after)| before.is_finite() && !after.is_finite()) {
-            // It fails at a run that the one before predicts.
+            // The larger model fails at a run that the smaller one predicts.
             p = 1.0;
         }
         let is_taken = p < SIZE / larger.len() as f64;
@@ -101,7 +101,7 @@ pub fn choose(all: &[Contender]) -> Option<(usize, Vec<Comparison>)> {
     Some((taken, comparisons))
 }
 
-/// Mean, and probability of one as large or larger where the truth is 0 (Student's test).
+/// Mean of the values, and the probability of one as large or larger if the true mean is 0 (Student's test).
 fn one_sided(values: &[f64]) -> (f64, f64) {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -109,7 +109,7 @@ fn one_sided(values: &[f64]) -> (f64, f64) {
     let t = mean / (variance / n).sqrt();
     match StudentsT::new(0.0, 1.0, n - 1.0) {
         Ok(law) if t.is_finite() => (mean, law.sf(t)),
-        // All the same: 0, or without doubt.
+        // All values are equal: the mean is 0, or positive with certainty.
         _ if mean > 0.0 => (mean, 0.0),
         _ => (mean, 1.0),
     }
@@ -159,7 +159,7 @@ mod tests {
         );
     }
 
-    /// Where no model is better, the smallest is taken in 95 of 100 cases at least.
+    /// If no model is better, the smallest one is chosen in at least 95 of 100 cases.
     #[test]
     fn no_larger_model_is_taken_for_nothing() {
         let mut generator = ChaCha8Rng::seed_from_u64(7);

@@ -7,29 +7,29 @@ use nalgebra::{DMatrix, DVector};
 use std::fmt;
 use std::sync::OnceLock;
 
-/// Runs from which on leaving out one at a time tells more than a model of the noise.
+/// Number of runs from which on the jackknife is more reliable than a model of the noise.
 pub const ENOUGH_RUNS: usize = 4;
-/// Part of the largest effect on a run from which on it tells of a parameter.
+/// A run informs about a parameter if its effect exceeds this part of the largest one on any run.
 const TELLS: f64 = 1e-6;
 
-/// How residuals become a covariance.
+/// How the covariance is computed from the residuals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Method {
     /// `s² H⁻¹`: for white residuals.
     Plain,
     /// `H⁻¹ Σ J_iᵀ R(i - j) J_j H⁻¹` with the residuals' autocorrelations (Morelli & Klein, J. Aircr. 34, 1997).
     Sidpac,
-    /// The same with an autoregressive process for each signal, without the bias that the fit leaves in residuals.
+    /// The same with an autoregressive process per signal, estimated without the bias of the fit.
     Ar,
-    /// The jackknife over runs: nothing is said of the noise but that runs share none.
+    /// The jackknife over runs: assumes only that runs share no noise.
     Cr3,
 }
 
 impl Method {
-    /// All of them.
+    /// All methods.
     pub const ALL: [Self; 4] = [Self::Plain, Self::Sidpac, Self::Ar, Self::Cr3];
 
-    /// One word, as on the command line.
+    /// Name on the command line.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Plain => "plain",
@@ -46,7 +46,8 @@ impl fmt::Display for Method {
     }
 }
 
-/// A model of the noise, and what it makes of the score; the same with white noise of the same variances.
+/// A model of the noise and the covariance of the score that it implies; the same for white noise of the same
+/// variances.
 #[derive(Debug, Clone)]
 struct Model {
     processes: Processes,
@@ -55,22 +56,22 @@ struct Model {
     white_meat: DMatrix<f64>,
 }
 
-/// A covariance of the shared parameters, and what intervals need.
+/// Covariance of the shared parameters, and what intervals need.
 #[derive(Debug, Clone)]
 pub struct Covariance {
-    /// How it was computed.
+    /// Method of computation.
     pub method: Method,
-    /// p × p; zero for what constraints hold, without the directions that the data leave open. It has full rank in what
-    /// is determined: where runs are too few for that, correlations are those of [`Method::Ar`].
+    /// p × p; zero for parameters fixed by constraints and without the undetermined directions. It has full rank in the
+    /// determined directions: if runs are too few for that, the correlations are those of [`Method::Ar`].
     pub matrix: DMatrix<f64>,
-    /// Whose correlations they are.
+    /// Method behind the correlations.
     pub correlated_by: Method,
     /// Degrees of freedom of Student's t for each parameter.
     pub degrees: Vec<f64>,
-    /// Method behind the variance of each parameter: [`Method::Ar`] for those that fewer runs tell than [`Method::Cr3`]
-    /// asks for.
+    /// Method behind the variance of each parameter: [`Method::Ar`] for those informed by fewer runs than
+    /// [`Method::Cr3`] requires.
     pub methods: Vec<Method>,
-    /// The model of the noise, once it is asked for.
+    /// The model of the noise, computed on demand.
     model: OnceLock<Model>,
 }
 
@@ -80,7 +81,7 @@ impl Covariance {
         self.matrix.diagonal().iter().map(|v| v.sqrt()).collect()
     }
 
-    /// Correlations; zero beside what has no variance.
+    /// Correlations; zero for parameters without variance.
     pub fn correlations(&self) -> DMatrix<f64> {
         let sd = self.deviations();
         let n = sd.len();
@@ -90,19 +91,19 @@ impl Covariance {
         })
     }
 
-    /// Variance of what has this gradient over the shared parameters (delta method), and the least degrees of freedom of
-    /// what it takes part of.
+    /// Variance of a quantity with this gradient over the shared parameters (delta method), and the smallest degrees of
+    /// freedom of the parameters involved.
     pub fn along(&self, gradient: &DVector<f64>) -> (f64, f64) {
         along(&self.matrix, &self.degrees, gradient)
     }
 }
 
 impl Inference<'_> {
-    /// The covariance by a method; without one, [`Method::Cr3`] from [`ENOUGH_RUNS`] runs on where none of them alone
-    /// tells a parameter, and [`Method::Ar`] else.
+    /// The covariance by a method. Without one: [`Method::Cr3`] from [`ENOUGH_RUNS`] runs on if no parameter depends on
+    /// a single run, otherwise [`Method::Ar`].
     ///
     /// # Errors
-    /// Where a method that was named does not give one: [`Obstacle::FewRuns`], [`Obstacle::Negative`].
+    /// If the given method yields no covariance: [`Obstacle::FewRuns`], [`Obstacle::Negative`].
     pub fn covariance(&self, method: Option<Method>) -> Result<Covariance, Obstacle> {
         match method {
             None if self.data.runs.len() < ENOUGH_RUNS => self.by(Method::Ar),
@@ -141,7 +142,7 @@ impl Inference<'_> {
         Ok(found)
     }
 
-    /// The model of the noise that goes with a method.
+    /// The model of the noise that a method uses.
     fn model(&self, method: Method) -> Model {
         let processes = match method {
             Method::Plain => self.white(),
@@ -156,13 +157,13 @@ impl Inference<'_> {
         }
     }
 
-    /// The covariance of the shared parameters by a model of the noise.
+    /// Covariance of the shared parameters by a model of the noise.
     fn modelled(&self, model: &Model) -> DMatrix<f64> {
         self.over_parameters(&self.sandwiched(&model.meat))
     }
 
-    /// Degrees of freedom for Student's t: values less unknowns, of which a coloured noise leaves as many as white noise
-    /// of its variance would need for the same standard deviation.
+    /// Degrees of freedom of Student's t: number of values minus unknowns. Coloured noise counts as the number of
+    /// values for which white noise of its variance has the same standard deviation.
     fn degrees_left(&self, model: &Model) -> Vec<f64> {
         let coloured = self.modelled(model);
         let white = self.over_parameters(&self.sandwiched(&model.white_meat));
@@ -175,8 +176,8 @@ impl Inference<'_> {
         &self.all.free * covariance * self.all.free.transpose()
     }
 
-    /// Where few runs tell of a parameter, its variance is that of the model of the noise; where runs are too few for
-    /// the rank of a sandwich, so are the correlations.
+    /// Uses the noise model's variance for parameters that few runs inform about, and its correlations if there are too
+    /// few runs for the rank of the sandwich.
     fn mend(&self, matrix: &mut DMatrix<f64>, found: &mut Covariance) {
         let (p, all) = (matrix.nrows(), self.data.runs.len());
         let told: Vec<usize> = (0..p).map(|i| self.told_by(i)).collect();
@@ -202,7 +203,7 @@ impl Inference<'_> {
         *matrix = DMatrix::from_fn(p, p, |i, j| scale[i] * other[(i, j)] * scale[j]);
     }
 
-    /// How many runs tell of a parameter.
+    /// Number of runs that inform about a parameter.
     fn told_by(&self, parameter: usize) -> usize {
         let effects = self
             .data
@@ -214,10 +215,10 @@ impl Inference<'_> {
         effects.iter().filter(|own| **own > TELLS * most).count()
     }
 
-    /// The covariance of the shared parameters and a run's own unknowns.
+    /// Covariance of the shared parameters and a run's own unknowns.
     ///
     /// # Panics
-    /// Where there is no such run.
+    /// If there is no such run.
     pub fn joint(&self, covariance: &Covariance, run: usize) -> Joint {
         let model = covariance
             .model
@@ -240,7 +241,7 @@ impl Inference<'_> {
         run: usize,
     ) -> DMatrix<f64> {
         let own = &self.all.runs[run];
-        // What the run's residuals make of the shared coordinates, and these of its own unknowns.
+        // Effect of the run's residuals on the shared coordinates, and of these on its own unknowns.
         let told = &self.inverse * own.projected.transpose();
         let follows = &own.follows - &own.inverse * &own.shared;
         let stacked = |above: DMatrix<f64>, below: DMatrix<f64>| {
@@ -257,18 +258,19 @@ impl Inference<'_> {
     }
 }
 
-/// A covariance of shared parameters and one run's own unknowns behind them, by the model of the noise: what a run alone
-/// tells no other run confirms.
+/// Covariance of the shared parameters, followed by one run's own unknowns, by the model of the noise: the jackknife
+/// does not apply to what only one run determines.
 #[derive(Debug, Clone)]
 pub struct Joint {
     /// (p + m) × (p + m).
     pub matrix: DMatrix<f64>,
-    /// Degrees of freedom of Student's t for each.
+    /// Degrees of freedom of Student's t for each entry.
     pub degrees: Vec<f64>,
 }
 
 impl Joint {
-    /// Variance of what has this gradient (delta method), and the least degrees of freedom of what it takes part of.
+    /// Variance of a quantity with this gradient (delta method), and the smallest degrees of freedom of the entries
+    /// involved.
     pub fn along(&self, gradient: &DVector<f64>) -> (f64, f64) {
         along(&self.matrix, &self.degrees, gradient)
     }
@@ -280,8 +282,7 @@ fn along(matrix: &DMatrix<f64>, degrees: &[f64], gradient: &DVector<f64>) -> (f6
     (gradient.dot(&(matrix * gradient)).max(0.0), least)
 }
 
-/// Degrees of freedom that so many values and unknowns leave where the variance would be the first with white noise, and
-/// is the second.
+/// Degrees of freedom left by this many values and unknowns, given the variance with white noise and the actual one.
 fn left([white, coloured]: [f64; 2], (values, unknowns): (usize, usize)) -> f64 {
     let part = if coloured > 0.0 {
         (white / coloured).min(1.0)

@@ -1,19 +1,19 @@
-//! Are residuals correlated with what drove the system? Where they are, the model lacks a path or a delay from there
-//! (L. Ljung, *System Identification*, 2nd ed., section 16.6).
+//! Cross-correlation of residuals with the inputs of the system. If they are correlated, the model lacks a path or a
+//! delay from that input (L. Ljung, *System Identification*, 2nd ed., section 16.6).
 
 use crate::autoregression::Autoregression;
 use crate::residuals::{centred, is_even};
 use nalgebra::DMatrix;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
-/// Most lags to either side, as Matlab's `resid` has.
+/// Maximum number of lags on either side, as in Matlab's `resid`.
 const MOST_LAGS: usize = 25;
-/// Probability that a correlation lies outside of its band where nothing is left.
+/// Probability that a correlation lies outside of its band if no path is missing.
 const OUTSIDE: f64 = 0.01;
 
-/// Part of the residuals' squares from which it matters what explains them.
+/// Minimum share of the residuals' squares that an input must explain to be reported.
 const MATTERS: f64 = 0.2;
-/// Directions of the input's lags that have less than this part of the largest one's variance are none.
+/// Directions of the input's lags with less than this part of the largest variance are dropped.
 const DIRECTION: f64 = 1e-6;
 
 /// Residuals and an input of a run, at the samples where both are known.
@@ -23,37 +23,37 @@ pub struct Pair {
     pub residuals: Vec<f64>,
     /// The input.
     pub input: Vec<f64>,
-    /// Their times \[s\].
+    /// Times of the samples \[s\].
     pub time: Vec<f64>,
-    /// Derivatives of the predictions by the shared parameters and by the run's own unknowns, a row for each residual;
-    /// empty where they are not known.
+    /// Derivatives of the predictions with respect to the shared parameters and to the run's own unknowns, one row per
+    /// residual; empty if not known.
     pub gradients: [DMatrix<f64>; 2],
 }
 
-/// Correlations of residuals with an input at times before and after.
+/// Correlations of residuals with an input at earlier and later times.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Crossed {
-    /// By which time the input came before the residual \[s\]; below 0 it came after.
+    /// Time by which the input precedes the residual \[s\]; negative if it follows.
     pub lags: Vec<f64>,
-    /// Correlation at each lag, over all runs, of both as the residuals' process whitens them.
+    /// Correlation at each lag over all runs, both series whitened by the residuals' process.
     pub correlations: Vec<f64>,
-    /// Half width of each one's 99 % band around 0.
+    /// Half width of the 99 % band around 0 at each lag.
     pub bands: Vec<f64>,
-    /// How likely residuals are as much explained by the input of all lags from 0 on together, where nothing is left of
-    /// it: the score test, chi squared with as many degrees of freedom as these have directions.
+    /// Probability that the input at all lags from 0 on explains as much of the residuals if no path is missing: the
+    /// score test, chi squared with as many degrees of freedom as these inputs have directions.
     pub p: f64,
-    /// Part of the residuals' squares, as they are, that the input of these lags explains.
+    /// Share of the squares of the unwhitened residuals that the input at these lags explains.
     pub share: f64,
 }
 
 impl Crossed {
-    /// Of runs with samples that are evenly apart. None where they are not, or where residuals or the input do not vary
+    /// Computed from runs with evenly spaced samples. `None` if they are not, or if residuals or input do not vary
     /// within runs.
     ///
-    /// Both are first whitened by the residuals' autoregressive process: of residuals with the covariance `Σ` that is the
-    /// score test of a path with this lag, `uᵀ Σ⁻¹ e` with the variance `uᵀ Σ⁻¹ u`, the most powerful there is for a small
-    /// one (Rao). Trends, in which residuals of a missing delay hide behind an input that wanders, go with it. What the
-    /// unknowns could take up is left out of both, as errors of estimates are no path.
+    /// Both are first whitened by the residuals' autoregressive process. For residuals with the covariance `Σ` this is
+    /// the score test of a path with this lag, `uᵀ Σ⁻¹ e` with the variance `uᵀ Σ⁻¹ u`, the most powerful test of a
+    /// weak path (Rao). Whitening also removes trends, which hide the residuals of a missing delay if the input drifts.
+    /// The span of the unknowns is projected out of both, since errors of estimates are not a path.
     pub fn of(runs: &[Pair]) -> Option<Self> {
         let longest = runs.iter().map(|run| run.time.len()).max()?;
         let most = MOST_LAGS.min(longest / 5);
@@ -74,7 +74,7 @@ impl Crossed {
         let lags = 2 * most + 1;
         let gram = gram(&runs, most, &process);
         let plain = self::gram(&runs, most, &process.white());
-        // Where unknowns take up all there is of a lag, nothing is left to be told.
+        // If the unknowns can explain all of a lag, nothing remains to be tested.
         let least = DIRECTION * (0..lags).map(|k| gram[(k, k)]).fold(0.0, f64::max);
         let squares = gram[(lags, lags)];
         let correlation = |k: usize| match gram[(k, k)] > least {
@@ -102,8 +102,8 @@ impl Crossed {
         self.correlations[lag].abs() > self.bands[lag]
     }
 
-    /// The lag at which an input that came before is left in the residuals most; none where all that is left of it is no more
-    /// than chance makes with a probability of 1 %, of so many pairs in all (Bonferroni), or less than a fifth of them.
+    /// The lag from 0 on with the largest correlation. `None` if the input explains no more than chance does with a
+    /// probability of 1 % over this many pairs (Bonferroni), or less than a fifth of the residuals.
     pub fn left(&self, pairs: usize) -> Option<usize> {
         let size = |k: usize| self.correlations[k].abs();
         let before = (0..self.lags.len()).filter(|k| self.lags[*k] >= 0.0);
@@ -112,7 +112,7 @@ impl Crossed {
     }
 }
 
-/// Products of columns with each other, without what the columns from `first` on explain of those before: these stay.
+/// Gram matrix of the columns before `first`, with the columns from `first` on projected out.
 fn without(gram: DMatrix<f64>, first: usize) -> DMatrix<f64> {
     let count = gram.ncols() - first;
     let others = gram.view((first, first), (count, count)).into_owned();
@@ -132,8 +132,8 @@ fn without(gram: DMatrix<f64>, first: usize) -> DMatrix<f64> {
     left
 }
 
-/// Products with each other of the input at each lag and the residuals, the last column, as a process whitens them, and
-/// without what unknowns take up.
+/// Gram matrix of the input at each lag and the residuals (last column), whitened by a process and with the span of the
+/// unknowns projected out.
 fn gram(runs: &[Pair], most: usize, process: &Autoregression) -> DMatrix<f64> {
     let shared = runs.iter().map(|run| run.gradients[0].ncols()).max();
     let all = 2 * most + 2 + shared.unwrap_or(0);
@@ -150,7 +150,8 @@ fn gram(runs: &[Pair], most: usize, process: &Autoregression) -> DMatrix<f64> {
     without(gram, 2 * most + 2)
 }
 
-/// What the input of all lags from 0 on explains of the residuals' squares, `sᵀ N⁻¹ s`, and in how many directions.
+/// What the input at all lags from 0 on explains of the residuals' squares, `sᵀ N⁻¹ s`, and the number of its
+/// directions.
 fn explained_before(gram: &DMatrix<f64>, most: usize) -> (f64, usize) {
     let normal = gram.view((most, most), (most + 1, most + 1)).into_owned();
     let score = gram.column(2 * most + 1).rows(most, most + 1).into_owned();
@@ -164,7 +165,7 @@ fn explained_before(gram: &DMatrix<f64>, most: usize) -> (f64, usize) {
     (squares.iter().sum(), squares.len())
 }
 
-/// A column for each lag from `-most` to `most`: the input that much before; 0 where there is none.
+/// One column per lag from `-most` to `most`: the input earlier by the lag; 0 outside of the record.
 fn shifted(input: &[f64], most: usize) -> DMatrix<f64> {
     DMatrix::from_fn(input.len(), 2 * most + 1, |t, k| {
         let at = (t + most).checked_sub(k);
@@ -172,7 +173,7 @@ fn shifted(input: &[f64], most: usize) -> DMatrix<f64> {
     })
 }
 
-/// What a standard normal number exceeds on both sides with this probability.
+/// Two-sided quantile of the standard normal distribution for this probability outside.
 fn quantile(outside: f64) -> f64 {
     Normal::standard().inverse_cdf(1.0 - 0.5 * outside)
 }
@@ -184,7 +185,8 @@ mod tests {
     use rand_chacha::rand_core::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
-    /// Two runs of AR(1) residuals and a smooth input, with so much of the input three samples before in the residuals.
+    /// Two runs of AR(1) residuals and a smooth input; `path` times the input three samples earlier is added to the
+    /// residuals.
     fn runs(seed: u64, path: f64) -> Vec<Pair> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut run = |n: usize| {
@@ -203,7 +205,7 @@ mod tests {
         vec![run(400), run(300)]
     }
 
-    /// Of coloured residuals and a coloured input one in a hundred is outside, at each lag.
+    /// With coloured residuals and a coloured input one correlation in a hundred is outside, at each lag.
     #[test]
     fn bands_hold_99_of_100() {
         let sets = 300;
@@ -228,8 +230,8 @@ mod tests {
         );
     }
 
-    /// What is left of a delayed input that wanders, fitted without the delay, wanders too: its raw correlation with the
-    /// input is no more than chance.
+    /// If a delayed, drifting input is fitted without the delay, its residual drifts too: the raw correlation with the
+    /// input is no larger than chance.
     #[test]
     fn a_delay_behind_an_input_that_wanders_is_seen() {
         let is_seen = |seed: u64| {
@@ -240,7 +242,7 @@ mod tests {
                 u += gauss();
                 own.input.push(u);
                 own.time.push(0.1 * t as f64);
-                // What comes six samples late, less what the fit makes of it at once.
+                // The input six samples late, minus an instantaneous fit.
                 let late = if t < 6 { 0.0 } else { own.input[t - 6] };
                 own.residuals.push(0.3 * (late - u) + 0.3 * gauss());
             }
@@ -251,7 +253,7 @@ mod tests {
         assert!(seen >= 18, "{seen} of 20");
     }
 
-    /// White residuals and one pulse: the band is that of one residual.
+    /// White residuals and a white input: the band is that of independent values.
     #[test]
     fn the_band_of_white_residuals_is_its_formula() {
         let mut random = ChaCha8Rng::seed_from_u64(2);

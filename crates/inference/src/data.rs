@@ -1,30 +1,30 @@
-//! Residuals and their Jacobian, run by run.
+//! Residuals and their Jacobian, per run.
 
 use crate::residuals::is_even;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
-/// A run's part of a least-squares problem at its solution, linearised.
+/// One run of a linearised least-squares problem at its solution.
 #[derive(Debug, Clone)]
 pub struct Run {
-    /// Derivatives of the predictions by the shared parameters, a row for each residual.
+    /// Derivatives of the predictions with respect to the shared parameters, one row per residual.
     pub shared: DMatrix<f64>,
-    /// The same by the run's own unknowns.
+    /// The same with respect to the run's own unknowns.
     pub own: DMatrix<f64>,
-    /// Observed minus predicted, in standard deviations, times the root of the weight.
+    /// Observed minus predicted, in standard deviations, times the square root of the weight.
     pub residuals: DVector<f64>,
-    /// When each residual was recorded \[s\].
+    /// Time of each residual \[s\].
     pub time: Vec<f64>,
-    /// The rows of each signal, in the order of time; each run has the same signals.
+    /// Rows of each signal, in order of time; every run has the same signals.
     pub signals: Vec<Range<usize>>,
-    /// Rows of what is known of the run's own unknowns beforehand, with unit variance.
+    /// Rows of the prior on the run's own unknowns, with unit variance.
     pub prior: Range<usize>,
-    /// Gradients of active constraints over `[shared; own]`, one each row.
+    /// Gradients of active constraints over `[shared; own]`, one per row.
     pub active: DMatrix<f64>,
 }
 
 impl Run {
-    /// A run without unknowns of its own, one signal whose samples are a second apart.
+    /// A run without own unknowns, with one signal whose samples are one second apart.
     pub fn of(shared: DMatrix<f64>, residuals: DVector<f64>) -> Self {
         let (n, p) = shared.shape();
         Self {
@@ -44,21 +44,21 @@ impl Run {
 pub struct Data {
     /// The runs; they share no noise.
     pub runs: Vec<Run>,
-    /// Rows of what is known of the shared parameters beforehand, each a gradient over its standard deviation.
+    /// Rows of the prior on the shared parameters, each a gradient over its standard deviation.
     pub prior: DMatrix<f64>,
-    /// Gradients of active constraints on the shared parameters, one each row.
+    /// Gradients of active constraints on the shared parameters, one per row.
     pub active: DMatrix<f64>,
-    /// Typical magnitudes of the shared parameters: one that changes nothing by this much has no effect.
+    /// Typical magnitudes of the shared parameters; a parameter that changes nothing by this much has no effect.
     pub scales: DVector<f64>,
-    /// The noise level is among the unknowns, so that residuals have unit variance.
+    /// Whether the noise level is among the unknowns, so that residuals have unit variance.
     pub is_scaled: bool,
 }
 
 impl Data {
-    /// Runs alone: no prior, no active constraint, parameters of the order of one.
+    /// Runs only: no prior, no active constraint, parameters of the order of one.
     ///
     /// # Panics
-    /// Without runs.
+    /// If there are no runs.
     pub fn of(runs: Vec<Run>) -> Self {
         let p = runs[0].shared.ncols();
         Self {
@@ -70,7 +70,7 @@ impl Data {
         }
     }
 
-    /// Whether the samples of each signal are evenly apart, by the same distance in all runs.
+    /// Whether the samples of each signal are evenly spaced, with the same distance in all runs.
     pub fn is_even(&self) -> bool {
         let signals = self.runs.first().map_or(0, |run| run.signals.len());
         let times = |k: usize| {
@@ -86,7 +86,7 @@ impl Data {
         self.scales.len()
     }
 
-    /// Residuals of all runs; without what is known beforehand.
+    /// Number of residuals of all runs, without priors.
     pub fn residuals(&self) -> usize {
         let of = |run: &Run| run.signals.iter().map(Range::len).sum::<usize>();
         self.runs.iter().map(of).sum()

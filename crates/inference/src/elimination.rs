@@ -1,29 +1,29 @@
-//! Active constraints and the runs' own unknowns, taken out of a linearised least-squares problem.
+//! Elimination of active constraints and of the runs' own unknowns from a linearised least-squares problem.
 
 use crate::data::{Data, Run};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-/// A vector shorter than this part of its length before is within the span of others.
+/// A vector whose remainder is shorter than this part of its length is within the span of the others.
 const DEPENDENT: f64 = 1e-8;
 
-/// Part of what shared parameters do to a constraint below which a run's own unknowns do nothing, each by the changes that
-/// change the residuals by one.
+/// Effect of a run's own unknowns on a constraint, relative to that of the shared parameters, below which they are
+/// ignored. Unknowns are scaled so that they change the residuals by one.
 const FADED: f64 = 1e-3;
 
-/// A run whose unknowns are `θ = D Z φ` and `μ = N ν + M φ`, with constraints held for all φ and ν.
+/// A run with unknowns `θ = D Z φ` and `μ = N ν + M φ`, for which the constraints hold for all φ and ν.
 #[derive(Debug, Clone)]
 pub struct Eliminated {
     /// `∂r/∂φ`, n × d.
     pub shared: DMatrix<f64>,
     /// The same with the run's own unknowns projected out.
     pub projected: DMatrix<f64>,
-    /// Orthonormal columns that span what the run's own unknowns change.
+    /// Orthonormal columns that span the effect of the run's own unknowns.
     pub basis: DMatrix<f64>,
-    /// `N B⁺`: what the own unknowns make of residuals, m × n.
+    /// `N B⁺`: own unknowns as a function of the residuals, m × n.
     pub inverse: DMatrix<f64>,
-    /// `M`: what constraints make of φ in the own unknowns, m × d.
+    /// `M`: own unknowns as a function of φ through the constraints, m × d.
     pub follows: DMatrix<f64>,
-    /// Own unknowns that the residuals do not tell.
+    /// Own unknowns that the residuals do not determine.
     pub flat: Vec<bool>,
 }
 
@@ -32,14 +32,15 @@ pub struct Eliminated {
 pub struct Elimination {
     /// The runs.
     pub runs: Vec<Eliminated>,
-    /// Rows of what is known beforehand over φ.
+    /// Rows of the prior over φ.
     pub prior: DMatrix<f64>,
-    /// `D Z`: θ of φ, p × d.
+    /// `D Z`: θ as a function of φ, p × d.
     pub free: DMatrix<f64>,
 }
 
 impl Elimination {
-    /// With parameters in these units. Constraints on the shared ones are held, or else φ is θ in its units.
+    /// Eliminates with parameters in these units. With `holds_shared`, constraints on the shared parameters are held;
+    /// otherwise φ is θ in its units.
     pub fn new(data: &Data, units: &DVector<f64>, holds_shared: bool) -> Self {
         let held: Vec<Held> = data.runs.iter().map(|run| Held::new(run, units)).collect();
         let mut rows: Vec<DVector<f64>> = held.iter().flat_map(|own| own.rest.clone()).collect();
@@ -58,7 +59,7 @@ impl Elimination {
         }
     }
 
-    /// The same over other coordinates ψ, with φ = Eψ.
+    /// The same over coordinates ψ with φ = Eψ.
     pub fn within(mut self, e: &DMatrix<f64>) -> Self {
         for run in &mut self.runs {
             run.shared = &run.shared * e;
@@ -70,7 +71,7 @@ impl Elimination {
         self
     }
 
-    /// `Σ J_gᵀ J_g`, without what is known beforehand.
+    /// `Σ J_gᵀ J_g`, without priors.
     pub fn information(&self) -> DMatrix<f64> {
         let d = self.free.ncols();
         let squares = self.runs.iter().map(Eliminated::information);
@@ -85,13 +86,13 @@ impl Eliminated {
     }
 }
 
-/// A run in scaled parameters θ' on which its active constraints are held: `μ = N ν + M θ'`.
+/// A run in scaled parameters θ' with its active constraints held: `μ = N ν + M θ'`.
 struct Held {
     shared: DMatrix<f64>,
     own: DMatrix<f64>,
     null: DMatrix<f64>,
     follows: DMatrix<f64>,
-    /// Constraints that are left on θ' alone.
+    /// Remaining constraints on θ' alone.
     rest: Vec<DVector<f64>>,
 }
 
@@ -102,8 +103,8 @@ impl Held {
         let shared = &run.shared * &scaled;
         let by_shared = run.active.columns(0, p) * &scaled;
         let mut by_own = run.active.columns(p, m).into_owned();
-        // An initial state that has faded where a constraint holds balances nothing: it would have to change by what no
-        // residual allows.
+        // An initial state that has decayed before the constraint holds cannot compensate anything: it would have to
+        // change by more than the residuals allow.
         for (mut row, all) in by_own.row_iter_mut().zip(by_shared.row_iter()) {
             let effects = run.own.column_iter().zip(row.iter());
             let sizes = effects.map(|(column, own)| match column.norm() {
@@ -118,7 +119,7 @@ impl Held {
         let null = null_space(&rows, m);
         let inverse = pseudo_inverse(&by_own);
         let follows = -&inverse * &by_shared;
-        // What no own unknown can balance.
+        // The part that no own unknown can compensate.
         let rest = &by_shared + &by_own * &follows;
         let is_left = |row: &DVector<f64>, all: &DVector<f64>| row.norm() > DEPENDENT * all.norm();
         let pairs = rest.row_iter().zip(by_shared.row_iter());
@@ -155,8 +156,8 @@ impl Held {
     }
 }
 
-/// Orthonormal columns with the span of a matrix's columns: Gram and Schmidt, twice (Giraud, Langou & Rozložník, *The
-/// loss of orthogonality in the Gram–Schmidt orthogonalization process*, Comput. Math. Appl. 50, 2005).
+/// Orthonormal basis of a matrix's column space: Gram–Schmidt, applied twice (Giraud, Langou & Rozložník, *The loss of
+/// orthogonality in the Gram–Schmidt orthogonalization process*, Comput. Math. Appl. 50, 2005).
 pub fn basis(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     let mut columns: Vec<DVector<f64>> = Vec::new();
     for column in matrix.column_iter() {
@@ -177,7 +178,7 @@ pub fn basis(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     }
 }
 
-/// Orthonormal columns that are orthogonal to all rows of length n.
+/// Orthonormal columns that are orthogonal to all these rows of length n.
 fn null_space(rows: &[DVector<f64>], n: usize) -> DMatrix<f64> {
     if rows.is_empty() || n == 0 {
         return DMatrix::identity(n, n);

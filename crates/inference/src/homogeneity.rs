@@ -1,17 +1,17 @@
-//! Are estimates from several groups of data those of the same parameters?
+//! Tests whether estimates from several groups of data are estimates of the same parameters.
 //!
-//! Cochran's Q (Biometrics 10, 1954) sums the squared differences from the weighted mean, each over its covariance. As
-//! covariances are estimates themselves, its law is that of Welch and James (S. Johansen, *The Welch–James approximation
-//! to the distribution of the residual sum of squares in a weighted linear regression*, Biometrika 67, 1980), which for
-//! one parameter is Welch's analysis of variance (B. L. Welch, Biometrika 38, 1951).
+//! Cochran's Q (Biometrics 10, 1954) sums the squared differences from the weighted mean, each over its covariance.
+//! Since the covariances are estimates themselves, its distribution is that of Welch and James (S. Johansen, *The
+//! Welch–James approximation to the distribution of the residual sum of squares in a weighted linear regression*,
+//! Biometrika 67, 1980). For one parameter this is Welch's analysis of variance (B. L. Welch, Biometrika 38, 1951).
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
-/// Degrees of freedom beyond which a covariance is as good as known.
+/// Degrees of freedom beyond which a covariance counts as known.
 const MANY: f64 = 1e5;
 
-/// What one group of data says.
+/// Estimate from one group of data.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimate {
     /// The parameters.
@@ -23,7 +23,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// What it says of some of its parameters.
+    /// The estimate of a subset of its parameters.
     pub fn of_all(&self, parameters: &[usize]) -> Self {
         Self {
             values: self.values.select_rows(parameters),
@@ -32,7 +32,7 @@ impl Estimate {
         }
     }
 
-    /// What it says of one parameter.
+    /// The estimate of one parameter.
     pub fn of(&self, parameter: usize) -> Self {
         Self {
             values: DVector::from_element(1, self.values[parameter]),
@@ -42,21 +42,21 @@ impl Estimate {
     }
 }
 
-/// The test.
+/// Result of the test.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Homogeneity {
-    /// The mean, weighted with the inverse covariances.
+    /// Mean, weighted by the inverse covariances.
     pub mean: DVector<f64>,
     /// `Q = Σ (θ_g − θ̄)ᵀ V_g⁻¹ (θ_g − θ̄)`.
     pub statistic: f64,
-    /// Its degrees of freedom, parameters times groups less one; Q is near that where all are the same.
+    /// Degrees of freedom of Q: parameters times (groups minus one). Q is about this large if all groups agree.
     pub degrees: f64,
-    /// Probability of a Q as large or larger where all are the same.
+    /// Probability of a Q as large or larger if all groups have the same parameters.
     pub p: f64,
 }
 
 impl Homogeneity {
-    /// Of two groups or more; none with fewer, or where a covariance is not positive.
+    /// Tests two groups or more; `None` for fewer, or if a covariance is not positive definite.
     pub fn of(all: &[Estimate]) -> Option<Self> {
         let size = all.first()?.values.len();
         let weights = all.iter().map(|own| own.covariance.clone().cholesky());
@@ -89,7 +89,7 @@ impl Homogeneity {
     }
 }
 
-/// Probability of a statistic as large, with Johansen's f, A and c.
+/// Probability of a statistic this large or larger, with Johansen's f, A and c.
 fn probability(statistic: f64, f: f64, a: f64) -> f64 {
     let c = f + 2.0 * a - 6.0 * a / (f + 2.0);
     let others = f * (f + 2.0) / (3.0 * a);
@@ -115,7 +115,7 @@ mod tests {
         }
     }
 
-    /// Of two groups it is Welch's t, whose degrees of freedom are those of Satterthwaite.
+    /// For two groups the test is Welch's t with Satterthwaite's degrees of freedom.
     #[test]
     fn two_groups_are_welchs_test() {
         let (v, w, m, n) = (0.4, 0.1, 6.0, 11.0);
@@ -134,7 +134,7 @@ mod tests {
         let found = Homogeneity::of(&all).expect("three");
         let q = 14.0 / 3.0;
         assert!((found.statistic - q).abs() < 1e-12 && found.degrees == 2.0);
-        // With two degrees of freedom the law is exponential.
+        // With two degrees of freedom the distribution is exponential.
         assert!((found.p - f64::exp(-0.5 * q)).abs() < 1e-12);
         assert_eq!(Homogeneity::of(&all[..1]), None);
         assert_eq!(
@@ -143,7 +143,7 @@ mod tests {
         );
     }
 
-    /// Means of ten values each, of six groups with unlike variances: 5 % are refused where all have one mean.
+    /// Means of ten values each of six groups with unequal variances: 5 % are rejected if all have the same mean.
     #[test]
     fn the_test_has_its_size() {
         let mut random = ChaCha8Rng::seed_from_u64(21);

@@ -1,72 +1,72 @@
-//! What the data tell of the parameters: information, and the directions that they leave open.
+//! Information of the data about the parameters, and the directions that they leave undetermined.
 
 use crate::data::{Data, Run};
 use crate::elimination::Elimination;
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
-/// Why there is no covariance.
+/// Reason why there is no covariance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Obstacle {
-    /// No more residuals than unknowns.
-    #[error("{residuals} measured values do not tell {unknowns} unknowns and the noise")]
+    /// There are no more residuals than unknowns.
+    #[error("{residuals} measured values do not determine {unknowns} unknowns and the noise")]
     TooFew {
-        /// Residuals of all runs.
+        /// Number of residuals of all runs.
         residuals: usize,
-        /// Unknowns that they determine.
+        /// Number of unknowns that they determine.
         unknowns: usize,
     },
-    /// A derivative or a residual that is no finite number.
+    /// A derivative or a residual is not finite.
     #[error("a derivative or a residual at the solution is no finite number")]
     NotFinite,
-    /// A sandwich over runs of which there are too few, or one of which alone tells a parameter.
-    #[error("cr3 asks for two runs or more that tell all parameters without any one of them")]
+    /// The jackknife has too few runs, or a parameter is determined by one run alone.
+    #[error("cr3 asks for two runs or more that determine all parameters without any one of them")]
     FewRuns,
-    /// A variance that is negative, as sums over a part of the lags may be.
+    /// A variance is negative, which is possible for sums over a part of the lags.
     #[error("the variance of a parameter came out negative, as this estimate may; take another")]
     Negative,
 }
 
-/// Eigenvalue of the information, scaled to a unit diagonal, below which a direction is open.
+/// Eigenvalue of the information, scaled to a unit diagonal, below which a direction is undetermined.
 const OPEN: f64 = 1e-11;
-/// A parameter that changes all residuals by less than this part of what the others do has no effect.
+/// A parameter that changes all residuals by less than this, relative to the other parameters, has no effect.
 const NO_EFFECT: f64 = 1e-9;
-/// Component of an open direction from which on a parameter is open.
+/// Minimum component of an undetermined direction for a parameter to be undetermined.
 const TAKES_PART: f64 = 1e-3;
 
-/// A direction in which the data do not change: by how much each parameter moves along it, that which moves most for
-/// its effect by 1.
+/// A direction in which the predictions do not change: the change of each parameter along it, scaled so that the one
+/// with the largest change relative to its effect changes by 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Direction(pub Vec<f64>);
 
-/// A linearised least-squares problem, with what stands in the way of its solution taken out.
+/// A linearised least-squares problem in which constraints, own unknowns and undetermined directions are eliminated.
 #[derive(Debug)]
 pub struct Inference<'d> {
-    /// What was given.
+    /// The problem.
     pub data: &'d Data,
-    /// Constraints, own unknowns and open directions taken out.
+    /// The elimination of constraints, own unknowns and undetermined directions.
     pub(crate) all: Elimination,
-    /// `H`, with what is known beforehand, over the coordinates that are determined.
+    /// `H`, including priors, over the determined coordinates.
     pub(crate) hessian: DMatrix<f64>,
     /// Its inverse.
     pub(crate) inverse: DMatrix<f64>,
-    /// Singular values of the sensitivities of the residuals, each parameter's scaled to a length of 1, the largest first;
-    /// what constraints hold and what is known of runs alone is taken out.
+    /// Singular values of the residuals' sensitivities, each parameter's scaled to length 1, the largest first, with
+    /// constraints and the runs' own unknowns eliminated.
     pub singular_values: Vec<f64>,
-    /// Directions that the data leave open.
+    /// Directions that the data leave undetermined.
     pub directions: Vec<Direction>,
     /// For each parameter, whether it takes part in such a direction.
     pub flat: Vec<bool>,
-    /// Unknowns of all kinds that the residuals determine.
+    /// Number of unknowns of all kinds that the residuals determine.
     pub determined: usize,
-    /// Diagonal of the information on each shared parameter, the others known.
+    /// Information on each shared parameter if the others are known.
     pub(crate) alone: DVector<f64>,
 }
 
 impl<'d> Inference<'d> {
-    /// Of a problem.
+    /// Analyses a problem.
     ///
     /// # Errors
-    /// [`Obstacle::NotFinite`], and [`Obstacle::TooFew`] where nothing is left to tell the noise.
+    /// [`Obstacle::NotFinite`], and [`Obstacle::TooFew`] if no degrees of freedom are left to estimate the noise.
     pub fn new(data: &'d Data) -> Result<Self, Obstacle> {
         if !data.runs.iter().all(is_finite) {
             return Err(Obstacle::NotFinite);
@@ -105,7 +105,7 @@ impl<'d> Inference<'d> {
                 unknowns: determined,
             });
         }
-        // In these coordinates the information is nearly the identity.
+        // In these coordinates the information is close to the identity.
         let hessian = all.information() + all.prior.tr_mul(&all.prior);
         let inverse = (hessian.clone().cholesky())
             .ok_or(Obstacle::NotFinite)?
@@ -125,14 +125,14 @@ impl<'d> Inference<'d> {
         })
     }
 
-    /// `H⁻¹` over the shared parameters; zero where constraints hold them, without the open directions.
+    /// `H⁻¹` over the shared parameters; zero for those fixed by constraints, without the undetermined directions.
     pub fn inverse_information(&self) -> DMatrix<f64> {
         &self.all.free * &self.inverse * self.all.free.transpose()
     }
 
-    /// `√(1/Hᵢᵢ)` of each shared parameter: by how much it may change, alone, before the residuals change by their
-    /// standard deviation; infinite where it has no effect (the insensitivity of Tischler & Remple, *Aircraft and
-    /// Rotorcraft System Identification*, 2nd ed., section 12.3).
+    /// `√(1/Hᵢᵢ)` of each shared parameter: how much it alone may change before the residuals change by their standard
+    /// deviation; infinite if it has no effect (the insensitivity of Tischler & Remple, *Aircraft and Rotorcraft System
+    /// Identification*, 2nd ed., section 12.3).
     pub fn insensitivity(&self) -> Vec<f64> {
         self.alone
             .iter()
@@ -140,8 +140,8 @@ impl<'d> Inference<'d> {
             .collect()
     }
 
-    /// The Cramér–Rao bound `2 √(H⁻¹)ᵢᵢ` of each shared parameter; the factor is there for coloured residuals (Tischler
-    /// & Remple, section 12.3). Infinite in open directions.
+    /// The Cramér–Rao bound `2 √(H⁻¹)ᵢᵢ` of each shared parameter; the factor accounts for coloured residuals (Tischler
+    /// & Remple, section 12.3). Infinite in undetermined directions.
     pub fn cramer_rao(&self) -> Vec<f64> {
         let inverse = self.inverse_information();
         let bound = |i: usize| match self.flat[i] {
@@ -151,7 +151,7 @@ impl<'d> Inference<'d> {
         (0..self.flat.len()).map(bound).collect()
     }
 
-    /// Variance of the residuals, `Σ e²/(N - unknowns)`; 1 where the noise level is among the unknowns.
+    /// Variance of the residuals, `Σ e²/(N - unknowns)`; 1 if the noise level is among the unknowns.
     pub fn noise(&self) -> f64 {
         if self.data.is_scaled {
             return 1.0;
@@ -165,15 +165,15 @@ impl<'d> Inference<'d> {
         squares / self.degrees()
     }
 
-    /// Residuals beyond the unknowns, at least one.
+    /// Residuals minus unknowns, at least one.
     pub fn degrees(&self) -> f64 {
         (self.data.residuals() as f64 - self.determined as f64).max(1.0)
     }
 
-    /// Where a step of Gauss and Newton takes the shared parameters when the residuals of each run change by these.
+    /// Gauss–Newton step of the shared parameters for these changes of each run's residuals.
     ///
     /// # Panics
-    /// Where these are not as many as the residuals.
+    /// If the number of changes differs from that of the residuals.
     pub fn moved(&self, changes: &[DVector<f64>]) -> DVector<f64> {
         let runs = self.all.runs.iter().zip(changes);
         let score = runs.map(|(own, change)| own.projected.tr_mul(change));
@@ -181,7 +181,7 @@ impl<'d> Inference<'d> {
         &self.all.free * (&self.inverse * score.fold(zero, |sum, own| sum + own))
     }
 
-    /// Own unknowns of a run that its residuals do not tell.
+    /// Own unknowns of a run that its residuals do not determine.
     pub fn own_flat(&self, run: usize) -> &[bool] {
         &self.all.runs[run].flat
     }
@@ -197,7 +197,7 @@ fn is_finite(run: &Run) -> bool {
     all.copied().all(f64::is_finite)
 }
 
-/// Changes of each parameter that change the residuals by one, all together; the scale of one that has no effect.
+/// Change of each parameter that changes all residuals together by one; the scale of a parameter without effect.
 fn units(data: &Data) -> DVector<f64> {
     let squares = sums(data, |run| &run.shared);
     let effects = squares.map(f64::sqrt).component_mul(&data.scales);
@@ -208,7 +208,7 @@ fn units(data: &Data) -> DVector<f64> {
     })
 }
 
-/// Sums of squares of each column, with what is known beforehand.
+/// Sum of squares of each column, including priors.
 fn sums(data: &Data, of: impl Fn(&Run) -> &DMatrix<f64>) -> DVector<f64> {
     let column = |i: usize| {
         let runs: f64 = data
@@ -221,7 +221,7 @@ fn sums(data: &Data, of: impl Fn(&Run) -> &DMatrix<f64>) -> DVector<f64> {
     DVector::from_fn(data.parameters(), |i, _| column(i))
 }
 
-/// Information on each parameter where the other shared ones are known, and the runs' own unknowns are not.
+/// Information on each parameter if the other shared parameters are known but the runs' own unknowns are not.
 fn alone(data: &Data, units: &DVector<f64>) -> DVector<f64> {
     let all = Elimination::new(data, units, false);
     let information = all.information() + all.prior.tr_mul(&all.prior);
@@ -243,7 +243,7 @@ fn unit_diagonal(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     })
 }
 
-/// Eigenvalues and eigenvectors, of a matrix without rows too.
+/// Eigenvalues and eigenvectors, also of an empty matrix.
 fn eigen(matrix: DMatrix<f64>) -> SymmetricEigen<f64, Dyn> {
     match matrix.is_empty() {
         true => SymmetricEigen {
@@ -254,8 +254,8 @@ fn eigen(matrix: DMatrix<f64>) -> SymmetricEigen<f64, Dyn> {
     }
 }
 
-/// Open directions from their effects on each parameter in its unit: reduced to few parameters each, as the rows of an
-/// echelon form.
+/// Undetermined directions from their effects on each parameter in its unit, reduced to few parameters each like the
+/// rows of an echelon form.
 fn directions(effects: &DMatrix<f64>, units: &DVector<f64>) -> Vec<Direction> {
     let mut columns = effects.clone();
     let mut found = Vec::new();
@@ -288,7 +288,7 @@ fn directions(effects: &DMatrix<f64>, units: &DVector<f64>) -> Vec<Direction> {
     found.into_iter().enumerate().map(direction).collect()
 }
 
-/// Which entry of a column has the largest magnitude.
+/// Index of the entry with the largest magnitude.
 trait LargestEntry {
     fn argmax_abs(&self) -> (usize, f64);
 }

@@ -1,35 +1,35 @@
-//! Intervals of one parameter.
+//! Confidence intervals of one parameter.
 
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
-/// Probability of an interval.
+/// Confidence level.
 pub const LEVEL: f64 = 0.95;
 
-/// Degrees of freedom beyond which Student's t is the normal distribution to three digits.
+/// Degrees of freedom beyond which Student's t equals the normal distribution to three digits.
 const MANY: f64 = 1e4;
 
-/// A standard deviation, per value, that is none.
+/// Standard deviation, relative to the value, below which it counts as rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// What an interval says of a parameter.
+/// Classification of an interval.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Class {
-    /// Both ends are the data's.
+    /// Both ends are determined by the data.
     Finite,
-    /// One end is that of its range: the data do not exclude it.
+    /// One end is that of the parameter's range: the data do not exclude it.
     OneSided,
-    /// The data say nothing of it, by itself or within its range.
+    /// The data do not determine the parameter, at all or within its range.
     Flat,
-    /// The estimate lies on an end of its range; the other end is the data's.
+    /// The estimate lies on an end of its range; the data determine the other end.
     OnBound,
-    /// It is no finite number at the estimate.
+    /// The parameter is not finite at the estimate.
     Undefined,
-    /// Active constraints hold it, or nothing that was sought changes it: the data give it no deviation.
+    /// Active constraints fix the parameter, or no unknown changes it: it has no deviation.
     Held,
 }
 
 impl Class {
-    /// One word, for scripts.
+    /// Name for scripts.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Finite => "finite",
@@ -45,19 +45,19 @@ impl Class {
 /// A 95 % confidence interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interval {
-    /// Standard deviation, with the bound on which the estimate lies let go; infinite where the data leave it open.
+    /// Standard deviation with an active bound on the estimate released; infinite if undetermined.
     pub sd: f64,
-    /// Lower end; -∞ where there is none.
+    /// Lower end; -∞ if there is none.
     pub low: f64,
-    /// Upper end; ∞ where there is none.
+    /// Upper end; ∞ if there is none.
     pub high: f64,
-    /// What it says.
+    /// Classification.
     pub class: Class,
 }
 
 impl Interval {
-    /// Around an estimate with this standard deviation, infinite where it is flat, within a range of the parameter; on
-    /// that end of its range, where it lies on one.
+    /// Interval around an estimate with this standard deviation (infinite if undetermined), within the parameter's
+    /// range; `bound` is the end of the range that the estimate lies on, if any.
     pub fn new(value: f64, sd: f64, degrees: f64, range: [f64; 2], bound: Option<f64>) -> Self {
         let half = match sd.is_finite() {
             true => quantile(LEVEL, degrees) * sd,
@@ -73,7 +73,7 @@ impl Interval {
         let is_low =
             bound.is_some_and(|bound| (bound - range[0]).abs() <= (bound - range[1]).abs());
         if !value.is_finite() {
-            // What has no value has no deviation.
+            // An undefined value has no deviation.
             let [low, high] = range;
             let (sd, class) = (f64::NAN, Class::Undefined);
             return Self {
@@ -100,7 +100,7 @@ impl Interval {
 }
 
 impl Interval {
-    /// The same of an estimate with this value, which is held where rounding errors are all of its deviation.
+    /// The interval of an estimate with this value, classified as held if its deviation is only rounding error.
     pub fn or_held(self, value: f64) -> Self {
         let is_held = self.class == Class::Finite && self.sd <= ROUNDING * value.abs();
         match is_held {
@@ -115,7 +115,7 @@ impl Interval {
     }
 }
 
-/// Half width, in standard deviations, of an interval that holds the truth with this probability, with Student's t.
+/// Half width, in standard deviations, of an interval with this confidence level, by Student's t.
 pub fn quantile(level: f64, degrees: f64) -> f64 {
     let (probability, degrees) = (0.5 * (1.0 + level), degrees.max(1.0));
     if degrees > MANY {

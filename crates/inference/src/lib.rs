@@ -1,14 +1,14 @@
-//! How sure is a fit? Covariances and confidence intervals from residuals and their Jacobian at the solution.
+//! Covariances and confidence intervals of a fit, from residuals and their Jacobian at the solution.
 //!
-//! Shared parameters θ and, for each run, unknowns of its own are estimated by least squares,
+//! Shared parameters θ and, for each run g, own unknowns λ_g are estimated by least squares,
 //!
 //! ```text
 //! minimise ½ Σ_g |e_g|²,   e_g(θ + δ, λ_g + μ) ≈ e_g - A_g δ - B_g μ,   with residuals e_g in standard deviations
 //! ```
 //!
-//! and other likelihoods are brought to that form ([`Row`]). The run's own unknowns are projected out of its Jacobian,
-//! `J_g = (I - B_g B_g⁺) A_g`; then `H = Σ J_gᵀ J_g`, and a [`Method`] says what stands for the noise between two
-//! factors `H⁻¹`. Active constraints are held: directions that they close have no variance.
+//! Other likelihoods are brought to that form ([`Row`]). A run's own unknowns are projected out of its Jacobian,
+//! `J_g = (I - B_g B_g⁺) A_g`; then `H = Σ J_gᵀ J_g`, and a [`Method`] defines the covariance of the noise between two
+//! factors `H⁻¹`. Active constraints are held: directions that they fix have no variance.
 //!
 //! ```
 //! use nalgebra::{DMatrix, DVector};
@@ -23,17 +23,17 @@
 //! # Ok::<(), pilotage_inference::Obstacle>(())
 //! ```
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! | --- | --- |
-//! | [`data`], `row` | what is given: rows of residuals, what is known beforehand, active constraints |
-//! | `elimination` | constraints and the runs' own unknowns, taken out |
-//! | [`inference`] | information, what the data leave open |
+//! | [`data`], `row` | input: rows of residuals, priors, active constraints |
+//! | `elimination` | elimination of constraints and of the runs' own unknowns |
+//! | [`inference`] | information, undetermined directions |
 //! | [`covariance`], `meat`, `autoregression`, `burg`, `restricted` | the methods |
 //! | [`interval`] | intervals with Student's t |
 //! | [`outliers`] | samples and runs that stand out |
-//! | [`residuals`], [`crossed`] | what residuals say of a model, alone and beside what drove it |
-//! | [`choice`], [`homogeneity`] | which of several models; whether groups of data have the same parameters |
-//! | [`spectrum`] | frequency responses of loops that sines drive, without a model |
+//! | [`residuals`], [`crossed`] | residual tests, alone and against the inputs |
+//! | [`choice`], [`homogeneity`] | choice between models; whether groups of data have the same parameters |
+//! | [`spectrum`] | frequency responses of loops driven by sums of sines, without a model |
 
 mod autoregression;
 mod burg;

@@ -1,16 +1,16 @@
-//! What noise makes of the score `Σ J_gᵀ e_g`: its covariance, by model or by the runs' own scores.
+//! Covariance of the score `Σ J_gᵀ e_g`, by a model of the noise or from the runs' own scores.
 
 use crate::autoregression::{Autoregression, Segment};
 use crate::inference::{Inference, Obstacle};
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
-/// Part of a run's length up to which correlations are summed (Morelli & Klein, *Aircraft System Identification*, 2nd
-/// ed., section 5.6).
+/// Autocorrelations are summed up to the run's length divided by this (Morelli & Klein, *Aircraft System
+/// Identification*, 2nd ed., section 5.6).
 const LAGS: usize = 5;
-/// Part of a column that is rounding.
+/// Part of a column that counts as rounding.
 const ROUNDING: f64 = 1e-8;
-/// Least eigenvalue of the information that the other runs leave, per that of all.
+/// Minimum eigenvalue of the information without one run, relative to that of all runs.
 const TOLD_BY_OTHERS: f64 = 1e-8;
 
 /// The noise of each signal.
@@ -24,7 +24,8 @@ impl Inference<'_> {
         vec![process; self.signals()]
     }
 
-    /// An autoregressive process for each signal, in standard deviations times the root of the weight, as residuals are.
+    /// An autoregressive process for each signal, in standard deviations times the square root of the weight, as
+    /// residuals are.
     pub fn coloured(&self) -> Processes {
         let of_signal = |k: usize| {
             let runs = self.data.runs.iter().zip(&self.all.runs);
@@ -74,24 +75,24 @@ impl Inference<'_> {
         out
     }
 
-    /// A run's part of the covariance of the score, by these processes.
+    /// A run's contribution to the covariance of the score by these processes.
     pub(crate) fn run_meat(&self, run: usize, processes: &[Autoregression]) -> DMatrix<f64> {
         let coloured = self.coloured_rows(run, &self.all.runs[run].projected, processes);
         coloured.tr_mul(&coloured)
     }
 
-    /// The covariance of the score by these processes.
+    /// Covariance of the score by these processes.
     pub(crate) fn meat(&self, processes: &[Autoregression]) -> DMatrix<f64> {
         let runs = (0..self.all.runs.len()).map(|run| self.run_meat(run, processes));
         runs.fold(self.prior_meat(), |sum, own| sum + own)
     }
 
-    /// The part of what is known of the shared parameters beforehand.
+    /// Contribution of the prior on the shared parameters.
     fn prior_meat(&self) -> DMatrix<f64> {
         self.all.prior.tr_mul(&self.all.prior)
     }
 
-    /// `Σ_g Σ_ij J_iᵀ R(i - j) J_j` with the residuals' own autocorrelations R up to a fifth of each run: not always
+    /// `Σ_g Σ_ij J_iᵀ R(i - j) J_j` with the residuals' autocorrelations R up to a fifth of each run; not always
     /// positive.
     pub(crate) fn sidpac_meat(&self) -> DMatrix<f64> {
         let mut sum = self.prior_meat();
@@ -109,7 +110,7 @@ impl Inference<'_> {
         sum
     }
 
-    /// Autocorrelations of a signal's residuals over all runs, each sum over the number of values.
+    /// Autocorrelations of a signal's residuals over all runs, each sum divided by the number of values.
     fn correlations(&self, signal: usize) -> Vec<f64> {
         let ranges = || {
             self.data
@@ -129,7 +130,7 @@ impl Inference<'_> {
         (0..=longest / LAGS).map(lag).collect()
     }
 
-    /// The covariance over the determined coordinates by leaving out one run at a time: `(G-1)/G Σ δ_g δ_gᵀ` with
+    /// Jackknife covariance over the determined coordinates, leaving out one run at a time: `(G-1)/G Σ δ_g δ_gᵀ` with
     /// `δ_g = (H - H_g)⁻¹ J_gᵀ e_g` (CR3: Bell & McCaffrey, Surv. Methodol. 28, 2002; MacKinnon, Nielsen & Webb, J.
     /// Appl. Econom. 38, 2023).
     pub(crate) fn jackknife(&self) -> Result<DMatrix<f64>, Obstacle> {
@@ -162,8 +163,8 @@ impl Inference<'_> {
     }
 }
 
-/// The rows of a signal. A column that is rounding there is zero: a noise level changes no location, and what is left of that
-/// by rounding may be the residuals themselves, which the fit would then seem to have followed.
+/// The rows of a signal. A column that is only rounding there is set to zero: a noise level does not change a location,
+/// and the rounding may be the residuals themselves, which the fit would then seem to have followed.
 fn part_of(matrix: &DMatrix<f64>, range: &Range<usize>) -> DMatrix<f64> {
     let mut part = matrix.rows(range.start, range.len()).into_owned();
     for (k, mut column) in part.column_iter_mut().enumerate() {

@@ -1,63 +1,63 @@
-//! What stands out of a set of runs: samples that break away from their neighbours, and runs that are fitted far worse.
+//! Outliers in a set of runs: samples that differ from their neighbours, and runs with a far worse fit.
 
-/// A break is so many times what values change by from sample to sample nearby.
+/// A break exceeds the usual change between neighbouring samples by this factor.
 const BREAK: f64 = 10.0;
-/// Samples before and after a break that say what is usual.
+/// Number of samples before and after a break that define the usual change.
 const NEARBY: usize = 10;
-/// Of residuals it is also more than this part of the spread of all ...
+/// For residuals it also exceeds this part of the spread of all residuals ...
 const LARGE: f64 = 0.3;
-/// ... and so many times the resolution of the recording.
+/// ... and this multiple of the recording's resolution.
 const STEPS: f64 = 4.0;
-/// Part of the distances between recorded values that is smaller than the resolution, by chance or by hand.
+/// Share of distances between recorded values that may be below the resolution, by chance or by manual edits.
 const CHANCE: f64 = 0.02;
-/// A model that breaks by this part of the residuals' break has made it.
+/// A break of the model larger than this part of the residuals' break explains it.
 const OWN: f64 = 0.2;
-/// Outliers come back to within this part of the largest break.
+/// Outliers return to within this part of the largest break.
 const BACK: f64 = 0.2;
-/// They do so within this part of the run.
+/// They return within this part of the run.
 const SOON: f64 = 0.25;
-/// So many samples that break away at an end of a run are outliers too.
+/// Up to this many samples before or after a break at the end of a run are outliers too.
 const FEW: usize = 2;
-/// A run is fitted far worse when its rms residual is so many times the median of all runs.
+/// Ratio of a run's rms residual to the median of all runs above which its fit is far worse.
 const WORSE: f64 = 3.0;
-/// Standard deviation of a normal distribution over its median magnitude.
+/// Ratio of the standard deviation of a normal distribution to its median magnitude.
 const ROBUST: f64 = 1.4826;
 
-/// What is looked at of a run: residuals, or recorded values. NaN where there is none.
+/// Residuals or recorded values of a run. NaN where there is none.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Values {
     /// Times of the samples \[s\].
     pub time: Vec<f64>,
     /// The values.
     pub values: Vec<f64>,
-    /// The step in which the values were recorded, in their unit ([`resolution`]).
+    /// Step in which the values were recorded, in their unit ([`resolution`]).
     pub resolution: f64,
-    /// Of residuals, what the model says, in their unit: where it breaks too, it is the model that is wrong there, as the
-    /// approximation of a delay is after a step. Empty where that is not looked at.
+    /// For residuals, the model's values in their unit: if they break too, the model is wrong there, as the
+    /// approximation of a delay is after a step. Empty to skip this check.
     pub modelled: Vec<f64>,
 }
 
-/// Whether values are what a model leaves over.
+/// Kind of the values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Recorded minus modelled: what is large is so beside the spread of all.
+    /// Recorded minus modelled values: their size is compared with the spread of all.
     Residuals,
-    /// As recorded: the vehicle's own motion is among the changes.
+    /// Recorded values: their changes include the vehicle's motion.
     Recorded,
 }
 
-/// What stands out of runs.
+/// Breaks found in runs.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Breaks {
-    /// Run and samples that break away and come back.
+    /// Run, and samples that break away and return.
     pub outliers: Vec<(usize, Vec<usize>)>,
-    /// Run, first sample after a break that does not come back, and how far it is.
+    /// Run, first sample after a break that does not return, and its size.
     pub jumps: Vec<(usize, usize, f64)>,
 }
 
 impl Breaks {
-    /// Of these runs. A break is a change from one sample to the next that is far beyond the changes nearby, and beyond
-    /// the spread of all residuals; of what was recorded, far beyond.
+    /// Finds the breaks of these runs. A break is a change between samples that is far beyond the changes nearby and
+    /// beyond the spread of all residuals; for recorded values, far beyond the spread.
     pub fn of(runs: &[Values], kind: Kind) -> Self {
         let mut found = Self::default();
         let beyond = match kind {
@@ -72,7 +72,8 @@ impl Breaks {
         found
     }
 
-    /// Of one run: what is `least` counts, and `usual` is how all runs change from sample to sample.
+    /// Adds the breaks of one run. `least` is the smallest break, `usual` the typical change between samples of all
+    /// runs.
     fn of_run(&mut self, own: &Values, run: usize, least: f64, usual: f64) {
         let finite = |k: &usize| own.values[*k].is_finite();
         let known: Vec<usize> = (0..own.values.len()).filter(finite).collect();
@@ -84,7 +85,7 @@ impl Breaks {
             let group = &breaks[next..];
             let group = &group[..group.partition_point(|(k, _)| *k <= at + soon)];
             match returns(group) {
-                // From the first sample after the break to the last before the return.
+                // From the first sample after the break to the last one before the return.
                 Some(last) => {
                     let samples = &known[at + 1..=group[last].0];
                     self.outliers.push((run, samples.to_vec()));
@@ -106,7 +107,7 @@ impl Breaks {
         }
     }
 
-    /// All outliers, each by its run and sample.
+    /// All outliers as pairs of run and sample.
     pub fn samples(&self) -> impl Iterator<Item = (usize, usize)> + Clone {
         let all = self.outliers.iter();
         all.flat_map(|(run, samples)| samples.iter().map(move |k| (*run, *k)))
@@ -119,7 +120,7 @@ impl Breaks {
     }
 }
 
-/// Changes that stand out: the place, in `known`, before each, and its size.
+/// Breaks: the index in `known` before each, and its size.
 fn breaks(own: &Values, known: &[usize], least: f64, usual: f64) -> Vec<(usize, f64)> {
     let step = median(own.time.windows(2).map(|pair| pair[1] - pair[0])).unwrap_or(0.0);
     let changes_of = |values: &[f64]| -> Vec<f64> {
@@ -130,7 +131,7 @@ fn breaks(own: &Values, known: &[usize], least: f64, usual: f64) -> Vec<(usize, 
     };
     let changes = changes_of(&own.values);
     let modelled = (!own.modelled.is_empty()).then(|| changes_of(&own.modelled));
-    // Over missing samples it may change by more.
+    // Across missing samples a larger change is allowed.
     let time = |i: usize| own.time[known[i]];
     let wait = |i: usize| ((time(i + 1) - time(i)) / step).max(1.0);
     let stands_out = |&i: &usize| {
@@ -144,7 +145,7 @@ fn breaks(own: &Values, known: &[usize], least: f64, usual: f64) -> Vec<(usize, 
         .collect()
 }
 
-/// By how much a change differs from the usual one nearby, and the usual spread of those.
+/// Difference of a change from the usual one nearby, and the spread of the changes nearby.
 fn beyond(changes: &[f64], i: usize) -> (f64, f64) {
     let others = (i.saturating_sub(NEARBY)..changes.len().min(i + NEARBY + 1)).filter(|j| *j != i);
     let middle = median(others.clone().map(|j| changes[j])).unwrap_or(0.0);
@@ -152,7 +153,7 @@ fn beyond(changes: &[f64], i: usize) -> (f64, f64) {
     ((changes[i] - middle).abs(), ROBUST * around)
 }
 
-/// Which break of a group brings it back to where it was before the first.
+/// Index of the break of a group after which the values are back at the level before the first.
 fn returns(group: &[(usize, f64)]) -> Option<usize> {
     let (mut sum, mut largest) = (0.0, 0.0_f64);
     for (i, (_, size)) in group.iter().enumerate() {
@@ -165,8 +166,8 @@ fn returns(group: &[(usize, f64)]) -> Option<usize> {
     None
 }
 
-/// The run that is fitted worst, and its rms residual over the median of all, where it is far worse than the others both
-/// in its unit and as a part of its task (the size of what it was to do).
+/// The run with the worst fit, and its rms residual over the median of all; `None` unless it is far worse than the
+/// others both in its unit and relative to its task (the size of the commanded motion).
 pub fn misfit(rms: &[f64], tasks: &[f64]) -> Option<(usize, f64)> {
     let parts: Vec<f64> = rms
         .iter()
@@ -179,7 +180,7 @@ pub fn misfit(rms: &[f64], tasks: &[f64]) -> Option<(usize, f64)> {
     (rms.len() > 2 && is_worse(rms) && is_worse(&parts)).then(|| (worst, rms[worst] / others(rms)))
 }
 
-/// The step in which values were recorded: the least distance between two of them, but for a few.
+/// Step in which values were recorded: the smallest distance between two of them, apart from a few exceptions.
 pub fn resolution(values: &[f64]) -> f64 {
     let mut values: Vec<f64> = values.iter().copied().filter(|z| z.is_finite()).collect();
     values.sort_by(f64::total_cmp);
@@ -190,20 +191,20 @@ pub fn resolution(values: &[f64]) -> f64 {
     distances.get(few).copied().unwrap_or(0.0)
 }
 
-/// Standard deviation of white noise in the values, by what each differs by from the one before; 0 of nothing.
+/// Standard deviation of white noise in the values, from the differences of successive ones; 0 if there are none.
 pub fn noise(runs: &[Values]) -> f64 {
     let pairs = runs.iter().flat_map(|run| run.values.windows(2));
     let changes = pairs.map(|pair| (pair[1] - pair[0]).abs());
     ROBUST * median(changes.filter(|change| change.is_finite())).unwrap_or(0.0) / 2.0_f64.sqrt()
 }
 
-/// Standard deviation of all values, whatever the outliers are.
+/// Robust standard deviation of all values.
 fn spread(runs: &[Values]) -> f64 {
     let all = runs.iter().flat_map(|run| &run.values);
     ROBUST * median(all.map(|r| r.abs()).filter(|r| r.is_finite())).unwrap_or(0.0)
 }
 
-/// The middle one, of an even number the upper one in the middle; none of none.
+/// The median, the upper of the two middle values for an even number; `None` without values.
 pub fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
@@ -251,7 +252,7 @@ mod tests {
         assert!((size - 30.0).abs() < 5.0, "{size}");
     }
 
-    /// Where the model jumps, what is recorded does not have to follow.
+    /// If the model jumps, the recording does not have to follow.
     #[test]
     fn a_break_of_the_model_is_not_one_of_the_recording() {
         let mut run = white(5, 300);
@@ -265,7 +266,7 @@ mod tests {
         assert_eq!(found(&run), Breaks::default());
     }
 
-    /// What lies within the steps of a recording is none.
+    /// Changes within the resolution of a recording are not outliers.
     #[test]
     fn a_coarse_recording_has_no_outliers() {
         let mut run = white(4, 300);

@@ -1,9 +1,9 @@
-//! What residuals say of a model: how much it explains, and whether something is left in them.
+//! Residual statistics of a model: how much it explains, and whether residuals are white.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-/// Autocorrelations of a series at lags 0 to `most`, of samples about evenly apart; missing values are NaN, and their
-/// products left out. Empty where nothing varies.
+/// Autocorrelations of a series with about evenly spaced samples, at lags 0 to `most`. Products with missing values
+/// (NaN) are left out. Empty if the series is constant.
 pub fn autocorrelation(values: &[f64], most: usize) -> Vec<f64> {
     let e = centred(values);
     let product = |lag: usize| -> f64 { e.iter().zip(&e[lag..]).map(|(a, b)| a * b).sum() };
@@ -15,10 +15,10 @@ pub fn autocorrelation(values: &[f64], most: usize) -> Vec<f64> {
     }
 }
 
-/// Deviation of a distance of samples from their mean one from which on they are not evenly apart.
+/// Relative deviation of a sample distance from the mean one up to which samples are evenly spaced.
 const EVEN: f64 = 0.01;
 
-/// Whether the samples of all these series are evenly apart, by the same distance.
+/// Whether the samples of all series are evenly spaced, with the same distance.
 pub fn is_even<'t>(all: impl IntoIterator<Item = &'t [f64]>) -> bool {
     let gaps = all.into_iter().flat_map(|time| time.windows(2));
     let gaps: Vec<f64> = gaps.map(|pair| pair[1] - pair[0]).collect();
@@ -26,7 +26,7 @@ pub fn is_even<'t>(all: impl IntoIterator<Item = &'t [f64]>) -> bool {
     gaps.iter().all(|gap| (gap - mean).abs() <= EVEN * mean)
 }
 
-/// A series without its mean; zero where a value is missing.
+/// A series minus its mean; zero where a value is missing.
 pub fn centred(values: &[f64]) -> Vec<f64> {
     let known: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     let mean = known.iter().sum::<f64>() / known.len().max(1) as f64;
@@ -34,21 +34,21 @@ pub fn centred(values: &[f64]) -> Vec<f64> {
     values.iter().map(one).collect()
 }
 
-/// The test of Ljung & Box (*On a measure of lack of fit in time series models*, Biometrika 65, 1978): are the first
-/// autocorrelations those of white noise?
+/// The test of Ljung & Box (*On a measure of lack of fit in time series models*, Biometrika 65, 1978) whether the first
+/// autocorrelations are those of white noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LjungBox {
     /// Number of lags.
     pub lags: usize,
     /// `Q = n (n + 2) Σ r_k²/(n - k)`.
     pub statistic: f64,
-    /// Probability of a Q as large or larger where the residuals are white.
+    /// Probability of a Q as large or larger if the residuals are white.
     pub p: f64,
 }
 
 impl LjungBox {
-    /// Of residuals, NaN where one is missing, over ten lags or a fifth of their number. None where they are too few, or
-    /// do not vary.
+    /// Tests residuals (NaN if missing) over ten lags or a fifth of their number. `None` if there are too few, or if
+    /// they are constant.
     pub fn of(residuals: &[f64]) -> Option<Self> {
         let n = residuals.iter().filter(|v| v.is_finite()).count();
         let lags = MOST_LAGS.min(n / 5);
@@ -68,10 +68,11 @@ impl LjungBox {
     }
 }
 
-/// Lags of a test (Hyndman & Athanasopoulos, *Forecasting: Principles and Practice*, section 5.4).
+/// Maximum number of lags of a test (Hyndman & Athanasopoulos, *Forecasting: Principles and Practice*, section 5.4).
 const MOST_LAGS: usize = 10;
 
-/// How much of what was recorded a model explains, in percent; both are 100 of a perfect model and may be negative.
+/// Share of the recorded signal that a model explains, in percent; both are 100 for a perfect model and may be
+/// negative.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Explained {
     /// Variance accounted for, `1 - var(y - h)/var(y)`.
@@ -81,8 +82,8 @@ pub struct Explained {
 }
 
 impl Explained {
-    /// Of recorded values, NaN where one is missing, and a model's. None where fewer than two were recorded, or they do not
-    /// vary.
+    /// For recorded values (NaN if missing) and those of a model. `None` if fewer than two were recorded, or if they
+    /// are constant.
     pub fn of(recorded: &[f64], predicted: &[f64]) -> Option<Self> {
         let pairs = recorded.iter().zip(predicted);
         let pairs: Vec<(f64, f64)> = pairs
@@ -123,11 +124,11 @@ mod tests {
         let q = 10.0 * 12.0 * (r1 * r1 / 9.0 + r2 * r2 / 8.0);
         assert_eq!(test.lags, 2);
         assert!((test.statistic - q).abs() < 1e-12);
-        // With two degrees of freedom the law is exponential.
+        // With two degrees of freedom the distribution is exponential.
         assert!((test.p - (-0.5 * q).exp()).abs() < 1e-12);
     }
 
-    /// AR(1): powers of its coefficient.
+    /// AR(1): the autocorrelations are powers of the coefficient.
     #[test]
     fn autocorrelations_are_those_of_the_process() {
         let mut generator = ChaCha8Rng::seed_from_u64(11);

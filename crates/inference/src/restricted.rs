@@ -4,19 +4,20 @@ use crate::autoregression::{Autoregression, Segment};
 use nalgebra::DMatrix;
 use std::borrow::Cow;
 
-/// Part of a column that is rounding.
+/// Part of a column that counts as rounding.
 const ROUNDING: f64 = 1e-8;
 /// Largest partial autocorrelation.
 pub const LARGEST: f64 = 0.9995;
-/// Rounds over all partial autocorrelations.
+/// Number of passes over all partial autocorrelations.
 const ROUNDS: usize = 3;
 
-/// The restricted likelihood of all processes up to an order, from sums of products that do not depend on them.
+/// Restricted likelihood of autoregressive processes up to an order, from sums of products that do not depend on the
+/// process.
 pub struct Likelihood<'s> {
     segments: &'s [Segment],
     most: usize,
-    /// For each segment and i ≤ j what `a_i a_j` multiplies in `Σ_t w_t w_tᵀ` with `w_t = Σ_i a_i x_(t-i)`, over the rows
-    /// from `most` on: `Σ_t x_(t-i) x_(t-j)ᵀ`, and where i ≠ j its transpose too.
+    /// For each segment and i ≤ j the factor of `a_i a_j` in `Σ_t w_t w_tᵀ` with `w_t = Σ_i a_i x_(t-i)`, over the rows
+    /// from `most` on: `Σ_t x_(t-i) x_(t-j)ᵀ`, plus its transpose if i ≠ j.
     products: Vec<Vec<DMatrix<f64>>>,
 }
 
@@ -29,12 +30,12 @@ impl<'s> Likelihood<'s> {
         }
     }
 
-    /// −2 log of it, but for constants, and the variance of the innovations.
+    /// −2 log likelihood up to a constant, and the variance of the innovations.
     pub fn value(&self, partial: &[f64]) -> (f64, f64) {
         restricted(self.segments, self.whitened(partial).into_iter())
     }
 
-    /// For each segment the products of its whitened rows, and the logarithm of the determinant of its covariance.
+    /// For each segment the Gram matrix of its whitened rows, and the log determinant of its covariance.
     fn whitened(&self, partial: &[f64]) -> Vec<(DMatrix<f64>, f64)> {
         let process = Autoregression::new(partial);
         let of = |(own, products): (&Segment, &Vec<DMatrix<f64>>)| {
@@ -50,7 +51,7 @@ impl<'s> Likelihood<'s> {
         self.segments.iter().zip(&self.products).map(of).collect()
     }
 
-    /// Whitened products of the rows from `most` on.
+    /// Gram matrix of the whitened rows from `most` on.
     fn interior(&self, process: &Autoregression, products: &[DMatrix<f64>]) -> DMatrix<f64> {
         let predictor = &process.predictors[process.predictors.len() - 1];
         let a = |lag: usize| match lag {
@@ -70,8 +71,8 @@ impl<'s> Likelihood<'s> {
         gram
     }
 
-    /// −2 log of it as a function of one of the partial autocorrelations `p`. Whitened products are of second degree in it:
-    /// predictors are of first degree, and of the variance that is left before its order it is the factor `1/(1 - p²)`.
+    /// −2 log likelihood as a function of one partial autocorrelation `p`. Whitened products are quadratic in it, since
+    /// predictors are linear in it; the error variances of lower orders are proportional to `1/(1 - p²)`.
     fn along(&self, partial: &[f64], k: usize) -> impl Fn(f64) -> f64 + '_ {
         let [before, middle, after] = [-0.5, 0.0, 0.5].map(|p| {
             let mut other = partial.to_vec();
@@ -97,8 +98,8 @@ impl<'s> Likelihood<'s> {
         }
     }
 
-    /// The partial autocorrelations that make it largest, near these: one after the other along their inverse
-    /// hyperbolic tangents, by golden sections.
+    /// Maximises the likelihood, starting from these partial autocorrelations: one after the other along their inverse
+    /// hyperbolic tangents, by golden section.
     pub fn maximised(&self, mut partial: Vec<f64>) -> Vec<f64> {
         let within = |u: f64| u.tanh().clamp(-LARGEST, LARGEST);
         let mut reach = 1.5;
@@ -114,13 +115,13 @@ impl<'s> Likelihood<'s> {
     }
 }
 
-/// Pairs of lags i ≤ j up to the largest.
+/// Pairs of lags i ≤ j up to the largest lag.
 fn pairs(most: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..=most).flat_map(move |i| (i..=most).map(move |j| (i, j)))
 }
 
-/// Products of the rows of a segment at all [`pairs`] of lags. Those at `i + 1, j + 1` have other ends than those at `i, j`,
-/// and the same rows else.
+/// Products of the rows of a segment at all [`pairs`] of lags. Those at `i + 1, j + 1` differ from those at `i, j` only
+/// in their first and last rows.
 fn products(of: &Segment, most: usize) -> Vec<DMatrix<f64>> {
     let (rows, size) = (&of.rows, of.rows.ncols());
     let count = rows.nrows().saturating_sub(most);
@@ -148,7 +149,7 @@ fn products(of: &Segment, most: usize) -> Vec<DMatrix<f64>> {
     all
 }
 
-/// Adds a whitened row to products of them; returns the logarithm of its variance.
+/// Adds a whitened row to the Gram matrix; returns the logarithm of its variance.
 fn add_row(gram: &mut DMatrix<f64>, of: &Segment, t: usize, predictor: &[f64], left: f64) -> f64 {
     let mut row = of.rows.row(t).into_owned();
     for (k, a) in predictor.iter().enumerate() {
@@ -158,7 +159,7 @@ fn add_row(gram: &mut DMatrix<f64>, of: &Segment, t: usize, predictor: &[f64], l
     left.ln()
 }
 
-/// The restricted likelihood of a process that predicts each row of a segment so, with the variance that is left: as
+/// The restricted likelihood for a process given by the predictor and error variance of each row of a segment: as
 /// [`Likelihood::value`], row by row.
 pub fn of_whitened<'p>(
     segments: &[Segment],
@@ -175,8 +176,8 @@ pub fn of_whitened<'p>(
     restricted(segments, whitened)
 }
 
-/// −2 log of the restricted likelihood, but for constants, and the variance, from the whitened products of each segment and
-/// the logarithm of the determinant of its covariance.
+/// −2 log restricted likelihood up to a constant, and the variance, from the whitened products of each segment and the
+/// log determinant of its covariance.
 fn restricted(
     segments: &[Segment],
     whitened: impl Iterator<Item = (DMatrix<f64>, f64)>,
@@ -199,7 +200,8 @@ fn restricted(
     (sum + log + degrees * variance.ln(), variance)
 }
 
-/// Sum of logarithms of the pivots of the first columns, and their number; the matrix becomes what they leave.
+/// Eliminates the first columns. Returns the sum of the logarithms of the pivots and their number; `gram` becomes the
+/// Schur complement.
 fn eliminate(gram: &mut DMatrix<f64>, count: usize) -> (f64, usize) {
     let (n, diagonal) = (gram.nrows(), gram.diagonal());
     let (mut log, mut rank) = (0.0, 0);
@@ -221,7 +223,7 @@ fn eliminate(gram: &mut DMatrix<f64>, count: usize) -> (f64, usize) {
     (log, rank)
 }
 
-/// Where a function is least between two numbers.
+/// Minimiser of a function between two numbers, by golden section.
 pub fn golden(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
     const PART: f64 = 0.381_966_011_250_105;
     let inner = |low: f64, high: f64| (low + PART * (high - low), high - PART * (high - low));
@@ -247,7 +249,7 @@ mod tests {
     use crate::autoregression::tests::autocovariances;
     use nalgebra::DVector;
 
-    /// The restricted likelihood, written out with dense matrices.
+    /// The restricted likelihood computed with dense matrices.
     #[test]
     fn the_likelihood_is_that_of_dense_matrices() {
         let (a, b, n) = (0.6, 0.2, 15);
@@ -277,7 +279,7 @@ mod tests {
         let expected = 12.0 * s2.ln() + sigma.determinant().ln() + h.determinant().ln();
         assert!((variance - s2).abs() < 1e-10 * s2, "{variance} {s2}");
         assert!((value - expected).abs() < 1e-8, "{value} {expected}");
-        // Along each of the two it is the same.
+        // The likelihood along each of the two coordinates is the same.
         let likelihood = Likelihood::new(&segments, 4);
         for k in 0..2 {
             for p in [-0.9, 0.3, 0.98] {

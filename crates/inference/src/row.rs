@@ -2,22 +2,22 @@
 
 use std::f64::consts::SQRT_2;
 
-/// Noise of a measured value, by its residual `z = (y - h)/sd`.
+/// Noise of a measured value, in terms of its residual `z = (y - h)/sd`.
 ///
-/// The informations of Laplace's, Student's and Huber's are means over the residuals, so that `s² H⁻¹` is the covariance of
-/// an M-estimate (Huber, *Robust Statistics*, 1981, section 7.6, without its factor for few values) whatever scale was
-/// stated: the scale decides, if at all, which estimate is taken, and not how sure it is.
+/// The informations of the Laplace, Student and Huber variants are means over the residuals, so that `s² H⁻¹` is the
+/// covariance of an M-estimate (Huber, *Robust Statistics*, 1981, section 7.6, without its factor for few values) for
+/// any stated scale: the scale affects at most which estimate is chosen, not its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Noise {
     /// Normal noise.
     Normal,
-    /// Laplace's, of unit standard deviation; the absolute value is rounded off at 0 within `smoothing`.
+    /// Laplace noise of unit standard deviation; the absolute value is smoothed at 0 within `smoothing`.
     Laplace {
-        /// Where it is rounded off, in standard deviations.
+        /// Width of the smoothing, in standard deviations.
         smoothing: f64,
         /// Mean slope of the score, `E ψ'`.
         of_location: f64,
-        /// The same of the noise level's, `E(z²ψ' + zψ)`.
+        /// The same for the noise level, `E(z²ψ' + zψ)`.
         of_level: f64,
     },
     /// Student's t of unit scale.
@@ -29,9 +29,9 @@ pub enum Noise {
         /// As above.
         of_level: f64,
     },
-    /// Huber's, whose score is `z` within ± the threshold and the threshold beyond.
+    /// Huber's, with the score `z` clamped to ± the threshold.
     Huber {
-        /// In standard deviations.
+        /// The threshold in standard deviations.
         threshold: f64,
         /// As above: the part of the residuals within the threshold.
         of_location: f64,
@@ -41,8 +41,8 @@ pub enum Noise {
 }
 
 impl Noise {
-    /// Laplace's, of a signal with these residuals and their weights. All of its slope is at 0, where few residuals are:
-    /// their density there is that of Laplace's distribution with their mean size.
+    /// Laplace noise for a signal with these residuals and weights. All of its slope is at 0, where few residuals are,
+    /// so their density there is taken from the Laplace distribution with their mean magnitude.
     pub fn laplace(smoothing: f64, residuals: impl Iterator<Item = (f64, f64)>) -> Self {
         let [size] = means(residuals, |z| [z.abs()]);
         Self::Laplace {
@@ -52,14 +52,14 @@ impl Noise {
         }
     }
 
-    /// Student's, of a signal with these residuals and their weights.
+    /// Student noise for a signal with these residuals and weights.
     pub fn student(dof: f64, residuals: impl Iterator<Item = (f64, f64)>) -> Self {
         let [location, level] = means(residuals, |z| {
             let room = dof + z * z;
             let slope = (dof + 1.0) * (dof - z * z) / (room * room);
             [slope, z * z * slope + (dof + 1.0) * z * z / room]
         });
-        // Of a few wild residuals it may be negative: then Student's own.
+        // A few extreme residuals may make it negative; then the expectation under Student's t is used.
         let or = |mean: f64, own: f64| if mean > 0.05 * own { mean } else { own };
         Self::Student {
             dof,
@@ -68,7 +68,7 @@ impl Noise {
         }
     }
 
-    /// Huber's, of a signal with these residuals and their weights.
+    /// Huber noise for a signal with these residuals and weights.
     pub fn huber(threshold: f64, residuals: impl Iterator<Item = (f64, f64)>) -> Self {
         let [of_location, of_level] = means(residuals, |z| match z.abs() <= threshold {
             true => [1.0, 2.0 * z * z],
@@ -82,7 +82,7 @@ impl Noise {
     }
 }
 
-/// Means of some values of weighted residuals.
+/// Weighted means of functions of the residuals.
 fn means<const N: usize>(
     residuals: impl Iterator<Item = (f64, f64)>,
     values: impl Fn(f64) -> [f64; N],
@@ -97,26 +97,26 @@ fn means<const N: usize>(
     sums.map(|sum| sum / all)
 }
 
-/// A measured value as up to two rows: one of its location `h`, one of its noise level `ln sd`.
+/// A measured value as up to two rows: one for its location `h`, one for its noise level `ln sd`.
 ///
 /// With the score `ψ(z)` of the location and the Fisher informations `i_h` of `h/sd` and `i_s` of `ln sd` the rows have
-/// the residuals `ψ/√i_h` and `(zψ - 1)/√i_s`, and the derivatives `√i_h ∂h/sd` and `√i_s ∂ ln sd`: their normal
-/// equations are those of Fisher scoring, and with the right model they are uncorrelated and have unit variance. (Lange,
-/// Little & Taylor, J. Am. Stat. Assoc. 84, 1989, for Student's t.)
+/// the residuals `ψ/√i_h` and `(zψ - 1)/√i_s` and the derivatives `√i_h ∂h/sd` and `√i_s ∂ ln sd`. Their normal
+/// equations are those of Fisher scoring; with the right model they are uncorrelated and have unit variance (Lange,
+/// Little & Taylor, J. Am. Stat. Assoc. 84, 1989, for Student's t).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
     /// Residual of the location.
     pub location: f64,
-    /// What its derivatives `∂h/sd` are multiplied with.
+    /// Factor of its derivatives `∂h/sd`.
     pub location_scale: f64,
     /// Residual of the noise level.
     pub level: f64,
-    /// What its derivatives `∂ ln sd` are multiplied with.
+    /// Factor of its derivatives `∂ ln sd`.
     pub level_scale: f64,
 }
 
 impl Row {
-    /// Of a residual `z = (y - h)/sd` with a weight.
+    /// The rows of a residual `z = (y - h)/sd` with a weight.
     pub fn new(noise: Noise, z: f64, weight: f64) -> Self {
         let (psi, of_location, of_level) = match noise {
             Noise::Normal => (z, 1.0, 2.0),
@@ -193,7 +193,7 @@ mod tests {
         }
     }
 
-    /// Of a mean, whatever scale was stated: the variance that the rows give is that over many samples.
+    /// For a mean and any stated scale, the variance from the rows equals that over many samples.
     #[test]
     fn a_wrong_scale_makes_no_interval_wrong() {
         use rand_chacha::ChaCha8Rng;
@@ -229,7 +229,7 @@ mod tests {
             let (mut squares, mut variances) = (0.0, 0.0);
             for _ in 0..SETS {
                 let y: Vec<f64> = (0..400).map(|_| draw() / stated).collect();
-                // Scoring with the rows themselves, from the median.
+                // Fisher scoring with the rows themselves, starting from the median.
                 let mut sorted = y.clone();
                 sorted.sort_by(f64::total_cmp);
                 let mut mean = 0.5 * (sorted[199] + sorted[200]);

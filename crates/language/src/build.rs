@@ -1,4 +1,4 @@
-//! From expressions as they are written to the expression graph.
+//! Construction of the expression graph from parsed expressions.
 
 use crate::error::{Fault, ModelFileError};
 use crate::file::{Formula, ModelFile};
@@ -11,26 +11,26 @@ use pilotage_expression::{Function, Graph, Node, Operator};
 /// Highest order of a delay.
 const HIGHEST_ORDER: usize = 5;
 
-/// Most operations of a model: a tape of them is still stepped in milliseconds.
+/// Maximum number of operations of a model: a tape of that size still takes only milliseconds per step.
 const MOST_OPERATIONS: usize = 200_000;
 
-/// A model as expressions of one graph.
+/// A model as expressions in one graph.
 #[derive(Debug, Clone)]
 pub(crate) struct Built {
     pub(crate) graph: Graph,
-    /// Names of the states of delays, behind the declared ones, with the declared variable whose unit they have.
+    /// The states of delays, which follow the declared ones.
     pub(crate) delays: Vec<DelayState>,
     /// Derivatives of all states.
     pub(crate) derivatives: Vec<Node>,
-    /// Values of locals and outputs; those of an output that is a state's or local's other name too.
+    /// Values of locals and outputs, including outputs that are another name of a state or local.
     pub(crate) computed: Vec<Node>,
     /// Limits of outputs.
     pub(crate) limits: Vec<Option<[Node; 2]>>,
     /// Start values of declared states.
     pub(crate) starts: Vec<Node>,
-    /// Time of each delay, and the byte of the text at which it stands.
+    /// Time of each delay, and its byte offset in the text.
     pub(crate) taus: Vec<(Node, usize)>,
-    /// For each formula in the order of its computation, the node of each part.
+    /// For each formula, in order of computation, the nodes of its parts.
     pub(crate) parts: Vec<(Formula, Vec<Node>)>,
 }
 
@@ -38,7 +38,7 @@ pub(crate) struct Built {
 #[derive(Debug, Clone)]
 pub(crate) struct DelayState {
     pub(crate) name: String,
-    /// The variable in whose expression it stands.
+    /// The variable whose expression contains the delay.
     pub(crate) of: String,
     pub(crate) signal: String,
 }
@@ -73,7 +73,7 @@ pub(crate) fn build(
         taus: Vec::new(),
         graph,
     };
-    // Delays are numbered as they were found: by states, locals, outputs.
+    // Delays are numbered in the order of states, locals, outputs.
     let first_delays = first_delays(file, scope);
     for &k in &scope.order {
         if let Some(formula) = &scope.computed(k).value {
@@ -119,7 +119,7 @@ pub(crate) fn build(
     })
 }
 
-/// The delays of an expression: the part of each call and its order.
+/// The delays of an expression: the part of each call, the part of its order, and the order if it is valid.
 fn delays(expression: &Expression) -> impl Iterator<Item = (Part, Part, Option<usize>)> {
     let terms = expression.terms.iter().enumerate();
     terms.filter_map(|(part, term)| match term {
@@ -171,7 +171,7 @@ fn delay_states(file: &ModelFile, scope: &Scope<'_>) -> Result<Vec<DelayState>, 
     Ok(found)
 }
 
-/// For each state, local and output, the first state of its delays.
+/// For each state, local and output, the index of the first state of its delays.
 fn first_delays(file: &ModelFile, scope: &Scope<'_>) -> Vec<usize> {
     let mut next = file.states.len();
     let count = file.locals.len() + file.outputs.len();
@@ -198,7 +198,7 @@ struct Builder<'f> {
     x: &'f [Node],
     u: &'f [Node],
     p: &'f [Node],
-    /// The state that the next delay begins with.
+    /// Index of the first state of the next delay.
     next_delay: usize,
     rates_of_delays: Vec<(usize, Node)>,
     computed: Vec<Node>,
@@ -206,11 +206,11 @@ struct Builder<'f> {
     taus: Vec<(Node, usize)>,
 }
 
-/// A condition, and whether it must hold or not.
+/// A condition, and whether it must hold or must not hold.
 type Branch = (Part, bool);
 
 impl Builder<'_> {
-    /// The node of an expression.
+    /// Builds the node of an expression.
     fn formula(&mut self, formula: &Formula) -> Result<Node, ModelFileError> {
         let expression = &formula.expression;
         let branches = branches(expression);
@@ -290,8 +290,8 @@ impl Builder<'_> {
         }
     }
 
-    /// An argument of what is not defined everywhere, harmless where its branch is not taken: else its
-    /// derivative there, which is not a number, would spoil that of the branch that is taken.
+    /// An argument of a function that is not defined everywhere, replaced by a harmless value if its branch is not
+    /// taken. Otherwise its derivative there, which is not a number, would spoil that of the branch taken.
     fn guarded(&mut self, argument: Node, nodes: &[Node], branches: &[Branch]) -> Node {
         if branches.is_empty() || self.graph.value(argument).is_some() {
             return argument;
@@ -319,7 +319,7 @@ impl Builder<'_> {
         }
     }
 
-    /// 1 where the comparison holds, else 0.
+    /// 1 if the comparison holds, else 0.
     fn compare(&mut self, comparison: Comparison, a: Node, b: Node) -> Node {
         match comparison {
             Comparison::Less => self.graph.binary(Operator::Less, a, b),
@@ -396,7 +396,7 @@ impl Builder<'_> {
         self.graph.select(is_above, one, lower)
     }
 
-    /// The least or the greatest.
+    /// The minimum or the maximum.
     fn extreme(&mut self, taken: &[Node], least: bool) -> Node {
         taken[1..]
             .iter()
@@ -414,9 +414,9 @@ impl Builder<'_> {
         }
     }
 
-    /// A signal `tau` ago, by Padé's approximation of an order `n` in numerator and denominator. With
-    /// `Q(s) = Σ c_k (τ s)^k` the signal is `Q(-s)/Q(s) u`; the states are `w_k = c_{k-1} (τ s)^{k-1}/Q(s) u`, all in
-    /// the unit of the signal.
+    /// A signal delayed by `tau`, by a Padé approximation of order `n` in numerator and denominator. With
+    /// `Q(s) = Σ c_k (τ s)^k` the delayed signal is `Q(-s)/Q(s) u`; the states are `w_k = c_{k-1} (τ s)^{k-1}/Q(s) u`,
+    /// all in the unit of the signal.
     fn delay(&mut self, signal: Node, tau: Node, order: usize) -> Node {
         let first = self.next_delay;
         self.next_delay += order;
@@ -448,7 +448,7 @@ impl Builder<'_> {
     }
 }
 
-/// For each part, the conditions within whose branches it stands.
+/// For each part, the conditions of the branches that contain it.
 fn branches(expression: &Expression) -> Vec<Vec<Branch>> {
     let terms = &expression.terms;
     let mut found: Vec<Vec<Branch>> = vec![Vec::new(); terms.len()];

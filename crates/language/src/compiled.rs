@@ -1,4 +1,4 @@
-//! A model file that was checked, as expressions.
+//! A checked model file as expressions.
 
 use crate::build::{self, Built};
 use crate::error::{Fault, ModelFileError, unread};
@@ -12,48 +12,48 @@ use pilotage_text::document::Position;
 use std::io::Read;
 use std::path::Path;
 
-/// A model of a file: what is declared, and its equations as an expression graph.
+/// A compiled model file: its declarations, and its equations as an expression graph.
 #[derive(Debug, Clone)]
 pub struct Compiled {
-    /// What the file declares.
+    /// The declarations of the file.
     pub file: ModelFile,
-    /// The files of its tables.
+    /// The files of the tables.
     pub tables: TableFiles,
-    /// The equations. The states are the declared ones, then those of delays; the outputs are the locals, then the
-    /// outputs that have a value of their own, as they are before any limit.
+    /// The equations. The states are the declared ones, followed by those of delays; the outputs are the locals,
+    /// followed by the outputs that have their own value, before any limit is applied.
     pub model: Model,
-    /// For each output of [`model`](Self::model) between which values it is held, as expressions of parameters.
+    /// Limits of each output of [`model`](Self::model), as expressions of parameters.
     pub limits: Vec<Option<[Node; 2]>>,
     /// The states of delays.
     pub delays: Vec<DelayState>,
     starts: Vec<Node>,
-    /// Time of each delay, and the byte of the text at which it stands.
+    /// Time of each delay, and its byte offset in the text.
     taus: Vec<(Node, usize)>,
-    /// For each formula the node of each part.
+    /// The nodes of the parts of each formula.
     parts: Vec<(Formula, Vec<Node>)>,
 }
 
-/// A state that a delay has.
+/// A state of a delay.
 #[derive(Debug, Clone)]
 pub struct DelayState {
-    /// Its name.
+    /// Name of the state.
     pub name: String,
-    /// Name of the unit of the variable in whose expression it stands; `None` where that has none.
+    /// Name of the unit of the variable whose expression contains the delay; `None` if it has none.
     pub unit: Option<String>,
-    /// One line.
+    /// Description in one line.
     pub description: String,
 }
 
-/// Where a number stops being finite.
+/// The location at which a value becomes infinite or NaN.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trouble {
-    /// Line and column of the model file.
+    /// Line and column in the model file.
     pub position: Position,
-    /// The expression, as it is written.
+    /// The expression as written.
     pub expression: String,
     /// Its value.
     pub value: f64,
-    /// What it is made of: each as it is written, and its value.
+    /// Its operands, each as written and with its value.
     pub of: Vec<(String, f64)>,
 }
 
@@ -74,27 +74,38 @@ impl std::fmt::Display for Trouble {
     }
 }
 
-/// Reads a model file, and its tables from the folder in which it stands.
+/// Reads a model file, and its tables from the same folder.
 ///
 /// # Errors
-/// When a file cannot be read, or there is a mistake in it: the message names file, line and column.
+/// If a file cannot be read or contains a mistake. The message contains file, line and column.
 pub fn read(path: &Path) -> Result<Compiled, ModelFileError> {
-    let mut text = String::new();
+    let mut bytes = Vec::new();
     let file = std::fs::File::open(path).map_err(|source| unread(path.to_owned(), source))?;
-    // One byte more than is allowed, so that what is too long is found out without reading all of it.
+    // One byte more than permitted, to detect a file that is too long without reading all of it.
     file.take(LONGEST as u64 + 1)
-        .read_to_string(&mut text)
+        .read_to_end(&mut bytes)
         .map_err(|source| unread(path.to_owned(), source))?;
+    let text = match String::from_utf8(bytes) {
+        Ok(text) => text,
+        // The cut may be within a character.
+        Err(error) if error.as_bytes().len() > LONGEST => {
+            String::from_utf8_lossy(error.as_bytes()).into_owned()
+        }
+        Err(error) => {
+            let source = std::io::Error::new(std::io::ErrorKind::InvalidData, error);
+            return Err(unread(path.to_owned(), source));
+        }
+    };
     let folder = path.parent().unwrap_or(Path::new(""));
     parse(&text, &path.display().to_string(), &|table| {
         std::fs::read_to_string(folder.join(table))
     })
 }
 
-/// Compiles the text of a model file. `file` is its name in messages; `read_table` gives the text of a table's file.
+/// Compiles the text of a model file. `file` is its name in messages; `read_table` returns the text of a table's file.
 ///
 /// # Errors
-/// When there is a mistake in it: the message names file, line and column.
+/// If the text contains a mistake. The message contains file, line and column.
 pub fn parse(
     text: &str,
     file: &str,
@@ -158,17 +169,17 @@ fn assemble(file: ModelFile, tables: Tables, built: Built) -> Compiled {
 }
 
 impl Compiled {
-    /// The parameters' start values.
+    /// Start values of the parameters.
     pub fn parameters(&self) -> Vec<f64> {
         let all = self.file.parameters.iter();
         all.map(|parameter| parameter.start.number().unwrap_or_default())
             .collect()
     }
 
-    /// Start values of all states, where the parameters have these values; delays begin with 0.
+    /// Start values of all states for these parameter values; states of delays start at 0.
     ///
     /// # Panics
-    /// When there are not as many values as parameters.
+    /// If the number of values differs from the number of parameters.
     pub fn start_values(&self, parameters: &[f64]) -> Vec<f64> {
         let values = self.values(0.0, &[], &[], parameters);
         let mut starts: Vec<f64> = self
@@ -180,19 +191,19 @@ impl Compiled {
         starts
     }
 
-    /// The declared states' start values as expressions; delays begin with 0.
+    /// Start values of the declared states as expressions; states of delays start at 0.
     pub fn starts(&self) -> &[Node] {
         &self.starts
     }
 
-    /// Which states have a start value that depends on parameters.
+    /// True for states whose start value depends on parameters.
     pub fn starts_on_parameters(&self) -> Vec<bool> {
         let graph = &self.model.system.graph;
         let is_number = |node: &Node| graph.value(*node).is_some();
         self.starts.iter().map(|node| !is_number(node)).collect()
     }
 
-    /// Whether the derivatives are linear in states and inputs, `ẋ = A(p) x + B(p) u`.
+    /// True if the derivatives are linear in states and inputs, `ẋ = A(p) x + B(p) u`.
     pub fn is_linear(&self) -> bool {
         let system = &self.model.system;
         let parameters = system.parameter(0)..system.variables();
@@ -205,7 +216,7 @@ impl Compiled {
         let of_time = slopes.pop().unwrap_or_default();
         let varies = graph.dependants(|variable| !parameters.contains(&variable));
         let constant = slopes.iter().flatten().all(|node| !varies[node.index()]);
-        // A step has a slope of 0 everywhere and is not linear.
+        // A step function has zero slope everywhere but is not linear.
         let needed = graph.ancestors(&system.derivatives);
         let operations = graph.operations().iter().enumerate();
         let smooth = |operation: &Operation| match operation {
@@ -224,7 +235,7 @@ impl Compiled {
             && self.rests_at_zero()
     }
 
-    /// Whether all derivatives are 0 where states and inputs are, whatever the parameters.
+    /// True if all derivatives are 0 for zero states and inputs, for all parameters.
     fn rests_at_zero(&self) -> bool {
         let system = &self.model.system;
         let mut graph = Graph::default();
@@ -240,11 +251,11 @@ impl Compiled {
         at_zero.iter().all(|node| graph.is_zero(*node))
     }
 
-    /// The first expression that is no finite number though all of which it is made are, at a point; none where
-    /// all are finite that derivatives and outputs are made of.
+    /// The first expression at a point that is not finite although all its operands are. None if all values on which
+    /// derivatives and outputs depend are finite.
     ///
     /// # Panics
-    /// When states, inputs or parameters are not as many as the model's.
+    /// If the numbers of states, inputs or parameters differ from those of the model.
     pub fn trouble(&self, time: f64, x: &[f64], u: &[f64], p: &[f64]) -> Option<Trouble> {
         let values = self.values(time, x, u, p);
         let system = &self.model.system;
@@ -253,7 +264,7 @@ impl Compiled {
             bad.filter(|node| !values[node.index()].is_finite())
                 .collect()
         };
-        // An output matters where the derivatives are finite.
+        // Outputs are only checked if the derivatives are finite.
         let bad = match bad(&system.derivatives) {
             of_derivatives if !of_derivatives.is_empty() => of_derivatives,
             _ => bad(&system.outputs),
@@ -307,7 +318,8 @@ impl Compiled {
         system.graph.values(&variables)
     }
 
-    /// Refuses start values that are out of range or no numbers, and limits that are reversed.
+    /// Rejects start values that are out of range or not finite, delay times that are not positive, and reversed
+    /// limits.
     fn check_starts(&self) -> Result<(), ModelFileError> {
         let parameters = self.parameters();
         let starts = self.start_values(&parameters);

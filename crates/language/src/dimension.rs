@@ -1,36 +1,36 @@
-//! Units of expressions.
+//! Units of expressions, for the check of equations.
 
 use pilotage_units::Base;
 
-/// Most numbers whose products may convert one unit to another.
+/// Maximum number of constants whose products may convert one unit to another.
 const MOST_NUMBERS: usize = 8;
 
-/// Relative difference of what is meant to be the same factor: conversions are written with few digits.
+/// Relative tolerance of conversion factors, which are often written with few digits.
 const CLOSE: f64 = 2e-3;
 
-/// What the value of an expression is measured in.
+/// The unit of the value of an expression.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Dimension {
-    /// It contains a variable without unit.
+    /// The expression contains a variable without unit.
     Unchecked,
-    /// A number, which takes the unit that it needs; its value.
+    /// A number with its value; it takes any unit.
     Number(f64),
-    /// A quantity.
+    /// A quantity with a unit.
     Of(Quantity),
 }
 
-/// A quantity's unit.
+/// The unit of a quantity.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Quantity {
-    /// Exponents of the base units but the radian.
+    /// Exponents of the base units, except the radian.
     exponents: [f64; 7],
     /// Factor to the base units.
     factor: f64,
-    /// Offset to the base units: of temperatures in degrees.
+    /// Offset to the base units, for temperatures in degrees.
     offset: f64,
-    /// Numbers by which it was multiplied: they may have converted it to another unit.
+    /// Numbers by which the quantity was multiplied; they may have converted it to another unit.
     numbers: Vec<f64>,
-    /// The unit's name, where it is one that was declared.
+    /// Name of the unit, if it was declared.
     name: Option<String>,
 }
 
@@ -44,7 +44,7 @@ impl Quantity {
         })
     }
 
-    /// What a unit means.
+    /// The quantity of a unit.
     pub(crate) fn of(base: &Base) -> Self {
         Self {
             exponents: std::array::from_fn(|k| f64::from(base.exponents[k])),
@@ -55,7 +55,7 @@ impl Quantity {
         }
     }
 
-    /// Without a dimension.
+    /// The dimensionless quantity.
     pub(crate) fn one() -> Self {
         Self::of(&Base::default())
     }
@@ -65,7 +65,7 @@ impl Quantity {
         Self::of(&Base::of("s").unwrap_or_default())
     }
 
-    /// What a product with another one to a power of 1 or -1 is.
+    /// Product with another quantity to the power 1 or -1.
     pub(crate) fn times(&self, other: &Self, power: f64) -> Result<Self, String> {
         self.absolute()?;
         other.absolute()?;
@@ -81,7 +81,7 @@ impl Quantity {
         Ok(product)
     }
 
-    /// Times a number, which may convert it.
+    /// Product with a number, which may convert the unit.
     pub(crate) fn scaled(&self, number: f64) -> Result<Self, String> {
         let mut scaled = self.clone();
         if number.abs() != 1.0 && !number.is_nan() {
@@ -93,7 +93,7 @@ impl Quantity {
         Ok(scaled)
     }
 
-    /// To a power.
+    /// Power of the quantity.
     pub(crate) fn power(&self, power: f64) -> Result<Self, String> {
         self.absolute()?;
         Ok(Self {
@@ -107,12 +107,12 @@ impl Quantity {
         })
     }
 
-    /// Whether it has no dimension, and no factor that a number has not taken away.
+    /// Checks that the quantity is dimensionless, with a factor of 1 after conversion by the numbers.
     pub(crate) fn check_plain(&self) -> Result<(), String> {
         self.check_same(&Self::one())
     }
 
-    /// Refuses what is not the same unit.
+    /// Rejects a different unit.
     pub(crate) fn check_same(&self, other: &Self) -> Result<(), String> {
         self.check_scale(other)?;
         match (self.offset - other.offset).abs() > 1e-9 {
@@ -125,21 +125,21 @@ impl Quantity {
         }
     }
 
-    /// Refuses a unit whose differences are not those of the other one.
+    /// Rejects a unit whose differences do not equal those of the other one.
     fn check_scale(&self, other: &Self) -> Result<(), String> {
         let (left, right) = (self.shown(), other.shown());
         let mut exponents = self.exponents.iter().zip(&other.exponents);
         if exponents.any(|(a, b)| (a - b).abs() > 1e-9) {
             return Err(format!("{left} is not {right}"));
         }
-        // One value in this unit is that many in the other.
+        // The factor from this unit to the other.
         let ratio = self.factor / other.factor;
         let close = |a: f64, b: f64| (a / b - 1.0).abs() < CLOSE;
         let mut conversions = self
             .products()
             .into_iter()
             .flat_map(|own| (other.products().into_iter()).map(move |theirs| own / theirs));
-        // The radian counts as 1, so that a frequency may be in turns or in radians per second.
+        // The radian counts as 1, so that a frequency may be given in turns or in radians per second.
         let turn = std::f64::consts::TAU;
         let turns: &[f64] = match self.is_rate() {
             true => &[1.0, turn, 1.0 / turn],
@@ -155,7 +155,7 @@ impl Quantity {
         Ok(())
     }
 
-    /// Sum or difference with the same unit: differences of temperatures in degrees are in kelvin.
+    /// Sum or difference of quantities with the same unit; differences of temperatures in degrees are in kelvin.
     pub(crate) fn sum(&self, other: &Self, sign: f64) -> Result<Self, String> {
         self.check_scale(other)?;
         let both = self.offset != 0.0 && other.offset != 0.0;
@@ -183,13 +183,13 @@ impl Quantity {
         Ok(sum)
     }
 
-    /// Whether it is a power of 1/s alone.
+    /// True if the dimension is a power of 1/s.
     fn is_rate(&self) -> bool {
         let mut others = self.exponents.iter().enumerate();
         others.all(|(k, exponent)| (k == 2) == (*exponent != 0.0))
     }
 
-    /// A temperature plus a number: 273.15 leads from K to degC, or back.
+    /// A temperature plus a number: 273.15 converts between K and degC.
     pub(crate) fn shifted(&self, number: f64) -> Self {
         let mut shifted = self.clone();
         let is_temperature = *self == Self::of(&Base::of("K").unwrap_or_default())
@@ -208,7 +208,7 @@ impl Quantity {
         shifted
     }
 
-    /// Products of some of the numbers.
+    /// Products of all subsets of the numbers.
     fn products(&self) -> Vec<f64> {
         let mut products = vec![1.0];
         for number in &self.numbers {
@@ -219,7 +219,7 @@ impl Quantity {
         products
     }
 
-    /// Refuses a temperature in degrees, which has no meaning in a product.
+    /// Rejects a temperature in degrees, which is meaningless in a product.
     fn absolute(&self) -> Result<(), String> {
         match self.offset == 0.0 {
             true => Ok(()),
@@ -230,7 +230,7 @@ impl Quantity {
         }
     }
 
-    /// How a quantity with a dimension becomes a plain number.
+    /// A hint on how to make a quantity dimensionless.
     pub(crate) fn plain_hint(&self) -> Option<String> {
         let second = Self::second();
         if self.exponents == second.exponents && self.factor == second.factor {
@@ -242,12 +242,12 @@ impl Quantity {
         has_dimension.then(|| format!("; divide it by a parameter in {}", self.shown()))
     }
 
-    /// As part of a sentence.
+    /// Description as part of a sentence.
     pub(crate) fn in_words(&self) -> String {
         format!("what is in {}", self.shown())
     }
 
-    /// As messages show it: base units with the factor to them.
+    /// Representation in messages: base units with their factor.
     pub(crate) fn shown(&self) -> String {
         if let Some(name) = &self.name {
             return match name.as_str() {
@@ -289,7 +289,7 @@ impl Quantity {
     }
 }
 
-/// A factor with as many digits as it needs, six at most.
+/// A factor, shown with at most six digits.
 struct Conversion(f64);
 
 impl std::fmt::Display for Conversion {

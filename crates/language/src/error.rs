@@ -1,23 +1,23 @@
-//! What can be wrong with a model file.
+//! Errors in model files.
 
 use pilotage_text::document::{DocumentError, Position};
 use pilotage_text::suggestion::did_you_mean;
 use std::path::PathBuf;
 
-/// Why a file is no model.
+/// Why a file is not a valid model.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelFileError {
-    /// Not TOML, or a key that does not belong there.
+    /// Not TOML, or an unknown key.
     #[error(transparent)]
     Document(#[from] DocumentError),
-    /// A mistake at a place.
+    /// A mistake at a position in the file.
     #[error("{file}:{position}: {fault}")]
     At {
-        /// The file, as the user named it.
+        /// The file as named by the user.
         file: String,
-        /// Where.
+        /// Line and column.
         position: Position,
-        /// What is wrong, and what to do.
+        /// The mistake and its remedy.
         fault: Box<Fault>,
     },
     /// The file is too long.
@@ -25,18 +25,18 @@ pub enum ModelFileError {
     TooLong {
         /// The file.
         file: String,
-        /// Its length.
+        /// Length in bytes.
         size: usize,
-        /// The most that is read.
+        /// Maximum length in bytes.
         limit: usize,
     },
 }
 
-/// What is wrong at a place of a model file. Each says what to do.
+/// A mistake at a position in a model file. Each message gives a remedy.
 #[derive(Debug, thiserror::Error)]
 #[expect(missing_docs, reason = "the messages say what the fields are")]
 pub enum Fault {
-    // The words of an expression.
+    // Lexical and syntax errors.
     #[error("`{0}` means nothing in an expression{hint}", hint = hint_for(.0))]
     Character(String),
     #[error("`{0}` is no number; write 12, 0.5 or 1e-3")]
@@ -48,7 +48,7 @@ pub enum Fault {
     #[error("the expression is empty; write a number, a name or a formula")]
     Empty,
 
-    // What a fit says of it.
+    // The results of a fit.
     #[error("[uncertainty] {0}")]
     Uncertainty(String),
 
@@ -186,7 +186,7 @@ pub enum Fault {
     Unit(String),
 }
 
-/// What was probably meant by signs that expressions do not have.
+/// A hint for unsupported characters.
 fn hint_for(text: &str) -> &'static str {
     match text {
         "**" => "; a power is written x^2",
@@ -201,7 +201,7 @@ fn hint_for(text: &str) -> &'static str {
     }
 }
 
-/// A file that cannot be had.
+/// A file that cannot be read.
 pub(crate) fn unread(file: PathBuf, source: std::io::Error) -> ModelFileError {
     ModelFileError::Document(DocumentError::Read { file, source })
 }

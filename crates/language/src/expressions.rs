@@ -1,4 +1,4 @@
-//! Expressions of files that are no models: over the variables of a system, `pilot.gain`, and recorded columns.
+//! Expressions outside model files: over the variables of a system such as `pilot.gain`, and recorded columns.
 
 use crate::build;
 use crate::error::{Fault, ModelFileError};
@@ -9,11 +9,11 @@ use crate::tables::Tables;
 use crate::{functions, units};
 use pilotage_expression::{Graph, Node};
 
-/// Names and expressions of a file, before they are compiled.
+/// Names and expressions of a file before compilation.
 #[derive(Debug, Clone)]
 pub struct Expressions {
     file: ModelFile,
-    /// For each expression, what it is called where it must not change in time.
+    /// For each expression that must be constant in time, its description in messages.
     constants: Vec<Option<&'static str>>,
 }
 
@@ -22,12 +22,12 @@ pub struct Expressions {
 pub struct CompiledExpressions {
     /// The expressions.
     pub graph: Graph,
-    /// Each expression that was added.
+    /// The node of each added expression.
     pub nodes: Vec<Node>,
 }
 
 impl Expressions {
-    /// None yet, of a file with that name in messages and that text.
+    /// An empty list for a file with this name in messages and this text.
     pub fn new(file: &str, text: &str) -> Self {
         Self {
             file: ModelFile {
@@ -46,18 +46,19 @@ impl Expressions {
         }
     }
 
-    /// A name of what changes in time.
+    /// Adds the name of a signal, which changes in time.
     pub fn add_signal(&mut self, name: &str, unit: Option<&str>) {
         self.file.inputs.push(variable(name, unit, None));
     }
 
-    /// A name of what does not.
+    /// Adds the name of a parameter, which is constant in time.
     pub fn add_parameter(&mut self, name: &str, unit: Option<&str>) {
         self.file.parameters.push(variable(name, unit, None));
     }
 
-    /// An expression, which others may call by that name; one with a blank in it is for messages alone. With `constant` it may depend on parameters alone, and
-    /// that is what messages call it. Its number in the list is returned.
+    /// Adds an expression and returns its index. Other expressions may refer to it by its name; a name that contains a
+    /// blank is only used in messages. With `constant` it may depend only on parameters, and messages call it by that
+    /// description.
     pub fn add(
         &mut self,
         name: &str,
@@ -75,10 +76,11 @@ impl Expressions {
         self.constants.len() - 1
     }
 
-    /// Compiles them.
+    /// Compiles the expressions.
     ///
     /// # Errors
-    /// When a name means nothing, units do not fit, or expressions go in a circle: with file, line and column.
+    /// If a name is unknown, units do not fit, or expressions form a circle. The message contains file, line and
+    /// column.
     pub fn compile(&self) -> Result<CompiledExpressions, ModelFileError> {
         let file = &self.file;
         for local in &file.locals {
@@ -116,7 +118,7 @@ impl Expressions {
     }
 }
 
-/// What a mistake is called outside of a model: inputs stand for all signals, and there are no states.
+/// Rewords mistakes for files without a model: all signals are inputs here, and there are no states.
 fn reworded(error: ModelFileError) -> ModelFileError {
     let ModelFileError::At {
         file,

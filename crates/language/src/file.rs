@@ -1,4 +1,4 @@
-//! What a model file declares.
+//! The declarations of a model file.
 
 use crate::error::{Fault, ModelFileError};
 use crate::sure;
@@ -9,13 +9,13 @@ use pilotage_units::{Base, Product};
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Longest file that is read, in bytes.
+/// Maximum length of a file, in bytes.
 pub const LONGEST: usize = 1 << 20;
 
-/// Most variables of a model.
+/// Maximum number of variables of a model.
 const MOST_VARIABLES: usize = 2000;
 
-/// A model file: what it declares, with its expressions as they are written.
+/// The declarations of a model file, with its expressions as written.
 #[derive(Debug, Clone)]
 pub struct ModelFile {
     /// Name of the file in messages.
@@ -24,81 +24,81 @@ pub struct ModelFile {
     pub text: String,
     /// Name of the model, a C identifier.
     pub name: String,
-    /// One sentence: what the model is.
+    /// Description of the model in one sentence.
     pub description: String,
-    /// Where its equations come from.
+    /// Reference for its equations.
     pub source: String,
-    /// What others provide.
+    /// Variables provided from outside.
     pub inputs: Vec<Variable>,
-    /// What is constant in time.
+    /// Variables that are constant in time.
     pub parameters: Vec<Variable>,
-    /// What is integrated.
+    /// Variables that are integrated.
     pub states: Vec<Variable>,
-    /// What is computed on the way.
+    /// Intermediate variables.
     pub locals: Vec<Variable>,
-    /// What is meant for others.
+    /// Variables provided to the outside.
     pub outputs: Vec<Variable>,
 }
 
-/// A variable as it is declared.
+/// A declared variable.
 #[derive(Debug, Clone)]
 pub struct Variable {
-    /// Its name.
+    /// Name of the variable.
     pub name: String,
-    /// Name of its unit; `None` where it is not to be checked.
+    /// Name of the unit; `None` if it is not checked.
     pub unit: Option<String>,
-    /// One line, without the unit.
+    /// Description in one line, without the unit.
     pub description: String,
-    /// Its start value: of inputs, parameters and states.
+    /// Start value of an input, parameter or state.
     pub start: Formula,
-    /// Least value.
+    /// Minimum.
     pub min: Option<f64>,
-    /// Greatest value.
+    /// Maximum.
     pub max: Option<f64>,
     /// Typical magnitude.
     pub nominal: Option<f64>,
     /// Whether a parameter may be set between communication points.
     pub tunable: bool,
-    /// Derivative of a state; value of a local or an output, where it has one.
+    /// Derivative of a state; value of a local or an output, if it has one.
     pub value: Option<Formula>,
-    /// Between which values an output is held.
+    /// Limits of an output.
     pub limit: Option<[Formula; 2]>,
-    /// Byte of the text at which it is declared.
+    /// Byte offset of the declaration in the text.
     pub(crate) byte: usize,
 }
 
-/// An expression and where it stands.
+/// An expression and its position in the text.
 #[derive(Debug, Clone)]
 pub struct Formula {
     /// The expression.
     pub expression: Expression,
-    /// Byte of the text at which each part of the expression begins.
+    /// Byte offset in the text of each part of the expression.
     bytes: Vec<usize>,
 }
 
 impl Formula {
-    /// Byte of the text at which a part begins.
+    /// Byte offset in the text of a part.
     pub(crate) fn byte(&self, part: Part) -> usize {
         self.bytes[part]
     }
 
-    /// A number, which stands nowhere.
+    /// A number without a position in a text.
     pub fn of_number(value: f64) -> Self {
         constant(value)
     }
 
-    /// Line and column at which it begins, in the text that it was read from.
+    /// Line and column of its start in the text from which it was read.
     pub fn position(&self, text: &str) -> Position {
         let first = self.bytes.iter().min().copied();
         Position::of(text, first.unwrap_or_default())
     }
 
-    /// The names that stand in it.
+    /// The names used in the expression.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.expression.names().map(|(name, _)| name)
     }
 
-    /// The number that it is, if it is written as one.
+    /// Its value, if it is written as a number.
     pub fn number(&self) -> Option<f64> {
         use crate::syntax::Term::{Negate, Number};
         match self.expression.terms[..] {
@@ -109,7 +109,7 @@ impl Formula {
     }
 }
 
-/// The tables of a model file, their keys beside those of every variable, and what a variable of theirs is called.
+/// A table of a model file: its keys in addition to those of every variable, and the description of its variables.
 struct Section {
     title: &'static str,
     keys: &'static [&'static str],
@@ -146,10 +146,10 @@ const SECTIONS: [Section; 5] = [
     },
 ];
 
-/// Names that mean something everywhere.
+/// Names with a predefined meaning.
 pub(crate) const RESERVED: [&str; 2] = ["time", "pi"];
 
-/// The text of a model file with this table `[uncertainty]` at its end, in place of one that it has.
+/// The text of a model file with this table `[uncertainty]` at its end, replacing an existing one.
 pub fn with_uncertainty(text: &str, table: &str) -> String {
     let mut is_old = false;
     let mut kept = String::new();
@@ -162,15 +162,15 @@ pub fn with_uncertainty(text: &str, table: &str) -> String {
         }
     }
     let whole = format!("{}\n\n{table}", kept.trim_end());
-    // Written in another way, as no fit does, it stays.
+    // A table written in another way, which no fit does, is kept.
     match Document::parse(&whole, "") {
         Ok(_) => whole,
         Err(_) => text.to_owned(),
     }
 }
 
-/// The text of a model file whose inputs, parameters and states start at other values; what is none of them is left
-/// out, and so is a byte-order mark.
+/// The text of a model file with other start values of inputs, parameters and states. Other names are ignored, and a
+/// byte-order mark is removed.
 pub fn with_starts(text: &str, values: &[(String, f64)]) -> String {
     let text = text.trim_start_matches('\u{feff}');
     let Ok(document) = Document::parse(text, "") else {
@@ -187,7 +187,7 @@ pub fn with_starts(text: &str, values: &[(String, f64)]) -> String {
     changed
 }
 
-/// The bytes of a text by which a variable starts at a value, and what stands there then.
+/// The byte range of the start value of a variable in a text, and its replacement.
 fn start_edit(
     text: &str,
     root: TomlTable<'_>,
@@ -199,7 +199,7 @@ fn start_edit(
         .filter_map(|title| root.table(title).ok()?);
     let section = sections.find(|section| section.has(name))?;
     let whole = section.bytes(name)?;
-    // `gain = 0.5`, which is short for `gain = { start = 0.5 }`.
+    // `gain = 0.5`, short for `gain = { start = 0.5 }`.
     let Ok(Some(own)) = section.table(name) else {
         return Some((whole, value.to_owned()));
     };
@@ -214,7 +214,7 @@ fn start_edit(
     };
     let line = text[..first].rfind('\n').map_or(0, |end| end + 1);
     let before = &text[line..first];
-    // Within braces, or on a line of its own with what stands before the first key: `gain.` of `gain.unit = "1"`.
+    // Within braces, or on a new line that repeats the prefix of the first key: `gain.` of `gain.unit = "1"`.
     let written = match before.trim_end().ends_with('{') {
         true => format!("start = {value}, "),
         false => format!("start = {value}\n{before}"),
@@ -222,13 +222,13 @@ fn start_edit(
     Some((first..first, written))
 }
 
-/// Whether a text is that of a model file: TOML with a table `[model]`.
+/// True if a text is a model file: TOML with a table `[model]`.
 pub fn is_model(text: &str) -> bool {
     Document::parse(text, "").is_ok_and(|document| document.root().is_table("model"))
 }
 
 impl ModelFile {
-    /// Reads what a text declares; `file` is its name in messages.
+    /// Reads the declarations of a text; `file` is its name in messages.
     pub(crate) fn declared(text: &str, file: &str) -> Result<Self, ModelFileError> {
         if text.len() > LONGEST {
             return Err(ModelFileError::TooLong {
@@ -248,7 +248,7 @@ impl ModelFile {
             "outputs",
             sure::TITLE,
         ])?;
-        // What a fit says of the parameters: nothing that is computed depends on it.
+        // Results of a fit for the parameters, which do not affect the equations.
         root.table(sure::TITLE)?;
         let reader = Reader {
             file,
@@ -286,7 +286,7 @@ impl ModelFile {
         };
         declared.check_names(&reader)?;
         if let Some(table) = root.table(sure::TITLE)? {
-            // A fit may seek a constant input, or where a state begins.
+            // A fit may also estimate a constant input, or the start value of a state.
             let is_known = |name: &str| declared.variables().any(|own| own.0.name == name);
             if let Some((byte, fault)) = sure::check(table, &is_known)? {
                 return Err(reader.at(byte, fault));
@@ -295,7 +295,7 @@ impl ModelFile {
         Ok(declared)
     }
 
-    /// The variables with what each is: inputs, parameters, states, locals, outputs.
+    /// All variables with their kind: inputs, parameters, states, locals, outputs.
     pub fn variables(&self) -> impl Iterator<Item = (&Variable, &'static str)> {
         let lists = [
             &self.inputs,
@@ -308,12 +308,12 @@ impl ModelFile {
         lists.flat_map(|(list, section)| list.iter().map(|variable| (variable, section.role)))
     }
 
-    /// An error at a byte of the text.
+    /// An error at a byte offset of the text.
     pub(crate) fn at(&self, byte: usize, fault: Fault) -> ModelFileError {
         at(&self.file, &self.text, byte, fault)
     }
 
-    /// Refuses names that stand twice: in the file, or in the FMU that is made of it.
+    /// Rejects duplicate names, in the file or in an FMU exported from it.
     fn check_names(&self, reader: &Reader<'_>) -> Result<(), ModelFileError> {
         let mut known: HashMap<&str, &'static str> = HashMap::new();
         for (variable, role) in self.variables() {
@@ -361,11 +361,11 @@ impl ModelFile {
     }
 }
 
-/// File and text, to say where something is wrong.
+/// File name and text, for the position of errors.
 struct Reader<'t> {
     file: &'t str,
     text: &'t str,
-    /// What each declared name is.
+    /// Kind of each declared name.
     roles: HashMap<&'t str, &'static str>,
 }
 
@@ -428,7 +428,7 @@ impl Reader<'_> {
         }
     }
 
-    /// A variable that is a table of its own.
+    /// A variable declared as a table.
     fn detailed(
         &self,
         section: &Section,
@@ -528,7 +528,7 @@ impl Reader<'_> {
         ]))
     }
 
-    /// A name that is called and no function: a variable wants a product.
+    /// Replaces the fault of an unknown function that has the name of a variable: a product was probably meant.
     fn called(&self, fault: Fault) -> Fault {
         let Fault::UnknownFunction { name, .. } = &fault else {
             return fault;
@@ -540,7 +540,7 @@ impl Reader<'_> {
         }
     }
 
-    /// An expression: a string, or a number.
+    /// An expression: a string or a number.
     fn formula(&self, table: TomlTable<'_>, key: &str) -> Result<Option<Formula>, ModelFileError> {
         let Some(text) = table.expression(key)? else {
             return Ok(None);
@@ -565,10 +565,10 @@ impl Reader<'_> {
     }
 }
 
-/// An expression of a file, in quotes or a number; none where the table has no such key.
+/// An expression of a file, in quotes or a number; none if the table has no such key.
 ///
 /// # Errors
-/// When it is none: the message names file, line and column.
+/// If it is not a valid expression. The message contains file, line and column.
 pub fn formula(
     (file, text): (&str, &str),
     table: TomlTable<'_>,
@@ -590,7 +590,7 @@ fn at(file: &str, text: &str, byte: usize, fault: Fault) -> ModelFileError {
     }
 }
 
-/// What each declared name is.
+/// Kind of each declared name.
 fn roles<'t>(root: TomlTable<'t>) -> Result<HashMap<&'t str, &'static str>, DocumentError> {
     let mut roles = HashMap::new();
     for section in &SECTIONS {
@@ -626,11 +626,11 @@ mod tests {
         let values = [("a", 7.0), ("b", 8.0), ("c", 9.0), ("d", 10.0), ("e", 11.0)];
         let expected = "[parameters]\na = 7.0 # short\n\"b\" = 8.0\nc = { start = 9.0, min = 0 }\n[parameters.d]\nstart = 10.0\n";
         assert_eq!(changed(text, &values), expected);
-        // A byte-order mark does not move them.
+        // A byte-order mark does not shift the positions.
         assert_eq!(changed(&format!("\u{feff}{text}"), &values), expected);
     }
 
-    /// Inputs and states have no start unless one is given; it is read back as it was written.
+    /// Inputs and states have no start unless one is given; an added one is read back correctly.
     #[test]
     fn starts_are_added_where_there_was_none() {
         let head = "[model]\nname = \"m\"\n";

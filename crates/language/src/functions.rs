@@ -1,4 +1,4 @@
-//! The functions of the language, their places and how they are written.
+//! The functions of the language, their arguments and notation.
 
 use std::ops::RangeInclusive;
 
@@ -30,14 +30,14 @@ pub enum Name {
     Table,
 }
 
-/// What is known of a function.
+/// Description of a function.
 #[derive(Debug)]
 pub(crate) struct Function {
     pub(crate) name: Name,
     pub(crate) word: &'static str,
-    /// How many arguments it takes.
+    /// Permitted numbers of arguments.
     pub(crate) arity: RangeInclusive<usize>,
-    /// How it is written.
+    /// Usage example.
     pub(crate) form: &'static str,
 }
 
@@ -85,13 +85,13 @@ pub(crate) const FUNCTIONS: [Function; 22] = [
     taking(Name::Table, "table", 2..=2, "table('file.csv', x)"),
 ];
 
-/// The function of that word.
+/// The function with this name.
 pub(crate) fn find(word: &str) -> Option<&'static Function> {
     FUNCTIONS.iter().find(|function| function.word == word)
 }
 
 impl Name {
-    /// What is known of it.
+    /// The description of the function.
     pub(crate) fn function(self) -> &'static Function {
         let mut all = FUNCTIONS.iter();
         all.find(|function| function.name == self)
@@ -100,7 +100,7 @@ impl Name {
 }
 
 impl Function {
-    /// How many arguments it takes, in words.
+    /// The permitted numbers of arguments, in words.
     pub(crate) fn takes(&self) -> String {
         let (least, most) = (*self.arity.start(), *self.arity.end());
         match (least, most) {

@@ -1,4 +1,4 @@
-//! Models as text: a TOML file with equations becomes an expression graph.
+//! Models as text: a TOML file with equations is compiled to an expression graph.
 //!
 //! ```
 //! use pilotage_language::parse;
@@ -29,15 +29,15 @@
 //! # Ok::<(), pilotage_language::ModelFileError>(())
 //! ```
 //!
-//! | module | what it holds |
+//! | module | content |
 //! | --- | --- |
-//! | [mod@file], `sure` | what a file declares; what a fit says of its parameters |
-//! | `token`, [`syntax`], [`functions`] | expressions as they are written |
-//! | `scope`, `units`, `dimension` | what names mean, circles, units through the equations |
+//! | [mod@file], `sure` | the declarations of a file; the results of a fit for its parameters |
+//! | `token`, [`syntax`], [`functions`] | the parser of expressions |
+//! | `scope`, `units`, `dimension` | resolution of names, detection of circles, units of the equations |
 //! | [`tables`] | the files of `table("file.csv", x)` |
-//! | [`typeset`] | equations as mathematics is set |
+//! | [`typeset`] | equations in mathematical notation |
 //! | [`expressions`] | expressions of other files, over the variables of a system |
-//! | `build`, [`compiled`] | the expression graph, and what can be asked of it |
+//! | `build`, [`compiled`] | the expression graph, and queries of a compiled model |
 
 mod build;
 pub mod compiled;

@@ -1,4 +1,4 @@
-//! What the names in expressions mean, and in which order what they name can be computed.
+//! Resolution of the names in expressions, and the order in which their values can be computed.
 
 use crate::error::{Fault, ModelFileError};
 use crate::file::{Formula, ModelFile, Variable};
@@ -7,7 +7,7 @@ use crate::syntax::{Expression, Part, Term};
 use pilotage_text::suggestion::suggestion;
 use std::collections::HashMap;
 
-/// What a name means.
+/// Meaning of a name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Symbol {
     Time,
@@ -24,14 +24,14 @@ pub(crate) enum Symbol {
 pub(crate) struct Scope<'f> {
     file: &'f ModelFile,
     symbols: HashMap<&'f str, Symbol>,
-    /// Locals and outputs, each after those that it takes.
+    /// Indices of locals and outputs, each after those it depends on.
     pub(crate) order: Vec<usize>,
-    /// Which locals and outputs depend on parameters and numbers alone.
+    /// True for locals and outputs that depend only on parameters and numbers.
     constant: Vec<bool>,
 }
 
 impl<'f> Scope<'f> {
-    /// The names of a file, all of which mean something, without circles.
+    /// The names of a file; fails for unknown names and circles.
     pub(crate) fn of(file: &'f ModelFile) -> Result<Self, ModelFileError> {
         let mut symbols = HashMap::from([("time", Symbol::Time), ("pi", Symbol::Pi)]);
         let mut add = |list: &'f [Variable], symbol: &dyn Fn(usize) -> Symbol| {
@@ -66,19 +66,19 @@ impl<'f> Scope<'f> {
         }
     }
 
-    /// What a name of an expression that was checked means.
+    /// Meaning of a name in a checked expression.
     pub(crate) fn symbol(&self, name: &str) -> Symbol {
         self.symbols[name]
     }
 
-    /// The expressions of derivatives and values with the variables to which they belong.
+    /// The expressions of derivatives and values, with their variables.
     pub(crate) fn formulas(&self) -> impl Iterator<Item = (&'f Variable, &'f Formula)> {
         let file = self.file;
         let all = file.states.iter().chain(&file.locals).chain(&file.outputs);
         all.filter_map(|variable| Some((variable, variable.value.as_ref()?)))
     }
 
-    /// What a name means.
+    /// Resolves a name.
     fn resolve(&self, formula: &Formula, name: &str, part: Part) -> Result<Symbol, ModelFileError> {
         let error = |fault| self.file.at(formula.byte(part), fault);
         if let Some(&symbol) = self.symbols.get(name) {
@@ -107,7 +107,7 @@ impl<'f> Scope<'f> {
         }))
     }
 
-    /// Finds the order of locals and outputs.
+    /// Determines the order of locals and outputs.
     fn sort(&mut self) -> Result<(), ModelFileError> {
         for (_, formula) in self.formulas() {
             for (name, part) in formula.expression.names() {
@@ -121,7 +121,7 @@ impl<'f> Scope<'f> {
         for k in 0..count {
             let variable = self.computed(k);
             let Some(formula) = &variable.value else {
-                // A state's or local's other name: nobody else takes it by this entry.
+                // Another name of a state or local; no expression refers to this entry.
                 constant[k] = false;
                 continue;
             };
@@ -157,7 +157,7 @@ impl<'f> Scope<'f> {
         }
     }
 
-    /// Names a circle among what could not be ordered.
+    /// Reports a circle among the variables that could not be ordered.
     fn circle(&self, takes: &[Vec<usize>], open: &[usize]) -> ModelFileError {
         let next = |k: usize| {
             let mut others = takes[k].iter().copied();
@@ -179,7 +179,7 @@ impl<'f> Scope<'f> {
             .at(variable.byte, Fault::Circle(names.join(" → ")))
     }
 
-    /// Refuses start values, limits and delays that change in time.
+    /// Rejects start values, limits and delay times that change in time.
     fn check_constants(&self) -> Result<(), ModelFileError> {
         for state in &self.file.states {
             self.check_constant("the start value of a state", &state.start, None)?;
@@ -199,7 +199,7 @@ impl<'f> Scope<'f> {
         Ok(())
     }
 
-    /// Refuses an expression, or a part of it, that does not depend on parameters and numbers alone.
+    /// Rejects an expression, or a part of it, that does not only depend on parameters and numbers.
     pub(crate) fn check_constant(
         &self,
         what: &'static str,
@@ -238,13 +238,13 @@ impl<'f> Scope<'f> {
     }
 }
 
-/// Whether an expression can call something so.
+/// True if this name can be used in an expression.
 pub(crate) fn is_spelt(name: &str) -> bool {
     name.chars()
         .all(|c| c.is_alphanumeric() || c == '_' || c == '.')
 }
 
-/// The first names of a list, and how many more there are.
+/// The first names of a list, and the number of the others.
 fn listed(names: &[&str]) -> String {
     const MOST: usize = 30;
     let shown = names[..names.len().min(MOST)].join(", ");
@@ -254,7 +254,7 @@ fn listed(names: &[&str]) -> String {
     }
 }
 
-/// Which parts belong to a part, or to the whole.
+/// True for the parts that belong to a part, or to the whole expression.
 fn subtree(expression: &Expression, part: Option<Part>) -> Vec<bool> {
     let mut within = vec![false; expression.terms.len()];
     within[part.unwrap_or(expression.whole())] = true;

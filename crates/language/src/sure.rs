@@ -1,24 +1,24 @@
-//! What a fit says of a model's parameters, `[uncertainty]`: nothing that is computed depends on it, and it is read by
-//! people and by other tools; so it is refused where it cannot be.
+//! Check of `[uncertainty]`, the results of a fit for the parameters of a model. The equations do not depend on it, but
+//! people and other tools read it, so inconsistent values are rejected.
 
 use crate::error::Fault;
 use pilotage_text::document::{DocumentError, TomlTable};
 
-/// The table in which a fit says how sure its parameters are.
+/// The table in which a fit reports the uncertainty of its parameters.
 pub const TITLE: &str = "uncertainty";
-/// Standard deviation of what is held, at most, relative to the one that is told.
+/// Largest standard deviation of a held parameter, relative to the reported one.
 const HELD: f64 = 1e-9;
 
-/// Rounding of what was written.
+/// Relative rounding of written values.
 const ROUNDED: f64 = 1e-6;
 
-/// A fault and the byte of the text at which it is.
+/// A fault and its byte offset in the text.
 pub type Misplaced = (usize, Fault);
 
-/// Checks the table of a file in which these are known.
+/// Checks the table; `is_known` tests the names of the file.
 ///
 /// # Errors
-/// When a value is of another kind.
+/// If a value has the wrong type.
 pub fn check(
     table: TomlTable<'_>,
     is_known: &dyn Fn(&str) -> bool,
@@ -73,7 +73,7 @@ pub fn check(
         own.only(&["sd", "low", "high"])?;
         let [sd, low, high] = [own.number("sd")?, own.number("low")?, own.number("high")?];
         let place = names.iter().position(|(own, _)| *own == name);
-        // One that lies on a bound is held, and has no variance but for rounding errors.
+        // A parameter on a bound is held, and has no variance apart from rounding errors.
         let variance = place.map(|k| rows[k][k]);
         let variance = variance.filter(|own| own.sqrt() > HELD * sd.unwrap_or(0.0));
         let words = match (sd, low, high) {
@@ -99,7 +99,7 @@ fn is_near(a: f64, b: f64) -> bool {
     (a - b).abs() <= ROUNDED * a.abs().max(b.abs())
 }
 
-/// Why a matrix is no covariance of so many.
+/// Why a matrix is not a covariance of `count` parameters.
 fn wrong(rows: &[Vec<f64>], count: usize) -> Option<String> {
     if rows.len() != count || rows.iter().any(|row| row.len() != count) {
         return Some(format!("is not {count} rows of {count} numbers"));

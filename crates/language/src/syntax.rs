@@ -1,4 +1,4 @@
-//! Expressions as they are written: the parser.
+//! The parser of expressions.
 
 use crate::error::Fault;
 use crate::functions::{self, FUNCTIONS, Name};
@@ -6,21 +6,21 @@ use crate::token::{Placed, Token, tokens};
 use pilotage_text::suggestion::suggestion;
 use std::ops::Range;
 
-/// Deepest nesting of brackets, signs and powers.
+/// Maximum nesting of brackets, signs and powers.
 const DEEPEST: usize = 100;
 
-/// A part of an expression: a place in its list of parts.
+/// A part of an expression: an index into its list of parts.
 pub(crate) type Part = usize;
 
-/// The word before the name of a recorded column.
+/// The keyword before the name of a recorded column.
 const COLUMN: &str = "column";
 
-/// What a recorded column is called in expressions.
+/// The name of a recorded column in expressions.
 pub fn column(name: &str) -> String {
     format!("{COLUMN}({name:?})")
 }
 
-/// What a part says.
+/// Content of a part.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Term {
     Number(f64),
@@ -47,17 +47,17 @@ pub(crate) enum Comparison {
     NotEqual,
 }
 
-/// An expression: its parts, each after those of which it is made; the last one is the whole.
+/// An expression: its parts, each after its operands; the last one is the whole expression.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Expression {
-    /// As it is written.
+    /// The expression as written.
     pub text: String,
     pub(crate) terms: Vec<Term>,
-    /// The bytes of the text that each part takes.
+    /// Byte range of each part in the text.
     pub(crate) places: Vec<Range<usize>>,
 }
 
-/// What is wrong, and at which byte.
+/// A fault and its byte offset.
 pub(crate) type Misplaced = (Fault, usize);
 
 impl Expression {
@@ -97,22 +97,22 @@ impl Expression {
         }
     }
 
-    /// The part that is the whole.
+    /// The part that is the whole expression.
     pub(crate) fn whole(&self) -> Part {
         self.terms.len() - 1
     }
 
-    /// A part as it is written.
+    /// A part as written.
     pub(crate) fn shown(&self, part: Part) -> &str {
         &self.text[self.places[part].clone()]
     }
 
-    /// Whether a part is a number as it is written.
+    /// True if a part is a literal: a number or a text.
     pub(crate) fn is_number(&self, part: Part) -> bool {
         matches!(self.terms[part], Term::Number(_) | Term::Text(_))
     }
 
-    /// The names that stand in it, each with its part.
+    /// The names used in the expression, each with its part.
     pub(crate) fn names(&self) -> impl Iterator<Item = (&str, Part)> {
         let terms = self.terms.iter().enumerate();
         terms.filter_map(|(part, term)| match term {
@@ -123,7 +123,7 @@ impl Expression {
 }
 
 impl Term {
-    /// The parts of which it is made.
+    /// The operands of the term.
     pub(crate) fn parts(&self) -> Vec<Part> {
         match self {
             Self::Number(_) | Self::Name(_) | Self::Text(_) => Vec::new(),
@@ -149,16 +149,16 @@ struct Parser {
     places: Vec<Range<usize>>,
 }
 
-/// An operator between two expressions: how strongly it binds, and what it makes.
+/// A binary operator: its precedence, and the constructor of its term.
 type Infix = (u8, fn(Part, Part) -> Term);
 
-/// How strongly a sign binds: more than products, less than powers.
+/// Precedence of a sign: above products, below powers.
 const SIGN: u8 = 3;
-/// How strongly a power binds.
+/// Precedence of a power.
 const POWER: u8 = 4;
 
 impl Parser {
-    /// An expression, or two that are compared.
+    /// An expression, or a comparison of two.
     fn comparison(&mut self) -> Result<Part, Misplaced> {
         let left = self.expression(0)?;
         let Some(compares) = self.sign().and_then(comparison) else {
@@ -174,7 +174,7 @@ impl Parser {
         Ok(self.join(Term::Compare(compares, left, right), left, right))
     }
 
-    /// An expression whose operators bind at least that strongly.
+    /// An expression with operators of at least this precedence.
     fn expression(&mut self, least: u8) -> Result<Part, Misplaced> {
         self.depth += 1;
         if self.depth > DEEPEST {
@@ -186,7 +186,7 @@ impl Parser {
                 break;
             }
             self.next += 1;
-            // A power takes what is right of it first, with its sign.
+            // A power is right-associative, and its exponent may have a sign.
             let right = self.expression(match strength == POWER {
                 true => SIGN,
                 false => strength + 1,
@@ -260,7 +260,7 @@ impl Parser {
         Ok(self.push(Term::Call(function.name, arguments), place))
     }
 
-    /// A recorded column, `column("name")`: a name too.
+    /// A recorded column, `column("name")`, which is also a name.
     fn column(&mut self, begin: usize) -> Result<Part, Misplaced> {
         self.next += 2;
         let name = match self.tokens.get(self.next) {
@@ -273,7 +273,7 @@ impl Parser {
         Ok(self.push(Term::Name(name), place))
     }
 
-    /// The argument of a call at a place: a condition and a file stand where they belong and nowhere else.
+    /// The argument of a call at an index. Conditions and file names are permitted only in their places.
     fn argument(&mut self, of: Name, at: usize) -> Result<Part, Misplaced> {
         let part = self.comparison()?;
         let place = self.places[part].start;
@@ -286,7 +286,7 @@ impl Parser {
         Ok(part)
     }
 
-    /// Refuses what is no number.
+    /// Rejects comparisons and texts.
     fn operand(&self, part: Part) -> Result<(), Misplaced> {
         let place = self.places[part].start;
         match self.terms[part] {
@@ -306,7 +306,7 @@ impl Parser {
         }
     }
 
-    /// The sign that comes next, if one does.
+    /// The next token, if it is a sign.
     fn sign(&self) -> Option<&'static str> {
         match self.tokens.get(self.next) {
             Some((Token::Sign(sign), _)) => Some(sign),
@@ -314,7 +314,7 @@ impl Parser {
         }
     }
 
-    /// The byte at which the next token begins.
+    /// Byte offset of the next token.
     fn place(&self) -> usize {
         let next = self.tokens.get(self.next);
         next.map_or(self.end, |(_, place)| place.start)
@@ -327,7 +327,7 @@ impl Parser {
         (Fault::Expected { expected, found }, self.place())
     }
 
-    /// A part of one token.
+    /// A part that consists of one token.
     fn take(&mut self, term: Term) -> Part {
         let place = self.tokens[self.next].1.clone();
         self.next += 1;
@@ -380,7 +380,7 @@ fn unknown_function(name: &str) -> Fault {
     }
 }
 
-/// What other languages call a function.
+/// Names of functions in other languages.
 fn synonym(name: &str) -> Option<&'static str> {
     Some(match name {
         "ln" => "log",
@@ -403,7 +403,7 @@ fn synonym(name: &str) -> Option<&'static str> {
 mod tests {
     use super::*;
 
-    /// The expression with all brackets.
+    /// The expression with explicit brackets.
     fn bracketed(text: &str) -> String {
         let expression = Expression::parse(text).expect("well formed");
         let mut shown: Vec<String> = Vec::new();

@@ -12,14 +12,14 @@ use std::sync::Arc;
 /// A table that was read.
 #[derive(Debug, Clone)]
 pub struct TableFile {
-    /// Its text.
+    /// Text of the file.
     pub text: String,
-    /// Names of the units of both columns, empty where none is given.
+    /// Names of the units of both columns, empty if not given.
     units: [String; 2],
     curve: Arc<Curve>,
 }
 
-/// The tables of a model by the names of their files.
+/// The tables of a model by file name.
 pub type TableFiles = BTreeMap<String, TableFile>;
 
 /// The tables of a model.
@@ -28,7 +28,7 @@ pub(crate) struct Tables {
     pub(crate) files: TableFiles,
 }
 
-/// How the text of a table comes, by the name of its file.
+/// Returns the text of a table, given the name of its file.
 pub type ReadTable<'a> = &'a dyn Fn(&str) -> std::io::Result<String>;
 
 impl Tables {
@@ -52,13 +52,13 @@ impl Tables {
         Ok(tables)
     }
 
-    /// Names of the units of a file's columns.
+    /// Names of the units of the columns of a file.
     pub(crate) fn units(&self, file: &str) -> [&str; 2] {
         let found = self.files.get(file);
         found.map_or(["", ""], |table| table.units.each_ref().map(String::as_str))
     }
 
-    /// The curve of a file that was read.
+    /// The curve of a file.
     pub(crate) fn curve(&self, file: &str) -> Arc<Curve> {
         self.files[file].curve.clone()
     }
@@ -140,7 +140,7 @@ fn parse(name: &str, text: String) -> Result<TableFile, Fault> {
     })
 }
 
-/// The unit of a header's cell `name [unit]`; empty where there is none.
+/// The unit of a header cell `name [unit]`; empty if there is none.
 fn unit_of(cell: &str) -> Result<String, String> {
     let Some((_, unit)) = cell.trim().split_once('[') else {
         return Ok(String::new());

@@ -1,4 +1,4 @@
-//! An expression as words, numbers and signs.
+//! The tokens of an expression.
 
 use crate::error::Fault;
 use std::ops::Range;
@@ -12,18 +12,18 @@ use winnow::{ModalResult, Parser};
 /// A word, number or sign.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Token {
-    /// A number that is not negative.
+    /// A nonnegative number.
     Number(f64),
     /// A name of a variable or function.
     Name(String),
-    /// What stands in double quotes.
+    /// A text in quotes.
     Text(String),
     /// An operator, bracket or comma.
     Sign(&'static str),
 }
 
 impl Token {
-    /// As messages show it.
+    /// Representation in messages.
     pub(crate) fn shown(&self) -> String {
         match self {
             Self::Number(number) => format!("`{number}`"),
@@ -34,17 +34,17 @@ impl Token {
     }
 }
 
-/// The signs, longer ones before those with which they begin.
+/// The signs; longer ones precede their prefixes.
 const SIGNS: [&str; 14] = [
     "<=", ">=", "==", "!=", "<", ">", "+", "-", "*", "/", "^", "(", ")", ",",
 ];
 
-/// Something, and the bytes of the text that it takes.
+/// A value and its byte range in the text.
 pub(crate) type Placed<T> = (T, Range<usize>);
 
 type Input<'t> = LocatingSlice<&'t str>;
 
-/// The tokens with the bytes that they take; or what is wrong, and where.
+/// The tokens with their byte ranges, or a fault and its position.
 pub(crate) fn tokens(text: &str) -> Result<Vec<Placed<Token>>, Placed<Fault>> {
     let mut input = LocatingSlice::new(text);
     let mut found = Vec::new();
@@ -68,7 +68,7 @@ pub(crate) fn tokens(text: &str) -> Result<Vec<Placed<Token>>, Placed<Fault>> {
     }
 }
 
-/// Whether a number goes on with what is none.
+/// True if a number is followed by characters that do not belong to it.
 fn runs_on(rest: &str) -> bool {
     rest.starts_with(|c: char| c == '.' || c == '_' || c.is_alphanumeric())
 }
@@ -96,7 +96,7 @@ fn name(input: &mut Input<'_>) -> ModalResult<Token> {
     let begins = |c: char| c == '_' || c.is_ascii_alphabetic();
     let goes_on = |c: char| c == '_' || c.is_ascii_alphanumeric();
     let word = move || (one_of(begins), take_while(0.., goes_on));
-    // Of an instance: `pilot.gain`.
+    // A name of an instance: `pilot.gain`.
     let of_instance = repeat::<_, _, (), _, _>(0.., ('.', word()).void());
     (word(), of_instance)
         .take()
@@ -119,7 +119,7 @@ fn sign(input: &mut Input<'_>) -> ModalResult<Token> {
         .parse_next(input)
 }
 
-/// A character that expressions do not have, with those that belong to it.
+/// An unsupported character, with those that belong to it.
 fn unknown(rest: &str, begin: usize) -> Placed<Fault> {
     if rest.starts_with(|c: char| c.is_ascii_digit() || c == '.') {
         let is_end = |c: char| !c.is_alphanumeric() && !"._".contains(c);

@@ -1,10 +1,10 @@
-//! Expressions as mathematics is set: Greek letters, raised exponents, only the brackets that are needed.
+//! Expressions in mathematical notation: Greek letters, superscript exponents, only necessary brackets.
 
 use crate::file::ModelFile;
 use crate::functions::Name;
 use crate::syntax::{Comparison, Expression, Part, Term};
 
-/// How strongly what was set binds: sums, products, signs, powers, and what needs no brackets.
+/// Precedence of typeset expressions: sums, products, signs, powers, and those that need no brackets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Strength {
     Sum,
@@ -43,7 +43,7 @@ const GREEK: [(&str, &str); 24] = [
     ("Phi", "Φ"),
 ];
 
-/// A name, with Greek letters where it spells them: `omega_f` as `ω_f`, `theta1` as `θ1`.
+/// A name with Greek letters in place of their spelling: `omega_f` as `ω_f`, `theta1` as `θ1`.
 pub fn name(name: &str) -> String {
     let mut words = name.split('_').map(|word| {
         let letters = word.trim_end_matches(|c: char| c.is_ascii_digit());
@@ -58,7 +58,7 @@ pub fn name(name: &str) -> String {
 }
 
 impl ModelFile {
-    /// The equations as mathematics is set, a line each: derivatives, locals, outputs.
+    /// The equations in mathematical notation, one per line: derivatives, locals, outputs.
     pub fn equations(&self) -> String {
         let mut lines: Vec<(String, String)> = Vec::new();
         for (variable, role) in self.variables() {
@@ -85,7 +85,7 @@ impl ModelFile {
 }
 
 impl Expression {
-    /// The expression as mathematics is set.
+    /// The expression in mathematical notation.
     pub fn typeset(&self) -> String {
         let mut set: Vec<(String, Strength)> = Vec::with_capacity(self.terms.len());
         for term in &self.terms {
@@ -104,7 +104,7 @@ fn typeset(
     set: &[(String, Strength)],
     number: impl Fn(Part) -> Option<f64>,
 ) -> (String, Strength) {
-    // In brackets, where it binds less strongly than what stands around it.
+    // With brackets if its precedence is below `least`.
     let within = |part: &Part, least: Strength| {
         let (text, strength) = &set[*part];
         match *strength >= least {
@@ -159,7 +159,7 @@ fn sign(comparison: Comparison) -> &'static str {
     }
 }
 
-/// A whole exponent, raised.
+/// A nonnegative integer exponent as superscript.
 fn raised(exponent: f64) -> Option<String> {
     const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
     if exponent.fract() != 0.0 || !(0.0..1000.0).contains(&exponent) {

@@ -1,4 +1,4 @@
-//! Units through the equations: what is added, compared and assigned must be in one unit.
+//! Check of units: terms that are added, compared or assigned must have the same unit.
 
 use crate::dimension::{Dimension, Quantity};
 use crate::error::{Fault, ModelFileError};
@@ -9,7 +9,7 @@ use crate::syntax::{Part, Term};
 use crate::tables::Tables;
 use Dimension::{Number, Of, Unchecked};
 
-/// Refuses equations whose units do not fit.
+/// Rejects equations with inconsistent units.
 pub(crate) fn check(
     file: &ModelFile,
     scope: &Scope<'_>,
@@ -52,7 +52,7 @@ pub(crate) fn check(
     Ok(())
 }
 
-/// The unit that a variable is declared with.
+/// The declared unit of a variable.
 fn declared(variable: &Variable) -> Dimension {
     let unit = variable.unit.as_deref().and_then(Quantity::named);
     unit.map_or(Unchecked, Of)
@@ -68,11 +68,11 @@ struct Checker<'f> {
     tables: &'f Tables,
 }
 
-/// A unit, or what is wrong.
+/// A unit, or the reason why units do not fit.
 type Found = Result<Dimension, String>;
 
 impl Checker<'_> {
-    /// Refuses an expression whose unit is not the expected one.
+    /// Rejects an expression whose unit is not the expected one.
     fn assigned(
         &self,
         formula: &Formula,
@@ -142,7 +142,7 @@ impl Checker<'_> {
         }
     }
 
-    /// A table's second column, where its first one fits.
+    /// The unit of the second column of a table, if the argument fits the first one.
     fn of_table(&self, file: &str, at: &Dimension) -> Found {
         let [x, y] = self.tables.units(file);
         let unit = |name: &str| Quantity::named(name).map_or(Unchecked, Of);
@@ -151,7 +151,7 @@ impl Checker<'_> {
     }
 }
 
-/// What both are, where they are the same.
+/// The common unit, if both are the same.
 fn joined(a: &Dimension, b: &Dimension) -> Found {
     match (a, b) {
         (Of(a), Of(b)) => {
@@ -169,6 +169,7 @@ fn sum(a: &Dimension, b: &Dimension, sign: f64) -> Found {
         (Of(a), Of(b)) => a.sum(b, sign).map(Of),
         (Number(a), Number(b)) => Ok(Number(a + sign * b)),
         (Of(unit), Number(number)) => Ok(Of(unit.shifted(sign * number))),
+        (Number(number), Of(unit)) if sign > 0.0 => Ok(Of(unit.shifted(*number))),
         _ => joined(a, b),
     }
 }
@@ -265,7 +266,7 @@ fn call(name: Name, units: &[&Dimension]) -> Found {
     }
 }
 
-/// Of two numbers, of which one is taken, the value is not known.
+/// If one of two numbers is selected, the value is unknown.
 fn without_value(found: Dimension) -> Dimension {
     match found {
         Number(_) => Number(f64::NAN),
@@ -273,7 +274,7 @@ fn without_value(found: Dimension) -> Dimension {
     }
 }
 
-/// The beginning of a long expression.
+/// The start of a long expression.
 fn shortened(text: &str) -> String {
     const LONGEST: usize = 60;
     match text.chars().count() > LONGEST {

@@ -1,4 +1,4 @@
-//! The loop as a co-simulation sees it: parts that hold their inputs during a communication step.
+//! Sampled loops as in a co-simulation: the parts hold their inputs during a communication step.
 
 use super::margins::{Margins, Response};
 use super::modes::exponential;
@@ -6,14 +6,14 @@ use super::state_space::{AlgebraicLoop, StateSpace, Wire, transfer};
 use nalgebra::{Complex, DMatrix};
 use std::f64::consts::PI;
 
-/// Parts in discrete time, coupled by Jacobi's scheme: at `t_k` every part gets the outputs that the
-/// others have there, and holds them until `t_{k+1} = t_k + h`.
+/// Parts in discrete time, coupled by Jacobi's scheme: at `t_k` every part receives the outputs of the others at `t_k`
+/// and holds them until `t_{k+1} = t_k + h`.
 ///
 /// ```text
 /// x_{k+1} = Φ x_k + Γ u_k        y_{k+1} = C x_{k+1} + D u_k        u_k = K y_k + w_k
 /// ```
 ///
-/// Its state is `x_k` and the inputs of the last step, `u_{k-1}`, which direct feedthrough still shows.
+/// Its state consists of `x_k` and the inputs of the last step, `u_{k-1}`, which direct feedthrough still shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sampled {
     system: StateSpace,
@@ -21,9 +21,9 @@ pub struct Sampled {
 }
 
 impl Sampled {
-    /// Parts that stand [side by side](StateSpace::side_by_side), in steps of `step` \[s\]: `Φ = e^(A h)`,
-    /// `Γ = ∫ e^(A t) dt B`, both from one exponential (C. F. Van Loan, IEEE Trans. Automatic Control
-    /// 23(3), 1978). Where the exponential has no digits left (`|A h|` beyond 1e8), all poles are infinite.
+    /// Samples parts placed [side by side](StateSpace::side_by_side), in steps of `step` \[s\]: `Φ = e^(A h)`,
+    /// `Γ = ∫ e^(A t) dt B`, both from one exponential (C. F. Van Loan, IEEE Trans. Automatic Control 23(3), 1978). If
+    /// the exponential would have no correct digits (`|A h|` above 1e8), all poles are infinite.
     pub fn new(parts: &StateSpace, step: f64) -> Self {
         let (n, m) = (parts.states.len(), parts.inputs.len());
         let mut exponent = DMatrix::zeros(n + m, n + m);
@@ -61,13 +61,11 @@ impl Sampled {
         self.step
     }
 
-    /// Poles of the wired parts, as those of a system in continuous time that has them at the
-    /// communication points: `s = ln z / h` [1/s]. Poles at `z = 0`, which die within a step, are left
-    /// out.
+    /// Poles of the wired parts, expressed as those of a continuous-time system with the same values at the
+    /// communication points: `s = ln z / h` [1/s]. Poles at `z = 0`, which decay within a step, are omitted.
     ///
     /// # Errors
-    /// As [`StateSpace::closed`]; never for want of a solution, since what is held closes no algebraic
-    /// loop.
+    /// As [`StateSpace::closed`], but never for an algebraic loop, since held inputs close none.
     pub fn poles(&self, wires: &[Wire]) -> Result<Vec<Complex<f64>>, AlgebraicLoop> {
         let alive = |z: &Complex<f64>| z.norm() > 1e-12;
         let poles = self.system.closed(wires)?.poles().into_iter();
@@ -76,14 +74,13 @@ impl Sampled {
         Ok(poles)
     }
 
-    /// Response and margins of the loop at a wire, as in [`StateSpace::margins`], up to the frequency
-    /// `π/h` of one sign change a step.
+    /// Response and margins of the loop at a wire, as in [`StateSpace::margins`], up to the Nyquist frequency `π/h`.
     ///
     /// # Errors
     /// As [`poles`](Self::poles).
     ///
     /// # Panics
-    /// If there is no wire of that number.
+    /// If there is no wire with that number.
     pub fn margins(
         &self,
         wires: &[Wire],

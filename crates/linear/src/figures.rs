@@ -1,20 +1,20 @@
-//! The figures by which a loop is judged, and the same loop a little changed.
+//! Figures of merit of a loop, and their changes for a slightly different loop.
 
 use super::margins::{GainCrossing, Margins, PhaseCrossing, Response};
 use nalgebra::Complex;
 
-/// What the field tells of a closed loop: where it is near its limit, and its poles.
+/// Standard figures of a closed loop: its stability margins and its poles.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LoopFigures {
-    /// The crossover with the smallest phase margin; none where the gain is never 1.
+    /// The crossover with the smallest phase margin; none if the gain is never 1.
     pub crossover: Option<GainCrossing>,
-    /// The crossing of -180° whose gain margin is nearest to 1; none where there is none.
+    /// The crossing of -180° whose gain margin is nearest to 1; none if there is no crossing.
     pub gain_margin: Option<PhaseCrossing>,
     /// Poles of the closed loop [1/s].
     pub poles: Vec<Complex<f64>>,
 }
 
-/// A loop that is cut open.
+/// A loop that is cut open at one connection.
 #[derive(Debug, Clone)]
 pub struct OpenLoop<L> {
     /// `L(jω)`, such that `1 + L = 0` is the closed loop.
@@ -26,7 +26,7 @@ pub struct OpenLoop<L> {
 }
 
 impl<L: Fn(f64) -> Complex<f64>> OpenLoop<L> {
-    /// Its figures.
+    /// The figures of this loop.
     pub fn figures(&self) -> LoopFigures {
         let poles = [&self.open[..], &self.closed].concat();
         let response = Response::of(&self.response, &poles, None);
@@ -38,7 +38,7 @@ impl<L: Fn(f64) -> Complex<f64>> OpenLoop<L> {
         }
     }
 
-    /// Its figures, with the poles in the order of those to which each is nearest.
+    /// The figures of this loop, with each pole in the place of the given pole to which it is nearest.
     pub fn figures_with(&self, poles: &[Complex<f64>]) -> LoopFigures {
         let own = self.figures();
         LoopFigures {
@@ -47,15 +47,15 @@ impl<L: Fn(f64) -> Complex<f64>> OpenLoop<L> {
         }
     }
 
-    /// What the figures of a loop that is nearly this one have become: its crossings and poles nearest to those. None
-    /// where a crossing is gone.
+    /// The figures of this loop that correspond to those of a nearly identical loop: the crossings and poles nearest to
+    /// them. None for a crossing that has disappeared.
     pub fn figures_near(&self, before: &LoopFigures) -> LoopFigures {
         let crossing = |from: f64, function: fn(Complex<f64>) -> f64| {
             let omega = root_near(from, |omega| function((self.response)(omega)))?;
             Some((omega, (self.response)(omega)))
         };
         let gain = |own: GainCrossing| crossing(own.frequency, |value| value.norm().ln());
-        // The phase from -180°, which is nearly 0 here.
+        // The phase relative to -180°, which is nearly 0 here.
         let phase = |own: PhaseCrossing| crossing(own.frequency, |value| (-value).arg());
         LoopFigures {
             crossover: before.crossover.and_then(gain).map(GainCrossing::at),
@@ -65,7 +65,7 @@ impl<L: Fn(f64) -> Complex<f64>> OpenLoop<L> {
     }
 }
 
-/// Where a function is 0, near a frequency where it nearly is: by secants.
+/// Root of a function near a frequency where it is nearly 0, by the secant method.
 fn root_near(from: f64, function: impl Fn(f64) -> f64) -> Option<f64> {
     const FIRST: f64 = 1e-4;
     const CLOSE: f64 = 1e-13;
@@ -87,7 +87,7 @@ fn root_near(from: f64, function: impl Fn(f64) -> f64) -> Option<f64> {
     is_root.then_some(own.0)
 }
 
-/// Poles in the order of those to which each is nearest.
+/// The poles, each in the place of the pole `before` to which it is nearest.
 fn matched(before: &[Complex<f64>], mut poles: Vec<Complex<f64>>) -> Vec<Complex<f64>> {
     let mut found = Vec::new();
     for old in before {
@@ -98,19 +98,19 @@ fn matched(before: &[Complex<f64>], mut poles: Vec<Complex<f64>>) -> Vec<Complex
     found
 }
 
-/// A figure of a loop by its name.
+/// A named figure of a loop.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
     /// Its name: `crossover_frequency`, `phase_margin`, `effective_delay`, `gain_margin`, `pole1_re`, `pole1_im`.
     pub name: String,
-    /// Name of its unit.
+    /// Name of the unit.
     pub unit: &'static str,
-    /// Its value.
+    /// Value in that unit.
     pub value: f64,
 }
 
 impl Figure {
-    /// Whether a figure of some loop has this name; of one of several loops with `(the loop)` behind it.
+    /// True if a figure of a loop has this name; with several loops, `(the loop)` is appended except for poles.
     pub fn is_name(name: &str) -> bool {
         let own = name.split_once('(').map_or(name, |(own, _)| own);
         [
@@ -123,12 +123,12 @@ impl Figure {
             || is_of_pole(name)
     }
 
-    /// Whether it is a part of a pole.
+    /// True if this is the real or imaginary part of a pole.
     pub fn is_of_pole(&self) -> bool {
         is_of_pole(&self.name)
     }
 
-    /// The value of the figure of the same name; not a number where there is none.
+    /// The value of the figure with the same name in `others`; NaN if there is none.
     pub fn value_in(&self, others: &[Self]) -> f64 {
         let own = others.iter().find(|other| other.name == self.name);
         own.map_or(f64::NAN, |own| own.value)
@@ -144,9 +144,9 @@ fn is_of_pole(name: &str) -> bool {
 }
 
 impl LoopFigures {
-    /// Each figure by its name: crossover frequency [rad/s], phase margin \[deg\], effective delay \[s\] (of McRuer's
-    /// crossover model, see [`GainCrossing::effective_delay`]), gain margin \[dB\], and the poles [1/s], of a pair the one
-    /// with the positive imaginary part.
+    /// The figures with their names: crossover frequency [rad/s], phase margin \[deg\], effective delay \[s\] (of
+    /// McRuer's crossover model, see [`GainCrossing::effective_delay`]), gain margin \[dB\], and the poles [1/s]; for a
+    /// conjugate pair, the one with the positive imaginary part.
     pub fn named(&self) -> Vec<Figure> {
         let figure = |name: &str, unit, value| Figure {
             name: name.to_owned(),

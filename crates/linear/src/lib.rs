@@ -1,14 +1,14 @@
-//! Linear systems in state space: coupled from parts, cut open at a connection, their poles and the
-//! margins of their loops; or found from responses.
+//! Linear systems in state space: coupling of parts, cutting a loop at a connection, poles and stability margins, and
+//! identification from responses.
 //!
 //! ```text
 //! ẋ = A x + B u,   y = C x + D u,   u = K y + w      poles: det(s I - A_closed) = 0,   margins: 1 + L(jω) ≈ 0
 //! ```
 //!
-//! It is for loops of several linearised models, of up to some hundred states, in continuous time or as a
-//! co-simulation with a communication step sees them ([`Sampled`]). It designs no controllers.
+//! It is made for loops of several linearised models with up to a few hundred states, in continuous time or sampled as
+//! in a co-simulation with a communication step ([`Sampled`]). It does not design controllers.
 //!
-//! A vehicle `1 / (s² + s)` under a gain of 2, whose characteristic polynomial is `s² + s + 2` and whose
+//! The example is a vehicle `1 / (s² + s)` with a gain of 2. Its characteristic polynomial is `s² + s + 2`, and its
 //! crossover `ω_c` solves `ω_c⁴ + ω_c² = 4`:
 //!
 //! ```

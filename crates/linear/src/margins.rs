@@ -1,14 +1,14 @@
-//! How far a loop is from instability, read from its frequency response.
+//! Stability margins of a loop, from its frequency response.
 
 use super::modes::Mode;
 use super::state_space::StateSpace;
 use nalgebra::Complex;
 use std::f64::consts::PI;
 
-/// Points of the response in a decade of frequency.
+/// Points of the response per decade of frequency.
 const POINTS_A_DECADE: f64 = 100.0;
 
-/// The response of an open loop at frequencies from low to high.
+/// The response of an open loop at ascending frequencies.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Response {
     /// Frequencies [rad/s], ascending.
@@ -17,45 +17,44 @@ pub struct Response {
     pub value: Vec<Complex<f64>>,
 }
 
-/// Where the loop's gain is 1.
+/// A frequency at which the gain of the loop is 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GainCrossing {
     /// Crossover frequency `ω_c` [rad/s].
     pub frequency: f64,
     /// `180° + arg L(jω_c)` \[rad\], between -π and π.
     pub phase_margin: f64,
-    /// Delay that would take that margin \[s\]: the margin, taken from 0 to 2π, over `ω_c`.
+    /// Delay that would use up that margin \[s\]: the margin, taken from 0 to 2π, divided by `ω_c`.
     pub delay_margin: f64,
-    /// `τ_e` of the crossover model `L = ω_c e^(-τ_e s) / s` \[s\] with this crossover and phase: `(π/2 -
-    /// phase margin) / ω_c` (D. T. McRuer, E. S. Krendel, "Mathematical Models of Human Pilot Behavior",
+    /// `τ_e` of the crossover model `L = ω_c e^(-τ_e s) / s` \[s\] with this crossover and phase:
+    /// `(π/2 - phase margin) / ω_c` (D. T. McRuer, E. S. Krendel, "Mathematical Models of Human Pilot Behavior",
     /// AGARDograph 188, 1974). Negative for a loop with less phase lag than an integrator.
     pub effective_delay: f64,
 }
 
-/// Where the loop's phase is -180°.
+/// A frequency at which the phase of the loop is -180°.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PhaseCrossing {
     /// Frequency [rad/s].
     pub frequency: f64,
-    /// `1 / |L|`: factor by which the gain may change until the loop is at its limit; below 1 for a gain
-    /// that must not sink further.
+    /// `1 / |L|`: factor by which the gain may change until the loop is at its stability limit; below 1 for a gain that
+    /// must not decrease further.
     pub gain_margin: f64,
 }
 
-/// What limits a loop, at ascending frequencies.
+/// The crossings that limit a loop, at ascending frequencies.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Margins {
-    /// Where the gain is 1.
+    /// Frequencies at which the gain is 1.
     pub gain_crossings: Vec<GainCrossing>,
-    /// Where the phase is -180°.
+    /// Frequencies at which the phase is -180°.
     pub phase_crossings: Vec<PhaseCrossing>,
 }
 
 impl Response {
-    /// The response of a loop `L(jω)`, where it turns quickly at more points than elsewhere. `poles` are
-    /// those of the open and of the closed loop: around them the response turns, and about two
-    /// decades around their frequencies it is looked at. `highest` ends it, if there is a highest
-    /// frequency [rad/s].
+    /// The response of a loop `L(jω)`, with more points where it changes quickly. `poles` are those of the open and of
+    /// the closed loop: the response changes near them, and it is evaluated to about two decades beyond their
+    /// frequencies. `highest` is the highest frequency [rad/s], if there is one.
     pub fn of(
         evaluate: impl Fn(f64) -> Complex<f64>,
         poles: &[Complex<f64>],
@@ -68,8 +67,8 @@ impl Response {
 }
 
 impl Response {
-    /// At the lowest frequencies: the gain, with the sign of a steady one, and the power of the frequency
-    /// with which it changes there, 0 for a loop with a steady gain, -1 for one that integrates once.
+    /// Behaviour at the lowest frequencies: the gain (signed if it is a steady gain), and the power of the frequency
+    /// with which it changes: 0 for a loop with a steady gain, -1 for one that integrates once.
     pub fn low(&self) -> (f64, i32) {
         let (Some(first), Some(second)) = (self.value.first(), self.value.get(1)) else {
             return (0.0, 0);
@@ -82,7 +81,7 @@ impl Response {
         }
     }
 
-    /// Phase \[rad\], without jumps from one frequency to the next.
+    /// Unwrapped phase \[rad\].
     pub fn phase(&self) -> Vec<f64> {
         let mut last = 0.0;
         let unwrapped = self.value.iter().enumerate().map(|(i, value)| {
@@ -97,10 +96,10 @@ impl Response {
     }
 }
 
-/// Logarithmic steps, and finer ones around each resonance.
+/// Logarithmic spacing, refined around each resonance.
 fn frequencies(poles: &[Complex<f64>], highest: Option<f64>) -> Vec<f64> {
     let modes = Mode::of_poles(poles);
-    // Poles that differ from 0 by rounding alone tell nothing about where to look, nor do unknown ones.
+    // Poles that differ from 0 only by rounding give no relevant frequencies, nor do unknown ones.
     let known = || modes.iter().filter(|m| m.frequency.is_finite());
     let fastest = known().map(|m| m.frequency).fold(0.0, f64::max);
     let modes: Vec<Mode> = known()
@@ -119,7 +118,7 @@ fn frequencies(poles: &[Complex<f64>], highest: Option<f64>) -> Vec<f64> {
         high = highest;
         low = low.min(1e-3 * high);
     }
-    // What is beyond has no frequencies that anybody looks at, and their ratio would not be finite.
+    // Frequencies beyond these are irrelevant, and their ratio would not be finite.
     (low, high) = (low.clamp(1e-150, 1e150), high.clamp(1e-150, 1e150));
     let steps = ((high / low).log10() * POINTS_A_DECADE).ceil().max(2.0);
     let mut points: Vec<f64> = (0..=steps as usize)
@@ -139,7 +138,7 @@ fn frequencies(poles: &[Complex<f64>], highest: Option<f64>) -> Vec<f64> {
 }
 
 impl Margins {
-    /// The crossings of a response, found to the last digits by bisection.
+    /// The crossings of a response, located to full precision by bisection.
     pub fn of(response: &Response, evaluate: impl Fn(f64) -> Complex<f64>) -> Self {
         let crossing = |[low, high]: [usize; 2], function: fn(Complex<f64>) -> f64| {
             let ends = [response.frequency[low], response.frequency[high]];
@@ -157,7 +156,7 @@ impl Margins {
         }
     }
 
-    /// The smallest phase margin, by magnitude.
+    /// The crossing with the phase margin of smallest magnitude.
     pub fn phase_margin(&self) -> Option<&GainCrossing> {
         let by_size = |a: &&GainCrossing, b: &&GainCrossing| {
             a.phase_margin.abs().total_cmp(&b.phase_margin.abs())
@@ -165,7 +164,7 @@ impl Margins {
         self.gain_crossings.iter().min_by(by_size)
     }
 
-    /// The gain margin nearest to 1, by its logarithm.
+    /// The crossing with the gain margin nearest to 1, by its logarithm.
     pub fn gain_margin(&self) -> Option<&PhaseCrossing> {
         let by_size = |a: &&PhaseCrossing, b: &&PhaseCrossing| {
             let size = |crossing: &PhaseCrossing| crossing.gain_margin.ln().abs();
@@ -179,7 +178,7 @@ fn excess_gain(value: Complex<f64>) -> f64 {
     value.norm().ln()
 }
 
-/// Sine of the phase; what rounding leaves of a phase of exactly ±180° counts as 0.
+/// Sine of the phase; a phase of exactly ±180° up to rounding gives 0.
 fn clear_sine(value: Complex<f64>) -> f64 {
     let sine = value.im / value.norm();
     match sine.abs() < 1e-9 {
@@ -188,8 +187,8 @@ fn clear_sine(value: Complex<f64>) -> f64 {
     }
 }
 
-/// Between which positions a function of the response changes its sign. Where it is 0 it has none: a
-/// phase that rests at -180° and goes back to where it came from does not cross.
+/// Pairs of positions between which a function of the response changes its sign. Zeros are skipped: a phase that
+/// reaches -180° and returns to the same side does not cross.
 fn sign_changes(values: &[Complex<f64>], function: fn(Complex<f64>) -> f64) -> Vec<[usize; 2]> {
     let signs = values.iter().map(|&value| function(value)).enumerate();
     let signs: Vec<(usize, f64)> = signs.filter(|(_, sign)| *sign != 0.0).collect();
@@ -199,11 +198,11 @@ fn sign_changes(values: &[Complex<f64>], function: fn(Complex<f64>) -> f64) -> V
         .collect()
 }
 
-/// A frequency between the ends at which the function, which changes sign there, is 0.
+/// A root of the function between the ends, where its signs differ.
 fn root(ends: [f64; 2], function: impl Fn(f64) -> f64) -> f64 {
     let [mut low, mut high] = ends;
     let is_above = function(low) > 0.0;
-    // 60 halvings leave nothing of a double's digits.
+    // 60 halvings exhaust the digits of a double.
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
         match (function(middle) > 0.0) == is_above {
@@ -217,7 +216,7 @@ fn root(ends: [f64; 2], function: impl Fn(f64) -> f64) -> f64 {
 impl GainCrossing {
     /// The crossing at a frequency where `L` has this value.
     pub(super) fn at((frequency, value): (f64, Complex<f64>)) -> Self {
-        // arg(-L) is 180° + arg L, brought to between -180° and 180°.
+        // arg(-L) is 180° + arg L, wrapped to between -180° and 180°.
         let phase_margin = (-value).arg();
         Self {
             frequency,
@@ -229,7 +228,7 @@ impl GainCrossing {
 }
 
 impl PhaseCrossing {
-    /// The same.
+    /// The crossing at a frequency where `L` has this value.
     pub(super) fn at((frequency, value): (f64, Complex<f64>)) -> Self {
         Self {
             frequency,

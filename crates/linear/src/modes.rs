@@ -1,11 +1,11 @@
-//! Poles, and what they mean.
+//! Poles and their frequency and damping.
 
 use nalgebra::{Complex, DMatrix, Schur};
 
-/// One pole, or one pair of conjugate poles.
+/// One real pole, or one pair of conjugate poles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mode {
-    /// The pole; of a pair the one with the positive imaginary part [1/s].
+    /// The pole; for a pair, the one with the positive imaginary part [1/s].
     pub pole: Complex<f64>,
     /// Natural frequency `|s|` [rad/s].
     pub frequency: f64,
@@ -34,15 +34,14 @@ impl Mode {
     }
 }
 
-/// Iterations for each eigenvalue at most; LAPACK allows 30 (`dhseqr`).
+/// Maximum number of iterations per eigenvalue; LAPACK allows 30 (`dhseqr`).
 const MAX_ITERATIONS: usize = 100;
 
-/// Eigenvalues, sorted by magnitude, then imaginary part. Infinite, all of them, where they cannot be found: of a
-/// matrix that is not finite, or if the iteration does not converge. So nothing is called stable of which nothing
-/// is known.
+/// Eigenvalues, sorted by magnitude, then imaginary part. All are infinite if they cannot be computed, because the
+/// matrix is not finite or the iteration does not converge, so that an unknown system is never called stable.
 ///
-/// The matrix is scaled first (`balance`): states in metres and in kiloradians per second differ by
-/// orders of magnitude, which would cost the small eigenvalues their digits.
+/// The matrix is scaled first (`balance`): states in metres and in kiloradians per second differ by orders of
+/// magnitude, which would cost the small eigenvalues their digits.
 pub fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
     let mut values = match iterate(matrix) {
         Some(values) => values,
@@ -58,12 +57,12 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
     values
 }
 
-/// The eigenvalues as they come; `None` where that does not end, or not well.
+/// The eigenvalues, unsorted; `None` if the iteration does not converge or a value is not finite.
 fn iterate(matrix: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     if matrix.is_empty() {
         return Some(Vec::new());
     }
-    // The iteration does not end on what is not finite.
+    // The iteration does not end if a value is not finite.
     if matrix.iter().any(|value| !value.is_finite()) {
         return None;
     }
@@ -76,17 +75,17 @@ fn iterate(matrix: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     are_finite.then_some(values)
 }
 
-/// `e^matrix`; `None` where it would have no digits left, which is so far below what overflows, or the matrix is
-/// not finite: nalgebra's algorithm would then square without end.
+/// `e^matrix`; `None` if the matrix is not finite, for which nalgebra's algorithm would square without end, or if the
+/// result would have no correct digits, which happens far below overflow.
 pub(super) fn exponential(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     const MAX_NORM: f64 = 1e8;
     let is_usual = matrix.iter().all(|value| value.abs() <= MAX_NORM);
     is_usual.then(|| matrix.exp())
 }
 
-/// Scales rows and columns by powers of two until they are of like size (B. N. Parlett, C. Reinsch,
-/// "Balancing a matrix for calculation of eigenvalues and eigenvectors", Numer. Math. 13, 1969). The
-/// eigenvalues stay, to the last bit.
+/// Scales rows and columns by powers of two until they are of similar size (B. N. Parlett, C. Reinsch, "Balancing a
+/// matrix for calculation of eigenvalues and eigenvectors", Numer. Math. 13, 1969). The eigenvalues are unchanged to
+/// the last bit.
 fn balance(matrix: &mut DMatrix<f64>) {
     const RADIX: f64 = 2.0;
     let n = matrix.nrows();

@@ -1,24 +1,24 @@
-//! A linear system from what it does: the eigensystem realization algorithm.
+//! Identification of a linear system from its responses: the eigensystem realization algorithm.
 
 use super::modes::exponential;
 use super::state_space::StateSpace;
 use nalgebra::DMatrix;
 use thiserror::Error;
 
-/// A system found from responses.
+/// A system identified from responses.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Realization {
-    /// The system in continuous time, in coordinates of its own.
+    /// The system in continuous time; its state coordinates have no physical meaning.
     pub system: StateSpace,
-    /// The Hankel matrix's singular values, relative to the largest: those of the order, and the next one,
-    /// which counts as noise.
+    /// The Hankel matrix's singular values relative to the largest: as many as the order, and the next one, which
+    /// counts as noise.
     pub singular_values: Vec<f64>,
 }
 
-/// Why no system in continuous time has such responses.
+/// Why no continuous-time system was found for the responses.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum RealizationError {
-    /// A response is no number.
+    /// A response is not finite.
     #[error(
         "its `{output}` is {value} after a pulse of `{input}`, so that nothing can be found of its states; run \
          it to a time at which it is finite"
@@ -28,18 +28,18 @@ pub enum RealizationError {
         output: String,
         /// The input with the pulse.
         input: String,
-        /// What came.
+        /// The value of the response.
         value: f64,
     },
-    /// The responses do not end to bring news.
+    /// The order cannot be determined: the singular values do not fall to a noise level.
     #[error(
         "its responses over {steps} steps look like more than {order} states, or are too noisy to tell; \
          try another step"
     )]
     Order {
-        /// Steps of each response.
+        /// Number of steps of each response.
         steps: usize,
-        /// Largest order that can be told from noise in so many.
+        /// Largest order that can be distinguished from noise with that many steps.
         order: usize,
     },
     /// A pole in discrete time has no logarithm.
@@ -53,38 +53,38 @@ pub enum RealizationError {
     },
 }
 
-/// Singular values below this part of the largest are never taken for states.
+/// Singular values below this fraction of the largest never count as states.
 const ROUNDING: f64 = 1e-11;
 
-/// States stand out of the noise, which is seen at the middle of the singular values, by this factor.
+/// Factor by which the singular values of states exceed the noise level, taken from the middle singular value.
 const ABOVE_NOISE: f64 = 100.0;
 
-/// Iterations of the singular value decomposition for each row or column at most.
+/// Maximum number of iterations of the singular value decomposition per row or column.
 const MAX_ITERATIONS: usize = 100;
 
-/// Largest number of rows and columns of the Hankel matrix.
+/// Maximum number of rows and columns of the Hankel matrix.
 const LARGEST: usize = 240;
 
-/// Responses need not be longer than this many steps.
+/// Maximum number of steps of a response.
 const LONGEST: usize = 80;
 
-/// Steps for which the response to each pulse is needed.
+/// Number of steps for which the response to each pulse is needed.
 pub fn steps_needed(inputs: usize, outputs: usize) -> usize {
     let blocks = (LARGEST / inputs.max(outputs).max(1)).clamp(2, LONGEST / 2);
     2 * blocks + 1
 }
 
-/// Outputs after each step, in the columns for a pulse of one input, which has the height 1 in the first step
-/// and is 0 from then on. An output shows the input of the step before it:
-/// `y_1 = (C Γ + D) u`, `y_i = C Φ^(i-1) Γ u`.
+/// Identifies a system from pulse responses. `pulses` holds the outputs after each step; each column is the response to
+/// a pulse of one input with height 1 in the first step and 0 afterwards. An output depends on the input of the
+/// previous step: `y_1 = (C Γ + D) u`, `y_i = C Φ^(i-1) Γ u`.
 ///
-/// The minimal `Φ`, `Γ`, `C` of the sequence by the singular values of its Hankel matrix (J.-N. Juang,
-/// R. S. Pappa, "An eigensystem realization algorithm for modal parameter identification and model
-/// reduction", J. Guidance 8(5), 1985), its order by where these end to stand out of the noise; then
-/// continuous time by the matrix logarithm, for inputs that are held during a step of `step` \[s\].
+/// The minimal `Φ`, `Γ`, `C` follow from the singular values of the Hankel matrix of the sequence (J.-N. Juang, R. S.
+/// Pappa, "An eigensystem realization algorithm for modal parameter identification and model reduction", J. Guidance
+/// 8(5), 1985). The order is the number of singular values above the noise. The matrix logarithm gives the
+/// continuous-time system, for inputs that are held during a step of `step` \[s\].
 ///
 /// # Errors
-/// If a response is not finite, the order cannot be told, or there is no logarithm.
+/// If a response is not finite, the order cannot be determined, or there is no logarithm.
 ///
 /// # Panics
 /// If there are fewer than [`steps_needed`] steps.
@@ -105,11 +105,11 @@ pub fn realize(
             scaled[first + i / p + j / m][(i % p, j % m)]
         })
     };
-    // From the second step on: the first one shows direct feedthrough too.
+    // The Hankel matrix starts at the second step: the first one includes direct feedthrough.
     let (rows, columns) = (blocks * p, blocks * m);
     let limit = MAX_ITERATIONS * rows.max(columns);
     let svd = hankel(1).try_svd(true, true, 5.0 * f64::EPSILON, limit);
-    // Where the iteration does not end, it is noise.
+    // If the iteration does not converge, the responses are treated as noise.
     let unclear = RealizationError::Order {
         steps: pulses.len(),
         order: rows.min(columns) / 2,
@@ -169,7 +169,7 @@ fn check_finite(
 ) -> Result<(), RealizationError> {
     let entries = pulses.iter().flat_map(|y| y.iter().enumerate());
     let mut strange = entries.filter(|(_, value)| !value.is_finite());
-    // Entries come column by column.
+    // Entries are ordered column by column.
     match strange.next() {
         None => Ok(()),
         Some((at, &value)) => Err(RealizationError::NotFinite {
@@ -180,7 +180,7 @@ fn check_finite(
     }
 }
 
-/// Largest response of each output, then of each input: units shall not decide what is noise.
+/// Largest response of each output, then of each input, so that units do not determine what counts as noise.
 struct Scales {
     outputs: Vec<f64>,
     inputs: Vec<f64>,
@@ -237,7 +237,7 @@ fn continuous(
     all.view_mut((0, 0), (n, n)).copy_from(phi);
     all.view_mut((0, n), (n, m)).copy_from(gamma);
     let logarithm = logarithm(all.clone())?;
-    // A logarithm that is not the one is none.
+    // Checks that this is a logarithm of the matrix.
     let back = (exponential(&logarithm)? - &all).amax();
     let is_right = back <= 1e-9 * all.amax();
     is_right.then(|| {
@@ -246,10 +246,9 @@ fn continuous(
     })
 }
 
-/// The principal logarithm by inverse scaling and squaring: square roots (E. D. Denman, A. N. Beavers, "The
-/// matrix sign function and computations in systems", Appl. Math. Comput. 2(1), 1976) until the matrix is near
-/// the identity, then the series of `2 artanh((X - I)(X + I)⁻¹)`. `None` where an eigenvalue is not positive
-/// or complex.
+/// The principal logarithm by inverse scaling and squaring: square roots (E. D. Denman, A. N. Beavers, "The matrix sign
+/// function and computations in systems", Appl. Math. Comput. 2(1), 1976) until the matrix is near the identity, then
+/// the series of `2 artanh((X - I)(X + I)⁻¹)`. `None` if a real eigenvalue is not positive.
 fn logarithm(mut x: DMatrix<f64>) -> Option<DMatrix<f64>> {
     const MAX_ROOTS: i32 = 40;
     const NEAR: f64 = 0.1;
@@ -285,7 +284,7 @@ fn square_root(x: DMatrix<f64>) -> Option<DMatrix<f64>> {
             break;
         }
     }
-    // Where there is no root, the iteration wanders.
+    // Without a root, the iteration does not converge.
     let is_root = (&y * &y - &x).amax() <= 1e-10 * x.amax();
     is_root.then_some(y)
 }
@@ -294,7 +293,7 @@ fn square_root(x: DMatrix<f64>) -> Option<DMatrix<f64>> {
 mod tests {
     use super::*;
 
-    /// An unstable oscillation, an integrator chain and a fast mode, two inputs, two outputs, feedthrough.
+    /// An unstable oscillation, an integrator chain and a fast mode, with two inputs, two outputs and feedthrough.
     fn system() -> StateSpace {
         let rows = [
             [0.1, 3.0, 0.0, 0.0, 0.5],
@@ -315,7 +314,7 @@ mod tests {
         }
     }
 
-    /// Responses by the exponential of the whole system, input and all.
+    /// Responses by the exponential of the whole system including the inputs.
     fn pulses(system: &StateSpace, step: f64) -> Vec<DMatrix<f64>> {
         let (n, m) = system.b.shape();
         let mut all = DMatrix::zeros(n + m, n + m);
@@ -363,7 +362,7 @@ mod tests {
     #[test]
     fn what_cannot_be_found_is_said() {
         let names = |prefix: &str, n: usize| (1..=n).map(|k| format!("{prefix}{k}")).collect();
-        // A delay of one step: it has no logarithm.
+        // A delay of one step has no logarithm.
         let mut delay = vec![DMatrix::zeros(1, 1); steps_needed(1, 1)];
         delay[1][(0, 0)] = 1.0;
         let error = realize(&delay, 0.1, names("u", 1), names("y", 1)).unwrap_err();
@@ -376,7 +375,7 @@ mod tests {
         assert!(matches!(error, RealizationError::Order { .. }), "{error}");
     }
 
-    /// The decomposition would not end on what is no number.
+    /// The decomposition would not end for a response that is not a number.
     #[test]
     fn a_response_that_is_no_number_is_named() {
         let exact = system();
@@ -390,7 +389,7 @@ mod tests {
         );
     }
 
-    /// Without any state there is nothing but feedthrough.
+    /// Without states there is only feedthrough.
     #[test]
     fn a_gain_has_no_states() {
         let mut gain = vec![DMatrix::zeros(1, 1); steps_needed(1, 1)];

@@ -1,18 +1,18 @@
-//! `ẋ = A x + B u`, `y = C x + D u`.
+//! Linear systems in state space: `ẋ = A x + B u`, `y = C x + D u`.
 
 use nalgebra::{Complex, DMatrix, DVector};
 use thiserror::Error;
 
-/// A linear system with names. Values are deviations from the point about which it was linearised.
+/// A linear system with named signals. Values are deviations from the point of linearisation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StateSpace {
-    /// States to their derivatives [1/s, times units].
+    /// From the states to their derivatives [1/s, times units].
     pub a: DMatrix<f64>,
-    /// Inputs to the states' derivatives.
+    /// From the inputs to the derivatives of the states.
     pub b: DMatrix<f64>,
-    /// States to outputs.
+    /// From the states to the outputs.
     pub c: DMatrix<f64>,
-    /// Inputs to outputs (direct feedthrough).
+    /// From the inputs to the outputs (direct feedthrough).
     pub d: DMatrix<f64>,
     /// Names of the states.
     pub states: Vec<String>,
@@ -22,40 +22,40 @@ pub struct StateSpace {
     pub outputs: Vec<String>,
 }
 
-/// That an input gets `factor` times an output, in addition to what comes from outside.
+/// A connection: an input receives `factor` times an output, in addition to its external signal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wire {
     /// Position of the output.
     pub output: usize,
     /// Position of the input.
     pub input: usize,
-    /// Factor, where the units differ.
+    /// Factor, for different units.
     pub factor: f64,
 }
 
-/// An entry that is no number.
+/// An entry of a linearisation is not finite.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error(
     "the derivative of {of} with respect to `{by}` is {value} where it stands; linearise it where the model is \
      smooth: at another time, or with other start values or parameters"
 )]
 pub struct NotFinite {
-    /// What changes.
+    /// The quantity that is differentiated.
     pub of: String,
-    /// With what: a state or an input.
+    /// The state or input with respect to which it is differentiated.
     pub by: String,
-    /// The entry.
+    /// Value of the entry.
     pub value: f64,
 }
 
-/// The outputs depend on each other at once in a way that has no unique solution.
+/// The connections close a loop of direct feedthrough that has no unique solution.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error(
     "the connections close a loop of direct feedthrough that has no solution (det(I - D K) is 0), through {}",
     .through.join(", ")
 )]
 pub struct AlgebraicLoop {
-    /// Inputs that are wired.
+    /// Names of the wired inputs.
     pub through: Vec<String>,
 }
 
@@ -73,15 +73,15 @@ impl StateSpace {
         }
     }
 
-    /// The system whose states, inputs and outputs have these names. `column(k)` gives what the `k`-th known
-    /// changes, per unit: all states' derivatives, then all outputs. The states are known first, then the
-    /// inputs.
+    /// The system with these names of states, inputs and outputs. `column(k)` returns the response to a unit change of
+    /// the `k`-th variable: the derivatives of all states, then all outputs. The variables are the states, followed by
+    /// the inputs.
     ///
     /// # Errors
-    /// The first one of `column`.
+    /// The first error of `column`.
     ///
     /// # Panics
-    /// If a column has another length.
+    /// If a column has a different length.
     pub fn from_columns<E>(
         [states, inputs, outputs]: [Vec<String>; 3],
         column: impl FnMut(usize) -> Result<Vec<f64>, E>,
@@ -103,10 +103,10 @@ impl StateSpace {
         })
     }
 
-    /// Refuses entries that are no numbers, since nothing that is computed from them ends well.
+    /// Checks that all entries are finite, since results from others are meaningless.
     ///
     /// # Errors
-    /// For the first one.
+    /// For the first entry that is not finite.
     pub fn check_finite(&self) -> Result<(), NotFinite> {
         let rate = |state: &String| format!("the rate of `{state}`");
         let output = |output: &String| format!("`{output}`");
@@ -118,7 +118,7 @@ impl StateSpace {
             (&self.c, &outputs, &self.states),
             (&self.d, &outputs, &self.inputs),
         ] {
-            // Entries come column by column.
+            // Entries are ordered column by column.
             if let Some(at) = matrix.iter().position(|value| !value.is_finite()) {
                 let (row, column) = (at % matrix.nrows(), at / matrix.nrows());
                 return Err(NotFinite {
@@ -131,7 +131,7 @@ impl StateSpace {
         Ok(())
     }
 
-    /// Several systems as one, which do not act on each other.
+    /// Several systems combined into one, without connections.
     pub fn side_by_side(parts: &[Self]) -> Self {
         let diagonal = |of: fn(&Self) -> &DMatrix<f64>| {
             let (rows, columns) = parts.iter().fold((0, 0), |(rows, columns), part| {
@@ -140,7 +140,7 @@ impl StateSpace {
             let mut whole = DMatrix::zeros(rows, columns);
             let mut at = (0, 0);
             for part in parts.iter().map(of) {
-                // A part without rows may stand behind the last one, where nalgebra sees no view.
+                // A part without rows may start beyond the last row, where nalgebra has no view.
                 if !part.is_empty() {
                     whole.view_mut(at, part.shape()).copy_from(part);
                 }
@@ -162,8 +162,8 @@ impl StateSpace {
         }
     }
 
-    /// The system with outputs wired to inputs: `u = K y + w`, with `w` the inputs from outside. All
-    /// inputs stay, as places where something may be added.
+    /// The system with outputs wired to inputs: `u = K y + w`, with `w` the external inputs. All inputs are kept, so
+    /// that signals can still be added.
     ///
     /// ```text
     /// y = (I - D K)⁻¹ (C x + D w)        ẋ = A x + B (K y + w)
@@ -199,10 +199,10 @@ impl StateSpace {
         })
     }
 
-    /// The same with some of the inputs alone, in this order.
+    /// The same system with only the given inputs, in this order.
     ///
     /// # Panics
-    /// If one does not exist.
+    /// If an input does not exist.
     pub fn from_inputs(&self, inputs: &[usize]) -> Self {
         Self {
             b: self.b.select_columns(inputs),
@@ -212,14 +212,14 @@ impl StateSpace {
         }
     }
 
-    /// What comes back to a wire's end if the system is cut open there, with its sign turned, so that
-    /// `1 + L = 0` is the closed loop: one input, one output. All other wires hold.
+    /// The open loop at a wire, with one input and one output: the signal that returns to the cut, with its sign
+    /// inverted, so that `1 + L = 0` is the closed loop. All other wires stay connected.
     ///
     /// # Errors
     /// If the other wires close an algebraic loop.
     ///
     /// # Panics
-    /// If there is no wire of that number.
+    /// If there is no wire with that number.
     pub fn open_loop(&self, wires: &[Wire], cut: usize) -> Result<Self, AlgebraicLoop> {
         let others = wires.iter().enumerate().filter(|(w, _)| *w != cut);
         let others: Vec<Wire> = others.map(|(_, wire)| *wire).collect();
@@ -240,8 +240,8 @@ impl StateSpace {
         })
     }
 
-    /// The poles, eigenvalues of `A` [1/s], sorted by magnitude, conjugates side by side; infinite where they
-    /// cannot be found, as of entries that are not finite.
+    /// The poles, eigenvalues of `A` [1/s], sorted by magnitude, conjugates adjacent. Infinite if they cannot be
+    /// computed, as for entries that are not finite.
     pub fn poles(&self) -> Vec<Complex<f64>> {
         super::modes::eigenvalues(&self.a)
     }
@@ -256,7 +256,7 @@ impl StateSpace {
     }
 }
 
-/// `C (s I - A)⁻¹ B + D`, or for a sampled system with `z` for `s`.
+/// `C (s I - A)⁻¹ B + D`; for a sampled system with `z` instead of `s`.
 pub(super) fn transfer(
     system: &StateSpace,
     output: usize,
@@ -265,7 +265,7 @@ pub(super) fn transfer(
 ) -> Complex<f64> {
     let n = system.states.len();
     let lift = |value: f64| Complex::new(value, 0.0);
-    // The LU decomposition panics where there is nothing to decompose.
+    // The LU decomposition panics for an empty matrix.
     if n == 0 {
         return lift(system.d[(output, input)]);
     }

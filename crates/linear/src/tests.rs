@@ -1,4 +1,4 @@
-//! Loops whose margins are known by formula.
+//! Loops whose margins are known in closed form.
 
 use super::{Sampled, StateSpace, Wire};
 use nalgebra::{Complex, DMatrix};
@@ -19,7 +19,7 @@ fn lag(name: &str, gain: f64, pole: f64) -> StateSpace {
     }
 }
 
-/// `factor` times the input, at once.
+/// `factor` times the input, without delay.
 fn gain(name: &str, factor: f64) -> StateSpace {
     StateSpace {
         d: DMatrix::from_element(1, 1, factor),
@@ -39,7 +39,7 @@ fn wire(output: usize, input: usize) -> Wire {
     }
 }
 
-/// `L = k / (s (s + p))` with the minus in the wire that closes the loop.
+/// `L = k / (s (s + p))` with the negative sign in the wire that closes the loop.
 fn first_order_and_integrator(k: f64, p: f64) -> (StateSpace, [Wire; 2]) {
     let parts = StateSpace::side_by_side(&[lag("lag", k, p), lag("integrator", 1.0, 0.0)]);
     let back = Wire {
@@ -72,7 +72,7 @@ fn first_order_and_integrator_have_the_margin_of_the_formula() {
             close(crossing.frequency, omega, 1e-12);
             close(crossing.phase_margin, margin, 1e-9);
             close(crossing.delay_margin, margin / omega, 1e-9);
-            // The lag alone is what the crossover model calls delay.
+            // The lag alone is the delay of the crossover model.
             close(crossing.effective_delay, (omega / p).atan() / omega, 1e-9);
             assert!(margins.phase_crossings.is_empty(), "{margins:?}");
         }
@@ -136,7 +136,7 @@ fn a_sharp_resonance_is_not_overlooked() {
 
 #[test]
 fn a_loop_of_direct_feedthrough_is_solved_or_refused() {
-    // y = 0.5 (y + w): 1 w. And y = 1 (y + w): nothing.
+    // y = 0.5 (y + w) gives 1 w; y = 1 (y + w) has no solution.
     let solved = gain("a", 0.5).closed(&[wire(0, 0)]).unwrap();
     assert_eq!(solved.d[(0, 0)], 1.0);
     let message = gain("a", 1.0)
@@ -150,8 +150,8 @@ fn a_loop_of_direct_feedthrough_is_solved_or_refused() {
     );
 }
 
-/// Gain `u = g (-y)` and integrator `ẏ = u`, each holding for a step: `y` goes on by `h u`, and the gain's
-/// output is that of the step before, so that `z² - z + g h = 0`.
+/// Gain `u = g (-y)` and integrator `ẏ = u`, each with inputs held for a step: `y` changes by `h u`, and the gain's
+/// output is that of the previous step, so that `z² - z + g h = 0`.
 #[test]
 fn held_parts_have_the_poles_of_the_difference_equation() {
     let parts = StateSpace::side_by_side(&[gain("p", -2.0), lag("i", 1.0, 0.0)]);
@@ -185,7 +185,7 @@ fn held_parts_have_the_poles_of_the_difference_equation() {
 proptest! {
     #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(5), cases: 64, ..ProptestConfig::default() })]
 
-    /// The coupled system, multiplied out, against its parts: `Y = G (K Y + W)` at some frequency.
+    /// Compares the transfer of the coupled system with that of its parts: `Y = G (K Y + W)` at some frequency.
     #[test]
     fn the_coupled_transfer_is_that_of_the_parts(
         numbers in prop::collection::vec(-1.0..1.0f64, 2 * (3 * 3 + 3 * 2 + 2 * 3 + 2 * 2)),
@@ -226,7 +226,7 @@ proptest! {
     }
 }
 
-/// Nothing hangs on what is not finite or overflows, and nothing of it is called stable.
+/// Values that are not finite or overflow neither hang the computation nor yield stable poles.
 #[test]
 fn what_has_no_poles_in_numbers_has_infinite_ones() {
     let infinite = Complex::new(f64::INFINITY, 0.0);

@@ -1,4 +1,4 @@
-//! Dormand–Prince, and Radau IIA where that is better.
+//! Automatic choice of the method: Dormand–Prince, and Radau IIA for stiff problems.
 
 use super::System;
 use super::dormand_prince::DormandPrince;
@@ -6,10 +6,10 @@ use super::radau::Radau;
 use super::scheme::{Scale, Scheme, Step};
 use super::solver::{Solver, Work};
 
-/// Which method solves.
+/// The integration method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {
-    /// Dormand–Prince, and Radau IIA from where the problem comes to look stiff.
+    /// Dormand–Prince, and Radau IIA as soon as the problem looks stiff.
     #[default]
     Automatic,
     /// Dormand–Prince of order 5(4): explicit.
@@ -18,32 +18,32 @@ pub enum Method {
     Radau,
 }
 
-/// How exact the solution shall be.
+/// Tolerances and method of a solution.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SolverOptions {
-    /// Error that a step may have, relative to each state.
+    /// Permitted error of a step relative to each state.
     pub relative: f64,
-    /// Error that a step may have beside that, of each state in its unit.
+    /// Permitted error of a step in addition to that, for each state in its unit.
     pub absolute: Vec<f64>,
-    /// Which method solves.
+    /// The integration method.
     pub method: Method,
     /// Longest step \[s\].
     pub longest_step: f64,
 }
 
-/// One of the two methods, chosen by the user or by the problem.
+/// One of the two methods, selected by the user or automatically.
 #[derive(Debug)]
 pub struct Automatic {
     explicit: DormandPrince,
     implicit: Option<Radau>,
-    /// Whether the method may change, and whether it is to before the next step.
+    /// Whether the method may change.
     is_free: bool,
     is_stiff: bool,
 }
 
 impl Solver {
-    /// For `indicators` event indicators and as many states as there are absolute tolerances. It is started
-    /// by [`Self::restart`].
+    /// A solver for `indicators` event indicators and as many states as there are absolute tolerances.
+    /// [`Self::restart`] starts it.
     pub fn new(indicators: usize, options: SolverOptions) -> Self {
         let n = options.absolute.len();
         let scheme = Automatic {

@@ -1,7 +1,7 @@
-//! The explicit Runge–Kutta method of order 5(4) of Dormand and Prince ("A family of embedded Runge–Kutta
-//! formulae", J. Comput. Appl. Math. 6(1), 1980), carried on at the higher order, with its dense output of order 4
-//! and the detection of stiffness, both after Hairer, Nørsett & Wanner, *Solving Ordinary Differential Equations I*,
-//! sections II.6 and IV.2 of volume II.
+//! The explicit Runge–Kutta method of order 5(4) of Dormand and Prince ("A family of embedded Runge–Kutta formulae", J.
+//! Comput. Appl. Math. 6(1), 1980), continued at the higher order. Its dense output of order 4 and the stiffness
+//! detection follow Hairer, Nørsett & Wanner, *Solving Ordinary Differential Equations I*, section II.6, and volume II,
+//! section IV.2.
 
 use super::System;
 use super::scheme::{Scale, Scheme, Step};
@@ -54,7 +54,7 @@ const E: [f64; STAGES] = [
     -1.0 / 40.0,
 ];
 
-/// The dense output's last term.
+/// Weights of the last term of the dense output.
 const D: [f64; STAGES] = [
     -12715105075.0 / 11282082432.0,
     0.0,
@@ -65,18 +65,18 @@ const D: [f64; STAGES] = [
     69997945.0 / 29380423.0,
 ];
 
-/// The method and its memory of the last step.
+/// The method and its data of the last step.
 #[derive(Debug)]
 pub struct DormandPrince {
-    /// Slopes of the inner stages; the first and the last are the derivatives at the step's ends.
+    /// Slopes of the inner stages; the first and the last are the derivatives at the ends of the step.
     inner: [Vec<f64>; STAGES - 2],
-    /// How many of the last steps looked stiff, and how many since then did not.
+    /// Number of recent steps that looked stiff, and number of steps since then that did not.
     stiff: u32,
     relaxed: u32,
 }
 
 impl DormandPrince {
-    /// For `n` states.
+    /// The method for `n` states.
     pub fn new(n: usize) -> Self {
         Self {
             inner: std::array::from_fn(|_| vec![0.0; n]),
@@ -90,7 +90,7 @@ impl DormandPrince {
     fn slopes<'a>(&'a self, step: &'a Step, n: usize) -> [&'a [f64]; STAGES] {
         let [k1, k2, k3, k4, k5] = &self.inner;
         let (first, last) = (&step.f[..n], &step.f_end[..n]);
-        // Written out: the compiler is to know each.
+        // Written out, so that the compiler knows each slice.
         [
             first,
             &k1[..n],
@@ -102,7 +102,7 @@ impl DormandPrince {
         ]
     }
 
-    /// An attempt with `n` states; see [`Scheme::attempt`].
+    /// An attempt for `n` states; see [`Scheme::attempt`].
     #[inline(always)]
     fn attempt_of<M: System>(
         &mut self,
@@ -116,7 +116,7 @@ impl DormandPrince {
         let [k1, k2, k3, k4, k5] = &mut self.inner;
         let (k1, k2, k3) = (&mut k1[..n], &mut k2[..n], &mut k3[..n]);
         let (k4, k5, k6) = (&mut k4[..n], &mut k5[..n], &mut step.f_end[..n]);
-        // A macro, since the number of slopes known at a stage must be known to the compiler too.
+        // A macro, since the compiler must also know the number of slopes at each stage.
         macro_rules! stage {
             ($stage:literal, $slope:ident, $($known:ident)*) => {
                 combine([$(&*$known),*], &A[$stage], h, x, end);
@@ -133,7 +133,7 @@ impl DormandPrince {
         stage!(6, k6, k0 k1 k2 k3 k4 k5);
         let slopes: [&[f64]; STAGES] = [k0, k1, k2, k3, k4, k5, k6];
         let error = scale.norm(|i| h * weighted(&E, &slopes, i), x, end);
-        // An overflow in the solution alone would else pass for no error.
+        // Otherwise an overflow in the solution alone would count as no error.
         Ok(
             match end.iter().all(|v| v.is_finite()) && error.is_finite() {
                 true => error,
@@ -142,22 +142,22 @@ impl DormandPrince {
         )
     }
 
-    /// Whether the method's stability, not its accuracy, has limited the last steps: `h·|λ|` is at its
-    /// border of about 3.3.
+    /// True if the last steps were limited by the stability of the method and not by its accuracy: `h·|λ|` is at its
+    /// stability limit of about 3.3.
     pub(super) fn looks_stiff(&mut self, step: &Step) -> bool {
         const BORDER: f64 = 3.25;
         let slopes = self.slopes(step, step.x.len());
         let (mut change, mut shift) = (0.0, 0.0);
         for i in 0..step.x.len() {
             change += (slopes[6][i] - slopes[5][i]).powi(2);
-            // From the sixth stage's argument to the seventh's, which is the end.
+            // From the argument of the sixth stage to that of the seventh, which is the end.
             let rows = A[6].iter().zip(A[5]).zip(slopes);
             let moved: f64 = rows
                 .map(|((seventh, sixth), k)| (seventh - sixth) * k[i])
                 .sum();
             shift += moved.powi(2);
         }
-        // `h·|λ|` is `h |f(a) - f(b)| / |a - b|`, and the distance of the arguments has the factor `h` too.
+        // `h·|λ|` is `h |f(a) - f(b)| / |a - b|`, and the distance of the arguments also has the factor `h`.
         if shift > 0.0 && (change / shift).sqrt() > BORDER {
             self.relaxed = 0;
             self.stiff += 1;
@@ -178,7 +178,7 @@ impl Scheme for DormandPrince {
         step: &mut Step,
         scale: &Scale,
     ) -> Result<f64, M::Error> {
-        // With a number of states that the compiler knows, the sums become straight code.
+        // With a number of states known to the compiler, the sums become straight-line code.
         match step.x.len() {
             2 => self.attempt_of(2, system, step, scale),
             3 => self.attempt_of(3, system, step, scale),
@@ -189,7 +189,7 @@ impl Scheme for DormandPrince {
         }
     }
 
-    /// The last stage is at the step's end: its slope is known.
+    /// The last stage is at the end of the step, so its slope is known.
     fn accept<M: System>(&mut self, _: &mut M, _: &mut Step) -> Result<bool, M::Error> {
         Ok(true)
     }
@@ -206,7 +206,7 @@ impl Scheme for DormandPrince {
         }
     }
 
-    /// Proportional and integral.
+    /// Proportional-integral step size control.
     fn factor(&self, error: f64, last: Option<f64>) -> f64 {
         0.9 * error.powf(-0.17) * last.unwrap_or(1e-4).powf(0.04)
     }
@@ -218,7 +218,7 @@ fn weighted(weights: &[f64; STAGES], slopes: &[&[f64]; STAGES], i: usize) -> f64
     (0..STAGES).fold(0.0, |sum, j| sum + weights[j] * slopes[j][i])
 }
 
-/// The argument of a stage: `x + h Σ weights_j slopes_j` over the slopes before it.
+/// The argument of a stage: `x + h Σ weights_j slopes_j` over the previous slopes.
 #[inline(always)]
 fn combine<const S: usize>(
     slopes: [&[f64]; S],
@@ -243,7 +243,7 @@ mod tests {
             assert!((row.iter().sum::<f64>() - c).abs() < 1e-14);
         }
         assert!(E.iter().sum::<f64>().abs() < 1e-15);
-        // Order conditions of quadrature: Σ b_i c_i^k = 1/(k+1), the fifth-order weights up to k = 4.
+        // Order conditions of quadrature: Σ b_i c_i^k = 1/(k+1); the fifth-order weights satisfy them up to k = 4.
         for k in 0..5 {
             let sum: f64 = A[6].iter().zip(C).map(|(b, c)| b * c.powi(k)).sum();
             assert!((sum - 1.0 / f64::from(k + 1)).abs() < 1e-14, "k = {k}");

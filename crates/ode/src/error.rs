@@ -1,33 +1,33 @@
-//! Why a solution cannot go on.
+//! Errors that end a solution.
 
 use thiserror::Error;
 
-/// Why a solution cannot go on.
+/// Why a solution cannot be continued.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum IntegrationError<E: std::error::Error + 'static> {
     /// An evaluation failed.
     #[error(transparent)]
     Evaluation(#[from] E),
-    /// The derivatives are not defined where the solver has to start.
+    /// The derivatives are not defined at the start.
     #[error("the derivatives are not defined at {time} s")]
     Undefined {
-        /// Where \[s\].
+        /// Time \[s\].
         time: f64,
     },
-    /// However short the step: something is not defined, NaN or infinite there.
+    /// The derivatives or indicators are not defined or not finite, however short the step.
     #[error("{what} are not defined or not finite shortly after {time} s, however short the step")]
     UndefinedBeyond {
-        /// Where the last good step ended \[s\].
+        /// End of the last accepted step \[s\].
         time: f64,
-        /// What is not: derivatives or event indicators.
+        /// What is undefined: derivatives or event indicators.
         what: &'static str,
     },
-    /// No step is short enough.
+    /// The error is too large even with the shortest step.
     #[error(
         "at {time} s a step of {step:e} s still has too large an error: is there a jump that is no event, or a pole?"
     )]
     StepTooShort {
-        /// Where \[s\].
+        /// Time \[s\].
         time: f64,
         /// Length of the last attempt \[s\].
         step: f64,

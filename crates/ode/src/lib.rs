@@ -4,7 +4,7 @@
 //! ẋ = f(t, x),   an event wherever a component of z(t, x) comes to be positive or ceases to be
 //! ```
 //!
-//! A ball falls from 1 m, and the solver stops where it touches the ground:
+//! The example is a ball that falls from 1 m; the solver stops when it touches the ground:
 //!
 //! ```
 //! use pilotage_ode::{Advance, DormandPrince, Solver, System};
@@ -31,13 +31,13 @@
 //! assert!((solver.time() - (2.0 / 9.81_f64).sqrt()).abs() < 1e-12);
 //! ```
 //!
-//! | module | what it holds |
+//! | module | content |
 //! | --- | --- |
-//! | [`solver`] | steps of the right length, each up to the first event in it |
-//! | `automatic` | Dormand–Prince, and Radau IIA where that is better |
+//! | [`solver`] | step size control and events |
+//! | `automatic` | Dormand–Prince, and Radau IIA for stiff problems |
 //! | `dormand_prince` | the explicit method, for most problems |
 //! | `radau` | the implicit method, for stiff problems |
-//! | `root` | where in a step an event is |
+//! | `root` | location of events within a step |
 
 mod automatic;
 mod dormand_prince;
@@ -56,30 +56,30 @@ pub use solver::{Advance, Solver, Work};
 
 use nalgebra::DMatrix;
 
-/// What is to be solved: a right-hand side at a point, and what tells its events.
+/// The problem to be solved: the right-hand side and the event indicators.
 pub trait System {
-    /// What an evaluation can fail with, for good.
+    /// Error of an evaluation that ends the solution.
     type Error: std::error::Error + 'static;
 
-    /// `dx = f(t, x)`. `false` if it is not defined there: the solver tries a shorter step.
+    /// Writes `dx = f(t, x)`. `false` if it is not defined there; the solver then tries a shorter step.
     ///
     /// # Errors
-    /// What ends the solution.
+    /// An error that ends the solution.
     fn derivatives(&mut self, t: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, Self::Error>;
 
-    /// `z(t, x)`, as many as the solver was told; nothing to do where there are none. `false` if it is not
-    /// defined there.
+    /// Writes `z(t, x)`, with the number of indicators passed to the solver. The default is for systems without
+    /// indicators. `false` if it is not defined there.
     ///
     /// # Errors
-    /// What ends the solution.
+    /// An error that ends the solution.
     fn indicators(&mut self, _t: f64, _x: &[f64], _z: &mut [f64]) -> Result<bool, Self::Error> {
         Ok(true)
     }
 
-    /// `∂f/∂x` at `(t, x)`. `false` if there is none: the solver takes differences.
+    /// Writes `∂f/∂x` at `(t, x)`. `false` if it is not available; the solver then uses finite differences.
     ///
     /// # Errors
-    /// What ends the solution.
+    /// An error that ends the solution.
     fn jacobian(
         &mut self,
         _t: f64,

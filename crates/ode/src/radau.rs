@@ -1,6 +1,6 @@
-//! The implicit Runge–Kutta method Radau IIA of order 5 for stiff problems (Hairer & Wanner, *Solving
-//! Ordinary Differential Equations II*, section IV.8): three stages by a simplified Newton iteration, in
-//! the coordinates in which the inverse of the stages' matrix is a real number and a complex one.
+//! The implicit Runge–Kutta method Radau IIA of order 5 for stiff problems (Hairer & Wanner, *Solving Ordinary
+//! Differential Equations II*, section IV.8). A simplified Newton iteration solves for the three stages, in coordinates
+//! in which the inverse of the Runge–Kutta matrix consists of a real and a complex number.
 
 use super::System;
 use super::scheme::{Scale, Scheme, Step};
@@ -13,14 +13,14 @@ const SQRT6: f64 = 2.449_489_742_783_178;
 /// Nodes: zeros of a shifted Legendre–Radau polynomial.
 const C: [f64; STAGES] = [(4.0 - SQRT6) / 10.0, (4.0 + SQRT6) / 10.0, 1.0];
 
-/// Weights of the error estimate (section IV.8, formula 8.20, over γ0).
+/// Weights of the error estimate (section IV.8, formula 8.20, divided by γ0).
 const E: [f64; STAGES] = [
     (-13.0 - 7.0 * SQRT6) / 3.0,
     (-13.0 + 7.0 * SQRT6) / 3.0,
     -1.0 / 3.0,
 ];
 
-/// Eigenvectors of the inverse of the stages' matrix, and their inverse.
+/// Eigenvectors of the inverse of the Runge–Kutta matrix, and the inverse of their matrix.
 const T: [[f64; STAGES]; STAGES] = [
     [
         0.094_438_762_488_975_24,
@@ -56,7 +56,7 @@ const T_INVERSE: [[f64; STAGES]; STAGES] = [
 const REAL: f64 = 3.637_834_252_744_496;
 const COMPLEX: Complex<f64> = Complex::new(2.681_082_873_627_752, -3.050_430_199_247_410_5);
 
-/// Coefficients of the collocation polynomial through zero and the stages, by powers of `theta`.
+/// Coefficients of the collocation polynomial through zero and the stages, for the powers of `theta`.
 const P: [[f64; STAGES]; STAGES] = [
     [
         13.0 / 3.0 + 7.0 * SQRT6 / 3.0,
@@ -71,34 +71,33 @@ const P: [[f64; STAGES]; STAGES] = [
     [1.0 / 3.0, -8.0 / 3.0, 10.0 / 3.0],
 ];
 
-/// Largest remaining correction, beside the error that a step may have, with which an iteration that gets
-/// no further has converged: what [`Radau::newton`] asks for with the loosest tolerances.
+/// Largest remaining correction, relative to the permitted error of a step, at which a stagnating iteration counts as
+/// converged: the limit of [`Radau::newton`] for the loosest tolerances.
 const STAGNATION: f64 = 0.03;
 
-/// Longest Newton iteration.
+/// Maximum number of Newton iterations.
 const ITERATIONS: i32 = 6;
 
-/// The method and its memory of the last step.
+/// The method and its data of the last step.
 #[derive(Debug)]
 pub(super) struct Radau {
     jacobian: DMatrix<f64>,
-    /// Whether the Jacobian belongs to the point where the step begins.
+    /// Whether the Jacobian was evaluated at the start of the step.
     is_current: bool,
     factors: Option<Factors>,
     z: [Vec<f64>; STAGES],
     w: [Vec<f64>; STAGES],
     f: [Vec<f64>; STAGES],
-    /// Collocation polynomial of the last accepted step: its begin, coefficients and length.
+    /// Collocation polynomial of the last accepted step: its length and coefficients.
     dense: Option<Dense>,
     begin: Vec<f64>,
     argument: Vec<f64>,
-    /// Newton iterations of the last attempt, for the choice of the next length.
+    /// Newton iterations of the last attempt, for the choice of the next step size.
     iterations: i32,
     convergence: f64,
-    /// Whether the next step should have the same length rather than a little longer one, which would need new
-    /// factors.
+    /// Whether to keep the step size instead of a slightly larger one, which would need a new factorisation.
     keeps_length: bool,
-    /// Evaluations of the Jacobian and factorisations.
+    /// Numbers of Jacobian evaluations and factorisations.
     jacobians: u64,
     factorisations: u64,
 }
@@ -137,7 +136,7 @@ impl Radau {
         }
     }
 
-    /// The Jacobian at the begin of the step: the problem's own, or by differences.
+    /// The Jacobian at the start of the step, from the system or by finite differences.
     fn differentiate<M: System>(
         &mut self,
         system: &mut M,
@@ -153,7 +152,7 @@ impl Radau {
         }
         self.argument.copy_from_slice(x);
         for (j, &here) in x.iter().enumerate() {
-            // Relative to the magnitude, or where that is zero to what counts as small there.
+            // Relative to the magnitude or, if that is zero, to a value that counts as small there.
             let size = here.abs().max(scale.absolute[j] / scale.relative);
             let shift = f64::EPSILON.sqrt() * size.max(f64::MIN_POSITIVE.sqrt());
             self.argument[j] = here + shift;
@@ -189,7 +188,7 @@ impl Radau {
         is_regular
     }
 
-    /// Solves for the stages; `false` if that does not converge.
+    /// Solves for the stages; `false` if the iteration does not converge.
     fn newton<M: System>(
         &mut self,
         system: &mut M,
@@ -216,7 +215,7 @@ impl Radau {
             let Some(size) = self.correct(h, x, scale).filter(|size| size.is_finite()) else {
                 return Ok(false);
             };
-            // So small that the rate is that of rounding errors, of a correction or of the states.
+            // So small that the rate is dominated by rounding errors, of a correction or of the states.
             let rounding = 4.0 * f64::EPSILON / scale.relative;
             if size <= rounding.max(1e-3 * tolerance) {
                 self.convergence = rate;
@@ -227,8 +226,8 @@ impl Radau {
                 let left = ITERATIONS - 1 - iteration;
                 let hopeless = rate >= 1.0 || rate.powi(left) / (1.0 - rate) * size > tolerance;
                 if hopeless {
-                    // Corrections that no longer shrink are rounding errors of the derivatives where they
-                    // are small beside the step's error.
+                    // Corrections that no longer shrink are rounding errors of the derivatives if they are small
+                    // compared with the permitted error.
                     let error = (rate / (1.0 - rate)).max(1.0) * size;
                     let is_done = if rate < 1.0 { error } else { size } <= STAGNATION;
                     self.convergence = rate;
@@ -244,7 +243,7 @@ impl Radau {
         Ok(false)
     }
 
-    /// Starts the stages from the last step's polynomial, continued.
+    /// Initial values of the stages, extrapolated from the polynomial of the last step.
     fn predict(&mut self, h: f64, x: &[f64]) {
         for (z, node) in self.z.iter_mut().zip(C) {
             match &self.dense {
@@ -260,7 +259,7 @@ impl Radau {
         apply(&T_INVERSE, &self.z, &mut self.w);
     }
 
-    /// One Newton correction; its size, or `None` if the matrices are singular.
+    /// One Newton correction. Returns its size, or `None` if the matrices are singular.
     fn correct(&mut self, h: f64, x: &[f64], scale: &Scale) -> Option<f64> {
         let n = x.len();
         let factors = self.factors.as_ref()?;
@@ -286,7 +285,7 @@ impl Radau {
         Some((sum / (STAGES * n.max(1)) as f64).sqrt())
     }
 
-    /// The embedded estimate of order 3, filtered by the real matrix so that it stays bounded for infinitely
+    /// The embedded error estimate of order 3, filtered by the real matrix so that it stays bounded for infinitely
     /// stiff components.
     fn error<M: System>(
         &mut self,
@@ -309,7 +308,7 @@ impl Radau {
             return Ok(f64::INFINITY);
         };
         let mut size = scale.norm(|i| error[i], x, to);
-        // Where the step was refused before or is the first one, the filter is applied twice.
+        // After a rejection, and in the first step, the filter is applied twice.
         if size > 1.0 && (step.is_again || self.dense.is_none()) {
             for i in 0..n {
                 self.argument[i] = x[i] + error[i];
@@ -328,7 +327,7 @@ impl Radau {
         })
     }
 
-    /// Keeps the path of the attempted step.
+    /// Stores the collocation polynomial of the attempted step.
     fn keep(&mut self, step: &Step) {
         let coefficient =
             |power: usize, i: usize| (0..STAGES).map(|s| P[s][power] * self.z[s][i]).sum();
@@ -342,7 +341,7 @@ impl Radau {
         let is_slow = self.iterations > 2 && self.convergence > 1e-3;
         self.is_current = false;
         if is_slow {
-            // A new Jacobian for the next step.
+            // The next step needs a new Jacobian.
             self.factors = None;
         }
         self.keeps_length = !is_slow;
@@ -367,7 +366,7 @@ impl Scheme for Radau {
             if self.newton(system, step, scale)? {
                 break;
             }
-            // Perhaps the Jacobian is too old.
+            // The Jacobian may be outdated.
             if self.is_current || !self.differentiate(system, step, scale)? {
                 return Ok(f64::INFINITY);
             }
@@ -391,7 +390,7 @@ impl Scheme for Radau {
         }
     }
 
-    /// Many iterations: a shorter step would converge better.
+    /// With many iterations the step is shortened, since it then converges better.
     fn factor(&self, error: f64, _: Option<f64>) -> f64 {
         let safety = 0.9 * 13.0 / (12.0 + f64::from(self.iterations));
         match safety * error.powf(-0.25) {
@@ -419,7 +418,7 @@ impl Dense {
     }
 }
 
-/// `to = matrix · from`, stage by stage.
+/// `to = matrix · from`, over the stages.
 fn apply(matrix: &[[f64; STAGES]; STAGES], from: &[Vec<f64>; STAGES], to: &mut [Vec<f64>; STAGES]) {
     for (row, to) in matrix.iter().zip(to) {
         for (i, to) in to.iter_mut().enumerate() {
@@ -433,7 +432,7 @@ mod tests {
     use super::*;
     use nalgebra::Matrix3;
 
-    /// Stages of the collocation method with nodes `C`: integrals of the Lagrange polynomials.
+    /// Runge–Kutta matrix of the collocation method with nodes `C`: integrals of the Lagrange polynomials.
     fn stages() -> Matrix3<f64> {
         let powers = Matrix3::from_fn(|i, j| C[i].powi(j as i32));
         let integrals = Matrix3::from_fn(|i, j| C[i].powi(j as i32 + 1) / (j + 1) as f64);
@@ -448,7 +447,7 @@ mod tests {
         let blocks = Matrix3::new(REAL, 0.0, 0.0, 0.0, a, b, 0.0, -b, a);
         assert!((rows(T) * blocks * rows(T_INVERSE) - inverse).norm() < 1e-13);
         assert!((rows(T) * rows(T_INVERSE) - Matrix3::identity()).norm() < 1e-14);
-        // The collocation polynomial is zero at the begin and takes each stage's value at its node.
+        // The collocation polynomial is zero at the start and takes the value of each stage at its node.
         let nodes = Matrix3::from_fn(|i, j| C[i].powi(j as i32 + 1));
         assert!((nodes * rows(P).transpose() - Matrix3::identity()).norm() < 1e-13);
     }

@@ -1,31 +1,31 @@
-//! Where in a step an indicator comes to be positive or ceases to be.
+//! Location of the events in a step: an indicator becomes positive or ceases to be positive.
 
 use super::System;
 
-/// In how many places of a step the indicators are looked at, so that one which changes and changes back
-/// within a step is seen.
+/// Number of points in a step at which the indicators are evaluated, to detect one that changes and changes back within
+/// the step.
 const LOOKS: u32 = 4;
 
 /// The indicators since the last event.
 #[derive(Debug)]
 pub(super) struct Watch {
-    /// Whether each was positive where the step began.
+    /// Whether each indicator was positive at the start of the step.
     was_positive: Vec<bool>,
-    /// Whether that is known without a look.
+    /// Whether these signs were set by the caller.
     is_remembered: bool,
-    /// Values at the two ends of what may hold the event, and between them.
+    /// Values at both ends of the interval that contains the event, and between them.
     low: Vec<f64>,
     high: Vec<f64>,
     middle: Vec<f64>,
     x: Vec<f64>,
 }
 
-/// What was found in a step.
+/// Result of the search for events in a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Found {
     /// No event.
     Nothing,
-    /// An event shortly before this fraction of the step.
+    /// An event just before this fraction of the step.
     Event(f64),
     /// The indicators are not defined somewhere in the step.
     Undefined,
@@ -55,18 +55,18 @@ impl Watch {
         self.was_positive.is_empty()
     }
 
-    /// Nothing is known of what comes.
+    /// Discards the known signs.
     pub(super) fn forget(&mut self) {
         self.is_remembered = false;
     }
 
-    /// Changes are to count from these signs.
+    /// Sets the signs from which changes count.
     pub(super) fn remember(&mut self, positive: &[bool]) {
         self.was_positive.copy_from_slice(positive);
         self.is_remembered = true;
     }
 
-    /// Starts to watch at `(t, x)`. `false` if the indicators are not defined there.
+    /// Starts the search at `(t, x)`. `false` if the indicators are not defined there.
     pub(super) fn start<M: System>(
         &mut self,
         system: &mut M,
@@ -85,7 +85,7 @@ impl Watch {
         Ok(is_defined)
     }
 
-    /// Looks through a step that begins where the last one ended.
+    /// Searches a step that starts at the end of the previous one.
     pub(super) fn look<M: System>(
         &mut self,
         system: &mut M,
@@ -110,12 +110,12 @@ impl Watch {
         Ok(Found::Nothing)
     }
 
-    /// The state at the event that was found last.
+    /// The state at the last event.
     pub(super) fn state(&self) -> &[f64] {
         &self.x
     }
 
-    /// The indicators at a fraction of the step, into `middle`.
+    /// Writes the indicators at a fraction of the step into `middle`.
     fn evaluate<M: System>(
         &mut self,
         system: &mut M,
@@ -131,8 +131,8 @@ impl Watch {
         pairs.into_iter().any(|(&was, &z)| was != (z > 0.0))
     }
 
-    /// Narrows the fractions between which the first change is, by the Illinois variant of regula falsi, with
-    /// a bisection wherever that gains too little; returns the upper one, where the change has come about.
+    /// Narrows the interval of the first change by the Illinois variant of regula falsi, with a bisection if that gains
+    /// too little. Returns the upper end, where the change has occurred.
     fn refine<M: System>(
         &mut self,
         system: &mut M,
@@ -142,7 +142,7 @@ impl Watch {
     ) -> Result<Found, M::Error> {
         let size = path.t.abs().max((path.t + path.h).abs());
         let tolerance = (4.0 * f64::EPSILON * size / path.h).max(4.0 * f64::EPSILON);
-        // Weights of the two ends: the one that stays twice loses half of it.
+        // Weights of the two ends: an end that is kept twice has its weight halved.
         let (mut weights, mut stayed) = ((1.0, 1.0), 0i32);
         for round in 1.. {
             let width = high - low;
@@ -184,7 +184,7 @@ impl Watch {
         Ok(Found::Event(high))
     }
 
-    /// Where between the ends, as a fraction, the first of the changed indicators seems to be zero.
+    /// Estimated position of the first zero of the changed indicators, as a fraction of the interval.
     fn secant(&self, (low, high): (f64, f64)) -> f64 {
         let ends = self.low.iter().zip(&self.high);
         let changed = self.was_positive.iter().zip(ends);

@@ -1,25 +1,25 @@
-//! What the solver knows of a method.
+//! Interface of the integration methods.
 
 use super::System;
 use super::solver::Work;
 
-/// A step from `(t, x)` of length `h`, and where it leads.
+/// A step from `(t, x)` of length `h`, and its end.
 pub struct Step<'a> {
     pub(super) t: f64,
     pub(super) h: f64,
     pub(super) x: &'a [f64],
-    /// The derivative at the beginning.
+    /// The derivative at the start.
     pub(super) f: &'a [f64],
     pub(super) x_end: &'a mut [f64],
     pub(super) f_end: &'a mut [f64],
-    /// Whether a longer step from there was refused.
+    /// Whether a longer step from the same point was rejected.
     pub(super) is_again: bool,
 }
 
-/// A one-step method that estimates its error and knows the state within its steps.
+/// A one-step method with an error estimate and dense output.
 pub trait Scheme {
-    /// Tries a step and writes the state at its end; its error, 1 being as large as allowed, and infinite where
-    /// it cannot be done with this length.
+    /// Attempts a step and writes the state at its end. Returns its error relative to the permitted one, infinite if
+    /// the step fails with this length.
     ///
     /// # Errors
     /// Those of the system.
@@ -30,23 +30,23 @@ pub trait Scheme {
         scale: &Scale,
     ) -> Result<f64, M::Error>;
 
-    /// Takes the attempted step as done and writes the derivative at its end; `false` if there is none.
+    /// Accepts the attempted step and writes the derivative at its end; `false` if it is not defined.
     ///
     /// # Errors
     /// Those of the system.
     fn accept<M: System>(&mut self, system: &mut M, step: &mut Step) -> Result<bool, M::Error>;
 
-    /// The state at the fraction `theta` of the step that was accepted.
+    /// The state at the fraction `theta` of the accepted step.
     fn interpolate(&self, step: &Step, theta: f64, x: &mut [f64]);
 
-    /// By how much the next length should differ from that of the last attempt, which had this error; `last` is the
-    /// error of the step before.
+    /// Ratio of the next step size to that of the last attempt, which had this error; `last` is the error of the
+    /// previous step.
     fn factor(&self, error: f64, last: Option<f64>) -> f64;
 
-    /// Forgets the last step: the problem has jumped.
+    /// Discards the last step, since the solution is discontinuous.
     fn restart(&mut self) {}
 
-    /// Adds what the solver does not see of the method's work.
+    /// Adds the work of the method that the solver does not count.
     fn count(&self, _work: &mut Work) {}
 }
 
@@ -58,7 +58,7 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// What an error of component `i` is measured by.
+    /// The permitted error of component `i`.
     pub(super) fn of(&self, i: usize, x: f64) -> f64 {
         self.absolute[i] + self.relative * x.abs()
     }

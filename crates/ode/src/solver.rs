@@ -1,37 +1,37 @@
-//! Steps of the right length, each up to the first event in it.
+//! Step size control and events: each step ends at the first event in it.
 
 use super::root::{Found, Path, Watch};
 use super::scheme::{Scale, Scheme, Step};
 use super::{Automatic, IntegrationError, System};
 use nalgebra::DMatrix;
 
-/// What a solution has cost.
+/// Work of a solution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Work {
-    /// Steps done.
+    /// Accepted steps.
     pub steps: u64,
-    /// Steps refused.
+    /// Rejected steps.
     pub rejections: u64,
     /// Evaluations of the derivatives.
     pub evaluations: u64,
     /// Evaluations of the indicators.
     pub indicators: u64,
-    /// Jacobians; one by differences is as many evaluations as there are states beside.
+    /// Jacobians; one by finite differences also takes as many evaluations as there are states.
     pub jacobians: u64,
     /// Factorisations of the implicit method's two matrices.
     pub factorisations: u64,
 }
 
-/// How far a step came.
+/// How a step ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Advance {
-    /// To its end.
+    /// At its end.
     Step,
-    /// To an event: an indicator has just changed.
+    /// At an event: an indicator has just changed.
     Event,
 }
 
-/// A solution on its way, by the method that suits the problem unless another is named.
+/// A solution in progress. The method is chosen automatically unless one is given.
 #[derive(Debug)]
 pub struct Solver<S = Automatic> {
     pub(super) scheme: S,
@@ -40,11 +40,11 @@ pub struct Solver<S = Automatic> {
     /// The derivative at `(t, x)`, if known.
     f: Vec<f64>,
     is_known: bool,
-    /// Length to try next \[s\], if there is a proposal.
+    /// Proposed length of the next step \[s\], if any.
     h: Option<f64>,
-    /// The step that `h` was tried for, if the next length is still to follow from it.
+    /// The last accepted step, if the next length has not yet been derived from it.
     done: Option<Done>,
-    /// Error of the last step.
+    /// Error of the previous step.
     last: Option<f64>,
     x_end: Vec<f64>,
     f_end: Vec<f64>,
@@ -54,18 +54,18 @@ pub struct Solver<S = Automatic> {
     work: Work,
 }
 
-/// A step that was taken.
+/// An accepted step.
 #[derive(Debug, Clone, Copy)]
 struct Done {
     h: f64,
     error: f64,
-    /// Whether it had to end at a limit.
+    /// Whether it was shortened to end at a limit.
     is_last: bool,
 }
 
 impl<S: Scheme> Solver<S> {
-    /// By this method, for `indicators` event indicators. A step may have an error of `relative` times each state,
-    /// and beside that of `absolute`, of each state in its unit. It is started by [`Self::restart`].
+    /// A solver with this method and `indicators` event indicators. The permitted error of a step is `relative` times
+    /// each state plus `absolute`, for each state in its unit. [`Self::restart`] starts it.
     pub fn with(scheme: S, indicators: usize, relative: f64, absolute: &[f64]) -> Self {
         let n = absolute.len();
         Self {
@@ -89,8 +89,8 @@ impl<S: Scheme> Solver<S> {
         }
     }
 
-    /// Goes on from here: the state or the equations have jumped. `is_new`: nothing that was is to be
-    /// expected of what comes, so that the length of steps is found anew.
+    /// Continues from here after a discontinuity of the state or the equations. With `is_new`, the past says nothing
+    /// about the future, so the step size is determined anew.
     pub fn restart(&mut self, t: f64, x: &[f64], is_new: bool) {
         match is_new {
             true => (self.h, self.done) = (None, None),
@@ -104,13 +104,13 @@ impl<S: Scheme> Solver<S> {
         self.scheme.restart();
     }
 
-    /// After [`Self::restart`]: the length to try first \[s\], in place of a guess.
+    /// To be called after [`Self::restart`]: length of the first step to try \[s\], instead of an estimate.
     pub fn try_first(&mut self, h: f64) {
         self.h = Some(h);
     }
 
-    /// After [`Self::restart`]: which indicators count as positive before the first step, in place of those that are
-    /// so where it begins.
+    /// To be called after [`Self::restart`]: which indicators count as positive before the first step, instead of their
+    /// signs at its start.
     pub fn remember(&mut self, positive: &[bool]) {
         self.watch.remember(positive);
     }
@@ -123,30 +123,30 @@ impl<S: Scheme> Solver<S> {
         }
     }
 
-    /// Where it stands \[s\].
+    /// Current time \[s\].
     pub fn time(&self) -> f64 {
         self.t
     }
 
-    /// The state there.
+    /// Current state.
     pub fn state(&self) -> &[f64] {
         &self.x
     }
 
-    /// What it has cost.
+    /// Work so far.
     pub fn work(&self) -> Work {
         let mut work = self.work;
         self.scheme.count(&mut work);
         work
     }
 
-    /// One step, at most to `limit` \[s\], which is hit exactly, and no further than to an event.
+    /// One step, at most to `limit` \[s\], which is reached exactly, and at most to the first event.
     ///
     /// # Errors
-    /// If an evaluation fails, or no step is short enough.
+    /// If an evaluation fails, or the error is too large even with the shortest step.
     ///
     /// # Panics
-    /// If `limit` is not after the present time.
+    /// If `limit` is not after the current time.
     pub fn advance<M: System>(
         &mut self,
         system: &mut M,
@@ -175,7 +175,7 @@ impl<S: Scheme> Solver<S> {
         let mut is_again = false;
         loop {
             let (h, is_last) = self.length(limit);
-            // Shorter steps would not move time; a limit may be as near as it likes.
+            // Shorter steps would not advance time; a limit may be arbitrarily near.
             if h < 16.0 * f64::EPSILON * self.t.abs() && !is_last || h < f64::MIN_POSITIVE {
                 let time = self.t;
                 return Err(match system.undefined {
@@ -202,7 +202,7 @@ impl<S: Scheme> Solver<S> {
         }
     }
 
-    /// Stands at the end of a step of length `h`, or at an event within it.
+    /// Moves to the end of a step of length `h`, or to an event within it.
     fn arrive(&mut self, h: f64, end: f64, event: Option<f64>) -> Advance {
         let is_event = event.is_some();
         match event {
@@ -227,19 +227,19 @@ impl<S: Scheme> Solver<S> {
         }
     }
 
-    /// The length that the last step proposes for the next.
+    /// Derives the length of the next step from the last one.
     fn settle(&mut self) {
         let Some(Done { h, error, is_last }) = self.done.take() else {
             return;
         };
         let next = h * self.factor(error).clamp(0.2, 8.0);
-        // A step that had to end at the limit says little about the next one.
+        // A step shortened to a limit says little about the next one.
         let kept = self.h.filter(|_| is_last).unwrap_or(0.0);
         self.h = Some(next.max(kept));
         self.last = Some(error.max(1e-4));
     }
 
-    /// By how much the next length should differ from that of an attempt with this error.
+    /// Ratio of the next length to that of an attempt with this error.
     fn factor(&self, error: f64) -> f64 {
         match error.is_finite() {
             true => self.scheme.factor(error.max(1e-10), self.last),
@@ -247,7 +247,7 @@ impl<S: Scheme> Solver<S> {
         }
     }
 
-    /// What a step starts from: the derivative, the indicators and a first length.
+    /// Prepares a step: the derivative, the indicators and a first length.
     fn prepare<M: System>(
         &mut self,
         system: &mut M,
@@ -267,8 +267,8 @@ impl<S: Scheme> Solver<S> {
         Ok(())
     }
 
-    /// A first length from the sizes of the state and its first two derivatives (Hairer, Nørsett & Wanner,
-    /// section II.4).
+    /// First length from the magnitudes of the state and its first two derivatives (Hairer, Nørsett & Wanner, section
+    /// II.4).
     fn first_length<M: System>(&mut self, system: &mut M, limit: f64) -> Result<f64, M::Error> {
         let (x, f) = (&self.x, &self.f);
         let norm = |v: &[f64]| self.scale.norm(|i| v[i], x, x);
@@ -296,11 +296,11 @@ impl<S: Scheme> Solver<S> {
         Ok(if length.is_finite() { length } else { guess })
     }
 
-    /// The next step's length \[s\], and whether it ends at the limit.
+    /// Length of the next step \[s\], and whether it ends at the limit.
     fn length(&self, limit: f64) -> (f64, bool) {
         let rest = limit - self.t;
         let wanted = self.h.unwrap_or(rest).min(self.longest_step);
-        // No short step shall be left over.
+        // Avoids a short remaining step.
         if self.x.is_empty() || wanted * 1.01 >= rest {
             (rest.min(self.longest_step), rest <= self.longest_step)
         } else if wanted * 2.0 > rest {
@@ -310,7 +310,7 @@ impl<S: Scheme> Solver<S> {
         }
     }
 
-    /// Tries a step; its error, and what happens in it.
+    /// Attempts a step. Returns its error and the events in it.
     fn attempt<M: System>(
         &mut self,
         system: &mut M,
@@ -346,12 +346,12 @@ impl<S: Scheme> Solver<S> {
     }
 }
 
-/// Counts evaluations, and takes for undefined what is not a number.
+/// Counts evaluations, and treats values that are not finite as undefined.
 struct Counting<'a, M> {
     inner: &'a mut M,
     evaluations: u64,
     indicators: u64,
-    /// What was not defined in the last attempt.
+    /// What was undefined in the last attempt.
     undefined: Option<&'static str>,
 }
 
@@ -362,7 +362,7 @@ impl<M: System> System for Counting<'_, M> {
     fn derivatives(&mut self, t: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, M::Error> {
         self.evaluations += 1;
         let is_defined = self.inner.derivatives(t, x, dx)?;
-        // Without a branch for each: this runs in every stage.
+        // Without a branch per value, since this runs in every stage.
         let sum = dx.iter().fold(0.0, |sum, value| sum + value.abs());
         let is_defined = is_defined && sum < f64::INFINITY;
         if !is_defined {

@@ -1,9 +1,9 @@
-//! Problems with known answers. Reference values of SciPy 1.17.1 are named with the call that gave them.
+//! Problems with known solutions. Reference values of SciPy 1.17.1 are given with the call that produced them.
 
 use super::*;
 use std::convert::Infallible;
 
-/// A problem by closures.
+/// A problem given by closures.
 struct Problem<F, Z> {
     f: F,
     z: Z,

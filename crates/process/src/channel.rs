@@ -1,9 +1,9 @@
-//! Questions and answers between two processes, over memory that both share.
+//! Requests and replies between two processes over shared memory.
 //!
-//! Each way has room for one part of a message; longer ones go in parts. Who waits looks at the memory for a while, since
-//! most answers come within a microsecond, and then sleeps until the other side wakes it (`futex`; where the system has
-//! none, it looks again and again). Everything in the memory is an atomic, and no length in it is believed: what runs on
-//! the other side may be hostile.
+//! Each direction has room for one part of a message; longer messages are sent in parts. The waiting side first polls
+//! the memory, since most replies arrive within a microsecond, and then sleeps until the other side wakes it (`futex`;
+//! on systems without it, it keeps polling). Everything in the memory is an atomic, and no length in it is trusted: the
+//! code on the other side may be hostile.
 
 use memmap2::{MmapOptions, MmapRaw};
 use std::fs::{File, OpenOptions};
@@ -12,26 +12,26 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// Room for a part [words of 8 bytes].
+/// Capacity for one part [words of 8 bytes].
 const WORDS: usize = 8192;
-/// Longest message \[bytes\]: more than any instance of an FMU has to say at once.
+/// Maximum length of a message \[bytes\]: more than any instance of an FMU sends at once.
 const LONGEST: usize = 1 << 30;
-/// How long the memory is looked at before sleep.
+/// How long the memory is polled before sleeping.
 const LOOKING: Duration = Duration::from_micros(200);
-/// Longest sleep: then the other side is looked after.
+/// Maximum sleep: after it the other side is checked.
 const SLEEP: Duration = Duration::from_millis(2);
 
 const EMPTY: u32 = 0;
 const FULL: u32 = 1;
 
-/// One way.
+/// One direction.
 #[repr(C, align(64))]
 struct Way {
     /// [`EMPTY`] or [`FULL`].
     state: AtomicU32,
-    /// Whether a process waits for a change of the state.
+    /// Whether a process waits for the state to change.
     sleeper: AtomicU32,
-    /// Bytes of the message that are still to come, those of this part among them.
+    /// Remaining bytes of the message, including those of this part.
     left: AtomicU64,
     words: [AtomicU64; WORDS],
 }
@@ -41,7 +41,7 @@ struct Layout {
     ways: [Way; 2],
 }
 
-/// The memory is overwritten: it holds no message any more.
+/// The memory has been overwritten and no longer holds a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Spoiled;
 
@@ -49,15 +49,15 @@ pub struct Spoiled;
 #[derive(Debug)]
 pub struct Channel {
     map: MmapRaw,
-    /// The way on which this end sends.
+    /// The direction in which this end sends.
     own: usize,
 }
 
 impl Channel {
-    /// A channel in a new file: the end of the process that asks first.
+    /// Creates a channel in a new file and returns the end of the process that sends first.
     ///
     /// # Errors
-    /// When the file cannot be made, or there is no room for it.
+    /// If the file cannot be created, or there is no space for it.
     pub fn create(path: &Path) -> io::Result<Self> {
         let mut file = (File::options().read(true).write(true))
             .create_new(true)
@@ -66,10 +66,10 @@ impl Channel {
         Self::of(&file, 0)
     }
 
-    /// The other end.
+    /// Opens the other end.
     ///
     /// # Errors
-    /// When there is no channel.
+    /// If there is no channel.
     pub fn open(path: &Path) -> io::Result<Self> {
         Self::of(&OpenOptions::new().read(true).write(true).open(path)?, 1)
     }
@@ -85,15 +85,15 @@ impl Channel {
     }
 
     fn way(&self, number: usize) -> &Way {
-        // SAFETY: the map is as long as a `Layout` and aligned to a page of memory, any bytes are valid atomics, and it
-        // is shared by nothing but atomics.
+        // SAFETY: the map has the length of a `Layout` and is aligned to a memory page, any bytes are valid atomics,
+        // and it is shared only through atomics.
         unsafe { &(*self.map.as_ptr().cast::<Layout>()).ways[number] }
     }
 
-    /// Sends a message. `watch` is asked now and then while the other side lets this one wait.
+    /// Sends a message. `watch` is called from time to time while this waits for the other side.
     ///
     /// # Errors
-    /// Those of `watch`, and [`Spoiled`].
+    /// Errors of `watch`, and [`Spoiled`].
     pub fn send<E: From<Spoiled>>(
         &self,
         message: &[u8],
@@ -118,10 +118,10 @@ impl Channel {
         }
     }
 
-    /// Waits for a message, and puts it in place of what was in `message`. `watch` is asked now and then.
+    /// Waits for a message, which replaces the contents of `message`. `watch` is called from time to time.
     ///
     /// # Errors
-    /// Those of `watch`, and [`Spoiled`].
+    /// Errors of `watch`, and [`Spoiled`].
     pub fn receive<E: From<Spoiled>>(
         &self,
         message: &mut Vec<u8>,
@@ -167,7 +167,7 @@ impl Way {
         watch: &mut impl FnMut() -> Result<(), E>,
     ) -> Result<(), E> {
         let other = if state == FULL { EMPTY } else { FULL };
-        // Neither is it for ever: nobody writes over that.
+        // An unknown state is final: neither side overwrites it.
         let found = || match self.state.load(Ordering::Acquire) {
             found if found == other => None,
             found if found == state => Some(Ok(())),
@@ -185,12 +185,12 @@ impl Way {
                 std::hint::spin_loop();
             }
             if begun.elapsed() < LOOKING {
-                // Where processors are fewer than processes, the other side may want this one.
+                // With fewer processors than processes, the other side may need this one.
                 std::thread::yield_now();
                 continue;
             }
             if let Err(error) = watch() {
-                // It may have written its last message since, and ended.
+                // The other side may have written its last message and ended in the meantime.
                 return found().unwrap_or(Err(error));
             }
             self.sleeper.store(1, Ordering::SeqCst);
@@ -200,7 +200,7 @@ impl Way {
     }
 }
 
-/// Sleeps while the word has that value, for a while.
+/// Sleeps for a limited time while the word has that value.
 #[cfg(any(target_os = "linux", target_os = "android"))]
 fn sleep(word: &AtomicU32, value: u32) {
     use rustix::thread::futex::{Flags, Timespec, wait};
@@ -208,7 +208,7 @@ fn sleep(word: &AtomicU32, value: u32) {
         tv_sec: 0,
         tv_nsec: i64::from(SLEEP.subsec_nanos()),
     };
-    // It may end early, or not sleep at all: the word is looked at again.
+    // The sleep may end early or not start at all: the caller checks the word again.
     let _ = wait(word, Flags::empty(), value, Some(&limit));
 }
 
@@ -290,13 +290,13 @@ mod tests {
         };
         let received = first.receive(&mut Vec::new(), &mut watch);
         assert_eq!(received, Err(Why::Told("enough")));
-        // There is room for one message that nobody takes.
+        // There is room for one message that is not yet received.
         let waited = || Err(Why::Told("waited"));
         first.send(b"one", waited).unwrap();
         assert_eq!(first.send(b"two", waited), Err(Why::Told("waited")));
     }
 
-    /// An impossible length, a part of another message or an unknown state: each is an error from which the channel does not recover.
+    /// An impossible length, part of another message, or unknown state is an error, permanently for this channel.
     #[test]
     fn what_the_other_side_writes_is_not_believed() {
         let mut message = Vec::new();

@@ -1,4 +1,4 @@
-//! A process with a page, started and watched.
+//! A watched process with a page.
 
 use crate::leftovers::{self, Kind, Leftover};
 use crate::page::Page;
@@ -8,16 +8,16 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Tells the child who its parent is and where its page lies: `PID:PATH`.
+/// Passes the parent's process ID and the page's path to the child: `PID:PATH`.
 const VARIABLE: &str = "PILOTAGE_WATCHED_BY";
 
-/// Between two looks whether it still runs.
+/// Interval between checks whether the process still runs.
 const BETWEEN: Duration = Duration::from_millis(2);
 
-/// Interrupts that were handed on to the one child that gets them.
+/// Number of interrupts forwarded to the child.
 static HANDED_ON: AtomicU32 = AtomicU32::new(0);
 
-/// A process that is watched. It is killed when this goes.
+/// A watched process. It is killed on drop.
 #[derive(Debug)]
 pub struct Child {
     child: std::process::Child,
@@ -31,25 +31,25 @@ pub struct Child {
 /// How a process ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
-    /// It said that its work was done, with that exit code. `badly`: it then ended by itself in another way.
+    /// It reported that its work was done, with this exit code. `badly`: it then ended in another way.
     Done {
         /// The exit code.
         code: u8,
-        /// How it really ended, if not so; `None` inside: it had to be killed.
+        /// How it actually ended, if differently; the inner `None`: it had to be killed.
         badly: Option<Option<ExitStatus>>,
     },
-    /// It ended before it said so.
+    /// It ended before reporting an outcome.
     Early(ExitStatus),
-    /// It took longer than it might, and was killed.
+    /// It exceeded the time limit and was killed.
     Late,
 }
 
 impl Child {
-    /// Starts the command with a page. In its own process group (`is_group`) it gets no Ctrl-C from the terminal,
-    /// and all that it starts ends with it.
+    /// Starts the command with a page. In its own process group (`is_group`) it gets no Ctrl-C from the terminal, and
+    /// every process that it starts ends with it.
     ///
     /// # Errors
-    /// When there is no page to be had, or the process does not start.
+    /// If the page cannot be created, or the process does not start.
     pub fn start(mut command: Command, is_group: bool) -> io::Result<Self> {
         let page = Page::create()?;
         let mut value = std::ffi::OsString::from(format!("{}:", std::process::id()));
@@ -83,11 +83,11 @@ impl Child {
         &mut self.child
     }
 
-    /// From now on SIGINT goes to the child, and so ends this process too. A Ctrl-C at the terminal, which is sent to both,
-    /// comes to it twice.
+    /// From now on SIGINT is forwarded to the child, whose end then also ends this process. A Ctrl-C at the terminal,
+    /// which is sent to both, reaches the child twice.
     ///
     /// # Errors
-    /// When the system does not let it listen.
+    /// If the signal handler cannot be registered.
     #[cfg(unix)]
     pub fn hand_on_interrupts(&self) -> io::Result<()> {
         use rustix::process::Signal;
@@ -96,14 +96,14 @@ impl Child {
         crate::signals::listen(&[signal_hook::consts::SIGINT], move |_| {
             let before = HANDED_ON.fetch_add(1, Ordering::Relaxed);
             send(child, Signal::INT);
-            // It may block signals, or be stopped: whoever presses for the third time means it.
+            // The child may block signals or be stopped: the third interrupt kills it.
             if before >= 2 {
                 send(child, Signal::KILL);
             }
         })
     }
 
-    /// Nothing: there are no such signals here.
+    /// Does nothing: these signals do not exist on this system.
     ///
     /// # Errors
     /// None.
@@ -112,20 +112,20 @@ impl Child {
         Ok(())
     }
 
-    /// How many interrupts were handed on.
+    /// Number of interrupts forwarded.
     pub fn interrupts(&self) -> u32 {
         HANDED_ON.load(Ordering::Relaxed)
     }
 
-    /// Waits for its end: at most so long for its work, and at most `after` from when it said that this was done. What
-    /// it left in the temporary folder is removed.
+    /// Waits for the process to end: at most `limit` for its work, and at most `after` once it has reported that this
+    /// is done. Removes what it left in the temporary folder.
     ///
     /// # Errors
-    /// When the system does not tell.
+    /// If the system does not report the status.
     pub fn wait(&mut self, limit: Option<Duration>, after: Duration) -> io::Result<Ended> {
         let ended = self.wait_for_end(limit, after)?;
         match ended {
-            // What its code has done to it may have kept it from removing its own.
+            // The code that it called may have kept it from removing its own folders.
             Ended::Done { badly: None, .. } => self.sweep(),
             _ => crate::folder::sweep(),
         }
@@ -140,7 +140,7 @@ impl Child {
                 return Ok(match self.page.outcome() {
                     None => Ended::Early(status),
                     Some(code) => {
-                        // `exit` within a call may have the very same code.
+                        // `exit` within a call may have the same code.
                         let is_good =
                             status.code() == Some(i32::from(code)) && self.page.going().is_empty();
                         let badly = (!is_good).then_some(Some(status));
@@ -166,12 +166,12 @@ impl Child {
         }
     }
 
-    /// Removes what it has left in the temporary folder, after it was killed.
+    /// Removes what the killed process left in the temporary folder.
     pub fn sweep(&self) {
         crate::folder::sweep_of(self.child.id());
     }
 
-    /// Memory that it has now \[bytes\]; none where the system does not tell.
+    /// Current memory use \[bytes\]; `None` if the system does not report it.
     pub fn memory(&self) -> Option<u64> {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).ok()?;
         let line = status
@@ -181,21 +181,21 @@ impl Child {
         Some(1024 * kilobytes)
     }
 
-    /// Its status, if it has ended. Whatever it started ends too.
+    /// Its status, if it has ended. All processes that it started are killed too.
     ///
     /// # Errors
-    /// When the system does not tell.
+    /// If the system does not report the status.
     pub fn try_end(&mut self) -> io::Result<Option<ExitStatus>> {
         #[cfg(unix)]
         if self.is_group && !self.is_over {
-            // Seen, but not yet forgotten by the system: its number is nobody else's.
+            // The process has ended but is not yet reaped, so its ID is not reused.
             if !has_ended(self.child.id())? {
                 return Ok(None);
             }
             kill_group(self.child.id());
         }
         let status = match self.child.try_wait() {
-            // Foreign code in this process has SIGCHLD ignored: nobody is told how a child ended.
+            // Foreign code in this process has set SIGCHLD to be ignored: the exit status of a child is lost.
             #[cfg(unix)]
             Err(error) if is_no_child(&error) => Some(ExitStatus::default()),
             status => status?,
@@ -204,7 +204,7 @@ impl Child {
         Ok(status)
     }
 
-    /// Kills it, and whatever it started.
+    /// Kills the process and all processes that it started.
     pub fn kill(&mut self) {
         if self.is_over {
             return;
@@ -225,7 +225,7 @@ impl Drop for Child {
     }
 }
 
-/// Sends a signal to a process, if it is still there.
+/// Sends a signal to a process, if it still exists.
 #[cfg(unix)]
 fn send(process: u32, signal: rustix::process::Signal) {
     if let Some(pid) = i32::try_from(process)
@@ -236,13 +236,13 @@ fn send(process: u32, signal: rustix::process::Signal) {
     }
 }
 
-/// Asks a process to end, which removes what it has, and waits a moment for that.
+/// Asks a process to end, so that it removes what it has created, and kills it if it does not end within 2 s.
 #[cfg(unix)]
 pub(crate) fn end(process: u32) {
     use rustix::process::Signal;
     send(process, Signal::TERM);
     let begun = Instant::now();
-    // Another thread may have taken its status: then there is no such child any more.
+    // Another thread may have reaped it: then there is no such child.
     while !has_ended(process).unwrap_or(true) && begun.elapsed() < Duration::from_secs(2) {
         thread::sleep(BETWEEN);
     }
@@ -250,7 +250,7 @@ pub(crate) fn end(process: u32) {
     crate::folder::sweep_of(process);
 }
 
-/// Kills a process group, if it is still there.
+/// Kills a process group, if it still exists.
 #[cfg(unix)]
 pub(crate) fn kill_group(leader: u32) {
     use rustix::process::{Pid, Signal, kill_process_group};
@@ -259,7 +259,7 @@ pub(crate) fn kill_group(leader: u32) {
     }
 }
 
-/// Whether a child has ended; its status stays to be asked for.
+/// Whether a child has ended; does not reap it.
 #[cfg(unix)]
 fn has_ended(child: u32) -> io::Result<bool> {
     use rustix::process::{Pid, WaitId, WaitIdOptions, waitid};
@@ -272,21 +272,21 @@ fn has_ended(child: u32) -> io::Result<bool> {
     }
 }
 
-/// Whether there is no such child any more.
+/// Whether the error means that there is no such child.
 #[cfg(unix)]
 fn is_no_child(error: &io::Error) -> bool {
     error.raw_os_error() == Some(rustix::io::Errno::CHILD.raw_os_error())
 }
 
-/// Whether this process was started by [`Child::start`]: then it takes its page, and ends when its parent does.
+/// Whether this process was started by [`Child::start`]: if so, it attaches its page and ends when its parent ends.
 ///
 /// # Errors
-/// When the page is gone or broken.
+/// If the page is missing or invalid.
 pub fn end_with_parent() -> io::Result<bool> {
     let Some(value) = std::env::var_os(VARIABLE) else {
         return Ok(false);
     };
-    // A process that an FMU starts has the variable too, but another parent.
+    // A process started by an FMU inherits the variable, but has another parent.
     let bytes = value.as_encoded_bytes();
     let Some(colon) = bytes.iter().position(|&byte| byte == b':') else {
         return Ok(false);
@@ -300,8 +300,10 @@ pub fn end_with_parent() -> io::Result<bool> {
     if !is_parent(parent) {
         return match is_alive(parent) {
             true => Ok(false),
-            // It was killed before we could look at it: there is nobody to work for.
-            false => Err(io::Error::other("whoever started this process is gone")),
+            // The parent was killed before the check: there is nothing left to do.
+            false => Err(io::Error::other(
+                "the process that started this one is gone",
+            )),
         };
     }
     #[cfg(unix)]
@@ -325,7 +327,7 @@ pub fn end_with_parent() -> io::Result<bool> {
             if rustix::process::getpgrp() == own {
                 let _ = rustix::process::kill_process_group(own, rustix::process::Signal::KILL);
             }
-            // Nothing that an FMU has asked for at the end of the process.
+            // SIGKILL skips the exit handlers that an FMU has registered.
             let _ = rustix::process::kill_process(own, rustix::process::Signal::KILL);
         }
         std::process::abort();
@@ -349,11 +351,11 @@ pub(crate) fn is_alive(number: u32) -> bool {
     pid.is_some_and(is_there) && !is_zombie(number)
 }
 
-/// Whether a process has ended and its status is not yet read.
+/// Whether a process has ended and is not yet reaped.
 #[cfg(unix)]
 fn is_zombie(number: u32) -> bool {
     let told = std::fs::read_to_string(format!("/proc/{number}/stat")).unwrap_or_default();
-    // The name, in brackets, may hold anything.
+    // The name, in parentheses, may contain anything.
     let state = told
         .rsplit_once(") ")
         .and_then(|(_, rest)| rest.chars().next());

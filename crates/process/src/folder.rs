@@ -1,7 +1,7 @@
-//! Temporary folders that do not outlive their process for long, whatever ends it.
+//! Temporary folders that do not outlive their process for long, however it ends.
 //!
-//! Each has the number of its process in its name, and holds a file `lock` that this process keeps locked. A folder whose
-//! process has ended and whose lock is free is a leftover: the first folder that a process makes removes them.
+//! Each has its process ID in its name and holds a file `lock` that the process keeps locked. A folder whose process
+//! has ended and whose lock is free is a leftover: the first folder that a process creates removes all leftovers.
 
 use crate::child::is_alive;
 use crate::leftovers::{self, Kind, Leftover};
@@ -13,23 +13,23 @@ use std::sync::Once;
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// How the names of our folders begin.
+/// Prefix of the names of these folders.
 const PREFIX: &str = "pilotage-run-";
 
-/// A temporary folder that only its user can enter.
+/// A temporary folder that only its user can access.
 #[derive(Debug)]
 pub struct Folder {
-    // Fields drop in this order: nobody takes it for left behind before it is gone.
+    // Fields drop in this order, so that no process takes the folder for a leftover before it is removed.
     folder: TempDir,
     _leftover: Leftover,
     _lock: File,
 }
 
 impl Folder {
-    /// Makes one, and removes those that dead processes left.
+    /// Creates a folder, and removes those that dead processes left.
     ///
     /// # Errors
-    /// When it cannot be made.
+    /// If it cannot be created.
     pub fn create() -> io::Result<Self> {
         static SWEPT: Once = Once::new();
         SWEPT.call_once(sweep);
@@ -41,7 +41,7 @@ impl Folder {
         let make = || {
             let folder = builder.tempdir()?;
             let lock = File::create_new(folder.path().join("lock"))?;
-            // Where the file system knows no locks, folders of others are never free, and stay.
+            // On a file system without locks, other processes' folders are never free, and stay.
             let _ = lock.try_lock();
             Ok((folder, lock))
         };
@@ -54,18 +54,18 @@ impl Folder {
         })
     }
 
-    /// Where it is.
+    /// Its path.
     pub fn path(&self) -> &Path {
         self.folder.path()
     }
 }
 
-/// Removes the folders of processes that are no more.
+/// Removes the folders of processes that no longer exist.
 pub fn sweep() {
     sweep_if(|number| !is_alive(number));
 }
 
-/// Removes those of a process that was just killed, once it has ended; waits briefly for that.
+/// Removes the folders of a process that was just killed; waits briefly until it has ended.
 pub(crate) fn sweep_of(process: u32) {
     for _ in 0..50 {
         if sweep_if(|number| number == process) {
@@ -75,7 +75,7 @@ pub(crate) fn sweep_of(process: u32) {
     }
 }
 
-/// Removes the folders of these processes whose locks are free; whether there is none left of them.
+/// Removes the folders of these processes whose locks are free. Returns whether none are left.
 fn sweep_if(is_dead: impl Fn(u32) -> bool) -> bool {
     let entries = fs::read_dir(std::env::temp_dir()).into_iter().flatten();
     let mut is_clean = true;
@@ -86,7 +86,7 @@ fn sweep_if(is_dead: impl Fn(u32) -> bool) -> bool {
         }
         let folder = entry.path();
         match is_free(&folder) {
-            // Of another user, it cannot be removed and need not be.
+            // A folder of another user cannot be removed and need not be.
             true => drop(fs::remove_dir_all(folder)),
             false => is_clean = false,
         }
@@ -94,17 +94,17 @@ fn sweep_if(is_dead: impl Fn(u32) -> bool) -> bool {
     is_clean
 }
 
-/// The process in the name of a folder of ours.
+/// The process ID in the name of a folder of this program.
 fn process_of(name: &OsStr) -> Option<u32> {
     let (number, _) = name.to_str()?.strip_prefix(PREFIX)?.split_once('-')?;
     number.parse().ok()
 }
 
-/// Whether the lock is free: another process with the same number and temporary folder (in a container) may hold it.
+/// Whether the lock is free: another process with the same ID and temporary folder (in a container) may hold it.
 fn is_free(folder: &Path) -> bool {
     match File::open(folder.join("lock")) {
         Ok(lock) => lock.try_lock().is_ok(),
-        // Killed while it was made or removed.
+        // The process was killed while creating or removing the folder.
         Err(error) => error.kind() == io::ErrorKind::NotFound,
     }
 }
@@ -113,7 +113,7 @@ fn is_free(folder: &Path) -> bool {
 mod tests {
     use super::*;
 
-    /// A folder in the temporary folder, as a process of that number makes it.
+    /// A folder in the temporary folder, as created by the process of that ID.
     fn folder(process: u32, has_lock: bool) -> TempDir {
         let prefix = format!("{PREFIX}{process}-");
         let folder = tempfile::Builder::new().prefix(&prefix).tempdir().unwrap();
@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn folders_of_the_dead_are_removed_and_no_others() {
-        // A process that was and is no more.
+        // A process that has ended.
         let mut child = std::process::Command::new("true").spawn().unwrap();
         let dead = child.id();
         child.wait().unwrap();

@@ -1,4 +1,4 @@
-//! What is removed, and who is killed, when a signal ends this process.
+//! Files that are removed and processes that are killed when a signal ends this process.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,11 +10,11 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 pub enum Kind {
     /// A file.
     File(PathBuf),
-    /// A folder with all that is in it.
+    /// A folder with its contents.
     Folder(PathBuf),
-    /// A process group, by the number of its leader.
+    /// A process group, by the ID of its leader, which is killed.
     Group(u32),
-    /// A process that is asked to end, by its number.
+    /// A process, by its ID, which is asked to end.
     Process(u32),
 }
 
@@ -22,7 +22,7 @@ pub enum Kind {
 struct All {
     next: u64,
     kinds: BTreeMap<u64, Kind>,
-    /// Nothing is made any more.
+    /// Whether the process is ending: nothing more is created.
     is_ending: bool,
 }
 
@@ -36,15 +36,15 @@ fn all() -> MutexGuard<'static, All> {
     ALL.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Something that a signal removes, as long as this lives.
+/// Registration of something that a signal removes, until this is dropped.
 #[derive(Debug)]
 pub struct Leftover(u64);
 
-/// Makes something that a signal removes, atomically: it never exists without being registered. Does not
-/// come back when the process is being ended.
+/// Creates something that a signal removes, atomically: it never exists without being registered. Does not return while
+/// the process is being ended.
 ///
 /// # Errors
-/// When it cannot be made.
+/// If it cannot be created.
 pub fn make<T>(
     make: impl FnOnce() -> std::io::Result<T>,
     kind: impl FnOnce(&T) -> Kind,
@@ -76,14 +76,14 @@ pub fn stay_if_ending() {
     }
 }
 
-/// Kills and removes what there is, and lets nothing be made any more: this process is to end.
+/// Kills and removes everything registered, and prevents further creation: this process is about to end.
 pub fn remove() {
     let kinds: Vec<Kind> = {
         let mut all = all();
         all.is_ending = true;
         all.kinds.values().cloned().collect()
     };
-    // First those who might still write.
+    // First the processes that might still write.
     for kind in &kinds {
         #[cfg(unix)]
         match kind {
@@ -107,7 +107,7 @@ pub fn remove() {
     }
 }
 
-/// Removes a folder by another name, so that other threads of this process, which go on, create nothing in it.
+/// Renames a folder before removing it, so that other threads of this process, still running, create nothing in it.
 fn remove_folder(path: &Path) -> std::io::Result<()> {
     let mut name = path.as_os_str().to_owned();
     name.push("-gone");
@@ -119,18 +119,18 @@ fn remove_folder(path: &Path) -> std::io::Result<()> {
 /// Whether another part of the program handles SIGINT.
 static INTERRUPTS_ARE_HEARD: AtomicBool = AtomicBool::new(false);
 
-/// Leaves SIGINT to its other handler from now on.
+/// Leaves SIGINT to another handler from now on.
 pub fn leave_interrupts() {
     INTERRUPTS_ARE_HEARD.store(true, Ordering::SeqCst);
 }
 
-/// From now on SIGTERM and SIGHUP, and SIGINT until it has another handler ([`leave_interrupts`]), first [remove] what
-/// there is, and then end the process as they would have.
+/// From now on SIGTERM and SIGHUP, and SIGINT until it has another handler ([`leave_interrupts`]), first [remove]
+/// everything registered and then end the process as by default.
 ///
-/// A signal that is ignored, as `nohup` does, stays ignored.
+/// A signal that is ignored, e.g. by `nohup`, stays ignored.
 ///
 /// # Errors
-/// When the system does not let it listen.
+/// If the signal handlers cannot be registered.
 #[cfg(unix)]
 pub fn remove_on_signals() -> std::io::Result<()> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -143,18 +143,18 @@ pub fn remove_on_signals() -> std::io::Result<()> {
         }
     };
     let end = |signal| {
-        // What came before somebody else listened still ends the process.
+        // A signal that arrived before the other handler was registered still ends the process.
         if is_left(signal) && !crate::page::is_stopped() {
             return;
         }
         remove();
         let _ = signal_hook::low_level::emulate_default_handler(signal);
     };
-    // SAFETY: it looks at atomics, and stores into one.
+    // SAFETY: it reads atomics and stores into one.
     unsafe { crate::signals::listen_at_once(&[SIGTERM, SIGHUP, SIGINT], at_once, end) }
 }
 
-/// Nothing: there are no such signals here.
+/// Does nothing: these signals do not exist on this system.
 ///
 /// # Errors
 /// None.

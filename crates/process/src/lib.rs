@@ -1,20 +1,20 @@
-//! Code that may crash, hang or exit, in a process that is watched: what it was doing is known afterwards, and nothing
-//! of it is left behind.
+//! Runs code that may crash, hang or exit in a watched process: afterwards it is known what the process was doing, and
+//! it leaves nothing behind.
 //!
-//! FMUs are native code of strangers. A signal, `exit(0)` or `exec` in one ends the process that called it, and neither
-//! a handler of signals nor one of `exit` sees all of these endings. So a parent watches: the process that calls writes
-//! what it does into a [`Page`] of memory that both share, and what the parent finds there afterwards is what was
-//! true. A process has ended well only if it said so there ([`finished`]); its exit code alone means nothing.
+//! FMUs are third-party native code. A signal, `exit(0)` or `exec` in one of them ends the calling process, and neither
+//! signal handlers nor `atexit` handlers catch all of these cases. Therefore a parent process watches: the calling
+//! process writes what it does to a [`Page`] of shared memory, which the parent reads afterwards. A process has ended
+//! well only if it reported so there ([`finished`]); its exit code alone means nothing.
 //!
 //! | module | what it does |
 //! | --- | --- |
-//! | [`page`] | the shared memory: which call is going on, records, how it ended |
-//! | [`child`] | a process group with a page: started, waited for, killed |
-//! | [`channel`] | questions and answers between two processes |
-//! | [`folder`] | temporary folders, and what dead processes left of theirs |
+//! | [`page`] | the shared memory: the current call, records, the outcome |
+//! | [`child`] | a process group with a page: start, wait, kill |
+//! | [`channel`] | requests and replies between two processes |
+//! | [`folder`] | temporary folders, and removal of those that dead processes left |
 //! | [`leftovers`] | what is removed when a signal ends this process |
-//! | [`own`] | stdout, stderr and umask, as they were |
-//! | `signals` | signals, heard by a thread |
+//! | [`own`] | restores stdout, stderr and the umask |
+//! | `signals` | signals, handled by a thread |
 
 pub mod channel;
 pub mod child;

@@ -1,17 +1,17 @@
-//! What is this process's own, and foreign code in it may change: stdout, stderr, and the umask.
+//! State of this process that foreign code in it may change: stdout, stderr, and the umask.
 
 #[cfg(unix)]
 pub use unix::{remember, restore_streams, restore_umask};
 
-/// Nothing: see the other systems.
+/// Does nothing on this system.
 #[cfg(not(unix))]
 pub fn remember() {}
 
-/// Nothing: see the other systems.
+/// Does nothing on this system.
 #[cfg(not(unix))]
 pub fn restore_streams() {}
 
-/// Nothing: see the other systems.
+/// Does nothing on this system.
 #[cfg(not(unix))]
 pub fn restore_umask() -> bool {
     false
@@ -25,7 +25,7 @@ mod unix {
     use std::fs::File;
     use std::sync::OnceLock;
 
-    /// What a descriptor leads to: device and file.
+    /// The file behind a descriptor: device and inode.
     type Identity = Option<(u64, u64)>;
 
     struct Own {
@@ -35,7 +35,7 @@ mod unix {
 
     static OWN: OnceLock<Own> = OnceLock::new();
 
-    /// Keeps in mind what there is, before foreign code comes in and while there is one thread.
+    /// Stores the current state, before foreign code is loaded and while there is one thread.
     pub fn remember() {
         let umask = rustix::process::umask(Mode::empty());
         rustix::process::umask(umask);
@@ -48,14 +48,14 @@ mod unix {
         Some((told.st_dev, told.st_ino))
     }
 
-    /// Sets the umask of the begin; whether it was another.
+    /// Restores the initial umask. Returns whether it had changed.
     pub fn restore_umask() -> bool {
         let own = OWN.get();
         own.is_some_and(|own| rustix::process::umask(own.umask) != own.umask)
     }
 
-    /// In a watched process: makes stdout and stderr lead to where they led at the begin, which the process that watches
-    /// still has open.
+    /// In a watched process: redirects stdout and stderr to their initial files, which the watching process still has
+    /// open.
     pub fn restore_streams() {
         let Some(own) = OWN.get().filter(|_| crate::is_attached()) else {
             return;
@@ -70,20 +70,20 @@ mod unix {
         }
     }
 
-    /// What the parent has open as this stream, if here it leads elsewhere than before.
+    /// The parent's file for this stream, if the stream no longer refers to its initial file.
     fn theirs(stream: BorrowedFd<'_>, before: Identity) -> Option<File> {
         if before.is_none() || identity(stream) == before {
             return None;
         }
         let parent = rustix::process::getppid()?.as_raw_nonzero();
         let path = format!("/proc/{parent}/fd/{}", stream.as_raw_fd());
-        // What is in a file already stays there.
+        // Existing contents of a file are kept.
         let flags = OFlags::WRONLY | OFlags::APPEND | OFlags::CLOEXEC | OFlags::NOCTTY;
         let file = rustix::fs::open(path, flags, Mode::empty()).ok()?;
         (identity(file.as_fd()) == before).then(|| file.into())
     }
 
-    /// Where a stream was closed, this one may have got its number, and is to stay open.
+    /// If a stream was closed, this file may have got its number and must stay open.
     fn keep(file: File) {
         if file.as_raw_fd() <= stderr().as_raw_fd() {
             std::mem::forget(file);

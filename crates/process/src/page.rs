@@ -1,7 +1,7 @@
-//! Memory that a process and its parent share.
+//! Memory shared by a process and its parent.
 //!
-//! Everything in it is an atomic: the other side may write at any time, and what runs there may be hostile. Lengths
-//! are never believed beyond the room that there is.
+//! Everything in it is an atomic: the other side may write at any time, and the code there may be hostile. Lengths are
+//! clamped to the available size.
 
 use crate::folder::Folder;
 use memmap2::{MmapOptions, MmapRaw};
@@ -11,22 +11,22 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicPtr, AtomicU8, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Begins every page of this layout.
+/// First word of every page with this layout.
 const MAGIC: u64 = 0x7069_6c6f_7461_6701;
-/// How many places there are; the last stands for all beyond.
+/// Maximum number of places; the last is shared by all further ones.
 const PLACES: usize = 512;
-/// Longest name of a place \[bytes\].
+/// Maximum length of a place's name \[bytes\].
 const NAME: usize = 240;
-/// Room for records \[bytes\].
+/// Capacity for records \[bytes\].
 const RECORDS: usize = 1 << 20;
 
-/// What is known of the owner of the code that is called.
+/// State of one owner of called code.
 #[repr(C)]
 struct Slot {
-    /// The call that is going on; 0: none.
+    /// The current call; 0 if none.
     call: AtomicU32,
     length: AtomicU32,
-    /// Bits of the time that the last call with one had \[s\].
+    /// Bits of the time of the last call that had one \[s\].
     time: AtomicU64,
     name: [AtomicU8; NAME],
 }
@@ -34,7 +34,7 @@ struct Slot {
 #[repr(C)]
 struct Layout {
     magic: AtomicU64,
-    /// 0 while it runs, then one more than its exit code.
+    /// 0 while the process runs, then its exit code plus one.
     outcome: AtomicU32,
     places: AtomicU32,
     recorded: AtomicU64,
@@ -43,31 +43,31 @@ struct Layout {
     records: [AtomicU8; RECORDS],
 }
 
-/// A page, on the side of the parent.
+/// A page, on the parent's side.
 #[derive(Debug)]
 pub struct Page {
     map: MmapRaw,
     path: PathBuf,
-    /// Where the file is.
+    /// The folder that holds the file.
     _folder: Folder,
 }
 
-/// A call that was going on.
+/// A call in progress.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Going {
-    /// Whose code: as it was [named](Place::new).
+    /// Name of the called code's [place](Place::new).
     pub name: String,
-    /// The number of the call.
+    /// Number of the call.
     pub call: u32,
-    /// The time of the last call that had one \[s\].
+    /// Time of the last call that had one \[s\].
     pub time: Option<f64>,
 }
 
 impl Page {
-    /// A page in its own temporary folder.
+    /// Creates a page in its own temporary folder.
     ///
     /// # Errors
-    /// When there is no space for it: the file is written in full, so that overcommitted memory does not end the process later.
+    /// If there is no space for it: the file is written in full, so overcommitted memory does not kill the process.
     pub fn create() -> io::Result<Self> {
         let folder = Folder::create()?;
         let path = folder.path().join("page");
@@ -86,7 +86,7 @@ impl Page {
         })
     }
 
-    /// The file by which the other process finds it.
+    /// The file by which the other process opens the page.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -95,13 +95,13 @@ impl Page {
         layout(&self.map)
     }
 
-    /// The exit code that the other process [said](finished) that it ends with.
+    /// The exit code that the other process has [reported](finished).
     pub fn outcome(&self) -> Option<u8> {
         let told = self.layout().outcome.load(Ordering::Acquire);
         u8::try_from(told.checked_sub(1)?).ok()
     }
 
-    /// The calls that are going on, or were when the other process ended.
+    /// The calls in progress, or those that were when the other process ended.
     pub fn going(&self) -> Vec<Going> {
         let layout = self.layout();
         let places = layout.places.load(Ordering::Acquire) as usize;
@@ -122,7 +122,7 @@ impl Page {
             .collect()
     }
 
-    /// What was [recorded](record), and how many records found no room.
+    /// The [records](record), and the number of records lost for lack of space.
     pub fn records(&self) -> (Vec<String>, u64) {
         let layout = self.layout();
         let length = (layout.recorded.load(Ordering::Acquire) as usize).min(RECORDS);
@@ -147,16 +147,16 @@ fn map(file: &File) -> io::Result<MmapRaw> {
 }
 
 fn layout(map: &MmapRaw) -> &Layout {
-    // SAFETY: the map is as long as a `Layout` and aligned to a page of memory, any bytes are valid atomics, and it
-    // is shared by nothing but atomics. Nobody makes the file shorter: it stands in a folder of ours alone.
+    // SAFETY: the map has the length of a `Layout` and is aligned to a memory page, any bytes are valid atomics, and it
+    // is shared only through atomics. No other program shortens the file: its folder is private.
     unsafe { &*map.as_ptr().cast::<Layout>() }
 }
 
 /// The page of this process, if its parent watches it.
 static ATTACHED: AtomicPtr<Layout> = AtomicPtr::new(std::ptr::null_mut());
-/// Which places of this process are taken.
+/// Which places of this process are in use.
 static TAKEN: Mutex<Vec<bool>> = Mutex::new(Vec::new());
-/// Records are written one after another.
+/// Serialises the writing of records.
 static RECORDING: Mutex<()> = Mutex::new(());
 
 fn attached() -> Option<&'static Layout> {
@@ -168,10 +168,10 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Takes the page at that path for this process; only once.
+/// Attaches the page at that path to this process; called once.
 ///
 /// # Errors
-/// When it cannot be opened, or is none.
+/// If it cannot be opened, or is no page.
 pub fn attach(path: &Path) -> io::Result<()> {
     let file = OpenOptions::new().read(true).write(true).open(path)?;
     let map = map(&file)?;
@@ -180,52 +180,52 @@ pub fn attach(path: &Path) -> io::Result<()> {
         return Err(io::Error::new(io::ErrorKind::InvalidData, message));
     }
     let page = map.as_mut_ptr().cast::<Layout>();
-    // It stays until the process ends.
+    // It stays mapped until the process ends.
     std::mem::forget(map);
     ATTACHED.store(page, Ordering::Release);
     note_forks();
     Ok(())
 }
 
-/// What has come over this process within a call: nothing, ...
+/// What has happened to this process during a call: nothing, ...
 static STATE: AtomicU8 = AtomicU8::new(GOES_ON);
 const GOES_ON: u8 = 0;
 /// ... a signal that ends it, ...
 const ENDS: u8 = 1;
-/// ... or it is a copy that `fork` has made.
+/// ... or it is a copy created by `fork`.
 const IS_COPY: u8 = 2;
 
-/// No call comes back from now on: a signal is ending this process.
+/// No call returns from now on: a signal is ending this process.
 #[cfg(unix)]
 pub(crate) fn stop() {
     let _ = STATE.compare_exchange(GOES_ON, ENDS, Ordering::Relaxed, Ordering::Relaxed);
 }
 
-/// Whether a signal is ending this process: known from the moment in which it comes.
+/// Whether a signal is ending this process; set as soon as it arrives.
 pub(crate) fn is_stopped() -> bool {
     STATE.load(Ordering::Relaxed) == ENDS
 }
 
-/// A copy of this process that comes back from the code that made it would go on with the same work, in the same files
-/// and in the same shared memory.
+/// Registers a handler that marks forked copies. A copy that returned from the code that forked it would continue the
+/// same work, in the same files and the same shared memory.
 #[cfg(unix)]
 fn note_forks() {
     type Handler = Option<extern "C" fn()>;
     unsafe extern "C" {
-        /// C library: registers what runs before and after `fork`.
+        /// C library: registers functions that run before and after `fork`.
         fn pthread_atfork(before: Handler, parent: Handler, child: Handler) -> i32;
     }
     extern "C" fn child() {
         STATE.store(IS_COPY, Ordering::Relaxed);
     }
-    // SAFETY: the handler does nothing but store into an atomic. Where there is no memory to register it, it does not run.
+    // SAFETY: the handler only stores into an atomic. If there is no memory to register it, it does not run.
     let _ = unsafe { pthread_atfork(None, None, Some(child)) };
 }
 
 #[cfg(not(unix))]
 fn note_forks() {}
 
-/// Does not return: a forked copy ends at once and neither removes nor reports anything; otherwise a signal ends this process.
+/// Does not return: a forked copy ends at once without cleanup or report; otherwise a signal ends this process.
 #[cold]
 fn vanish() -> ! {
     while STATE.load(Ordering::Relaxed) != IS_COPY {
@@ -241,27 +241,27 @@ pub fn is_attached() -> bool {
     attached().is_some()
 }
 
-/// Tells the parent that the work is done, and with which exit code: what ends this process from now on costs nothing.
+/// Reports to the parent that the work is done, and the exit code: whatever ends this process from now on does no harm.
 pub fn finished(code: u8) {
     if let Some(page) = attached() {
         page.outcome.store(u32::from(code) + 1, Ordering::Release);
     }
 }
 
-/// Somebody whose code is called: an instance of an FMU, or its library. No other thread calls at the same place, so that what
-/// is noted there is true whatever others do.
+/// An owner of called code: an instance of an FMU, or its library. No other thread calls at the same place, so that its
+/// record is right whatever other threads do.
 #[derive(Debug)]
 pub struct Place(usize);
 
 impl Place {
-    /// A place of that name, until it is dropped.
+    /// A place with that name, until it is dropped.
     pub fn new(name: &str) -> Self {
         let mut taken = lock(&TAKEN);
         let free = taken.iter().position(|taken| !taken);
         let number = free.unwrap_or(taken.len()).min(PLACES - 1);
         let is_shared = number + 1 == PLACES;
         if number == taken.len() {
-            // The shared one is never taken, nor free.
+            // The shared place is never marked as taken, so it is never free either.
             taken.push(true);
         }
         taken[number] = true;
@@ -272,15 +272,15 @@ impl Place {
         Self(number)
     }
 
-    /// Notes that its code is called, for as long as `work` takes; `number` is the caller's own, not 0.
+    /// Records the call `number` for as long as `work` takes; `number` is chosen by the caller and not 0.
     #[inline(always)]
     pub fn call<T>(&self, number: u32, work: impl FnOnce() -> T) -> T {
         let Some(page) = attached() else {
             return work();
         };
         let slot = &page.all[self.0];
-        // An inner call within an outer one (a callback) gives the outer one back; where many share a place, the other may
-        // be somebody else's.
+        // An inner call within an outer one (a callback) restores the outer one; at the shared place the other call may
+        // belong to another owner.
         let outer = match self.0 + 1 == PLACES {
             true => 0,
             false => slot.call.load(Ordering::Relaxed),
@@ -294,14 +294,14 @@ impl Place {
         done
     }
 
-    /// Notes another call within the current one.
+    /// Records another call within the current one.
     pub fn doing(&self, number: u32) {
         if let Some(page) = attached() {
             page.all[self.0].call.store(number, Ordering::Release);
         }
     }
 
-    /// Notes the time \[s\] that it has come to.
+    /// Records the time \[s\] reached.
     #[inline(always)]
     pub fn at(&self, time: f64) {
         if let Some(page) = attached() {
@@ -321,7 +321,7 @@ impl Drop for Place {
 }
 
 impl Slot {
-    /// It has come to no time yet.
+    /// Sets the name; no time is reached yet.
     fn name(&self, name: &str) {
         let bytes = name.as_bytes();
         let length = bytes.len().min(NAME);
@@ -333,7 +333,7 @@ impl Slot {
     }
 }
 
-/// Hands a line to the parent. Where there is no room left, it is counted.
+/// Passes a line to the parent. If there is no space left, it is counted as lost.
 pub fn record(line: &str) {
     let Some(page) = attached() else { return };
     let _one = lock(&RECORDING);

@@ -1,7 +1,7 @@
-//! Signals, heard by a thread.
+//! Signals, handled by a thread.
 //!
-//! The handler counts and nothing else, and the thread looks at the count: there is no pipe between them that foreign code
-//! in this process could close.
+//! The signal handler only increments a counter, which the thread polls: there is no pipe between them that foreign
+//! code in this process could close.
 
 use std::io;
 use std::sync::Arc;
@@ -9,17 +9,17 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 use std::time::Duration;
 
-/// Between two looks.
+/// Polling interval.
 const BETWEEN: Duration = Duration::from_millis(10);
 
-/// From now on `heard` is called in a separate thread with each of these signals that arrives, and before that, in the
-/// handler itself, `at_once`. One that is ignored, as `nohup` does, stays ignored.
+/// From now on `heard` is called in a separate thread for each of these signals that arrives, and before that, in the
+/// handler itself, `at_once`. A signal that is ignored, e.g. by `nohup`, stays ignored.
 ///
 /// # Safety
-/// `at_once` does nothing that a handler may not, such as allocate or lock.
+/// `at_once` must be async-signal-safe: no allocation, no locks.
 ///
 /// # Errors
-/// When the system does not let it listen.
+/// If the signal handlers cannot be registered.
 pub(crate) unsafe fn listen_at_once(
     signals: &[i32],
     at_once: fn(i32),
@@ -37,7 +37,7 @@ pub(crate) unsafe fn listen_at_once(
             at_once(signal);
             counter.fetch_add(1, Ordering::Relaxed);
         };
-        // SAFETY: the handler does nothing but add to an atomic and what the caller vouches for.
+        // SAFETY: the handler only increments an atomic and calls `at_once`, for which the caller vouches.
         unsafe { signal_hook::low_level::register(signal, came) }?;
         counts.push((signal, count));
     }
@@ -58,17 +58,17 @@ pub(crate) unsafe fn listen_at_once(
     thread::Builder::new().name(name).spawn(listens).map(drop)
 }
 
-/// From now on `heard` is called in a separate thread with each of these signals that arrives. One that is ignored, as
-/// `nohup` does, stays ignored.
+/// From now on `heard` is called in a separate thread for each of these signals that arrives. A signal that is ignored,
+/// e.g. by `nohup`, stays ignored.
 ///
 /// # Errors
-/// When the system does not let it listen.
+/// If the signal handlers cannot be registered.
 pub fn listen(signals: &[i32], heard: impl FnMut(i32) + Send + 'static) -> io::Result<()> {
-    // SAFETY: nothing is done.
+    // SAFETY: `at_once` does nothing.
     unsafe { listen_at_once(signals, |_| {}, heard) }
 }
 
-/// Which signals are ignored, a bit for each from 1 on; none where the system does not tell.
+/// Ignored signals as a bit mask, bit 0 for signal 1; 0 if the system does not report them.
 fn ignored() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

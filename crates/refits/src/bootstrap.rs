@@ -1,4 +1,4 @@
-//! Bootstraps: the problem solved again with other data (Efron & Tibshirani, *An Introduction to the Bootstrap*, 1993).
+//! Bootstraps: refits of the problem to other data (Efron & Tibshirani, *An Introduction to the Bootstrap*, 1993).
 
 use crate::refit::{Data, Found, Resample};
 use crate::solved::Watch;
@@ -9,20 +9,20 @@ use rayon::prelude::*;
 /// A refit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Replicate {
-    /// Which, from 0.
+    /// Number of the replicate, from 0.
     pub number: u64,
-    /// The values of what is sought; none where it did not converge, and not a number where its runs do not tell.
+    /// Values of the unknowns; `None` if the refit did not converge, NaN where its runs do not determine the value.
     pub values: Option<Vec<f64>>,
 }
 
-/// Random numbers of a replicate: the same whoever else draws.
+/// Random numbers of a replicate, independent of the other replicates.
 pub fn random(seed: u64, number: u64) -> ChaCha8Rng {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(number);
     random
 }
 
-/// How often each of so many runs is drawn in as many draws with replacement.
+/// How often each run is drawn in as many draws with replacement as there are runs.
 pub fn counts(runs: usize, random: &mut ChaCha8Rng) -> Vec<usize> {
     let mut counts = vec![0; runs];
     for _ in 0..runs {
@@ -31,7 +31,7 @@ pub fn counts(runs: usize, random: &mut ChaCha8Rng) -> Vec<usize> {
     counts
 }
 
-/// A whole number below another, each with the same probability: draws that would favour some are drawn again.
+/// A uniformly distributed integer below `end`: draws that would bias the result are rejected.
 fn below(end: u64, random: &mut ChaCha8Rng) -> u64 {
     let least = end.wrapping_neg() % end;
     loop {
@@ -42,11 +42,11 @@ fn below(end: u64, random: &mut ChaCha8Rng) -> u64 {
     }
 }
 
-/// What is told of a refit with other data.
+/// Values to report for a refit.
 pub type Values<'a> = dyn Fn(&Found) -> Vec<f64> + Sync + 'a;
 
-/// Refits with these numbers to what `draw` gives each, in parallel: the same for any number of threads. `see` gets each
-/// as soon as it is there, in any order. Stopped ones are left out.
+/// Refits to the data that `draw` returns for each of these numbers, in parallel; the results do not depend on the
+/// number of threads. `see` receives each replicate as soon as it is solved, in any order. Stopped refits are left out.
 pub fn resampled(
     problem: &dyn Resample,
     numbers: &[u64],
@@ -70,12 +70,12 @@ pub fn resampled(
         (watch.done)();
         Some(replicate)
     };
-    // One at a time: a refit may take ten times as long as another.
+    // One refit per job, since a refit may take ten times as long as another.
     let found = numbers.par_iter().with_max_len(1).map(replicate);
     found.collect::<Vec<_>>().into_iter().flatten().collect()
 }
 
-/// What values spread over.
+/// Spread of values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
     /// Standard deviation.
@@ -84,13 +84,13 @@ pub struct Spread {
     pub low: f64,
     /// Upper end.
     pub high: f64,
-    /// How many there are.
+    /// Number of values.
     pub count: usize,
 }
 
-/// The spread of values, without those that are no numbers: an interval that holds this part of them, with as many
-/// below as above (the percentile interval; quantiles between two values are on the line through them: Hyndman & Fan,
-/// Am. Stat. 50, 1996, number 7). None of fewer than two.
+/// The spread of values other than NaN: a central interval that contains the share `level` of them (the percentile
+/// interval; quantiles are interpolated linearly: Hyndman & Fan, Am. Stat. 50, 1996, number 7). `None` for fewer than
+/// two values.
 pub fn spread(values: impl Iterator<Item = f64>, level: f64) -> Option<Spread> {
     let mut all: Vec<f64> = values.filter(|value| !value.is_nan()).collect();
     all.sort_by(f64::total_cmp);

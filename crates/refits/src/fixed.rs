@@ -6,7 +6,7 @@ use pilotage_collocation::{Collocation, Differentiated, ParameterConstraints, Ru
 use std::sync::Arc;
 
 /// A collocation problem with one coordinate fixed. A shared parameter becomes an input, so that the equations are
-/// differentiated once for all of its values.
+/// differentiated only once for all of its values.
 pub(crate) struct Held<'s> {
     solved: &'s Solved,
     at: Coordinate,
@@ -23,7 +23,7 @@ impl<'s> Held<'s> {
         Self { solved, at, model }
     }
 
-    /// The problem with that value, in units.
+    /// The problem with the coordinate fixed at that value, in units.
     fn problem(&self, value: f64) -> Collocation {
         let whole = &self.solved.problem;
         let mut runs = whole.runs.clone();

@@ -1,9 +1,9 @@
-//! A solved problem, solved again a little changed: profile likelihoods and bootstraps.
+//! Refits of a solved problem with small changes: profile likelihoods and bootstraps.
 //!
-//! Intervals from a covariance are those of a linear model. Where a parameter's interval is wide against its value they
-//! are not the data's; then a profile, which solves again with the parameter fixed ([`profile()`]), and a bootstrap, which
-//! solves again with other data ([`bootstrap`]), tell more. Each refit begins at its neighbour's solution, on the mesh of
-//! the first one, and is a few steps of the SQP.
+//! Intervals from a covariance are those of a linear model. They are inaccurate if a parameter's interval is wide
+//! compared with its value. A profile, which solves again with the parameter fixed ([`profile()`]), and a bootstrap,
+//! which solves again with other data ([`bootstrap`]), are then more reliable. Each refit starts from its neighbour's
+//! solution, on the mesh of the original fit, and needs only a few SQP iterations.
 //!
 //! ```
 //! use pilotage_collocation::{Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme};
@@ -33,14 +33,14 @@
 //! # Ok::<(), pilotage_expression::Obstacle>(())
 //! ```
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! | --- | --- |
-//! | [`refit`] | what can be solved again: with a coordinate fixed, or with other data |
-//! | `solved` | a collocation problem as that |
+//! | [`refit`] | problems that can be solved again, with a coordinate fixed or with other data |
+//! | `solved` | a collocation problem as such a problem |
 //! | `fixed` | the same with a parameter or an initial state fixed |
 //! | [`mod@profile`] | profile likelihoods |
-//! | [`study`] | what a fit hands over: unknowns by their names, data, noise |
-//! | [`bootstrap`] | other data, and what refits to them spread over |
+//! | [`study`] | input from a fit: unknowns by name, data, noise |
+//! | [`bootstrap`] | other data, and the spread of refits to them |
 
 pub mod bootstrap;
 mod fixed;

@@ -1,70 +1,70 @@
-//! Profile likelihoods: the objective where one coordinate is fixed and all others are sought again.
+//! Profile likelihoods: the objective with one coordinate fixed and all others optimised again.
 //!
-//! With the least objective f̂ and the variance s² of the residuals, ζ = ± √((f - f̂)/s²) of a linear model is
+//! With the minimum f̂ of the objective and the variance s² of the residuals, ζ = ± √((f - f̂)/s²) of a linear model is
 //! `(p - p̂)/sd` (the profile t of Bates & Watts, *Nonlinear Regression Analysis and Its Applications*, 1988, section
-//! 6.1). The interval is where |ζ| is below a threshold: √χ²₁ where the noise is known, Student's t where s² is estimated
+//! 6.1). The interval is where |ζ| is below a threshold: √χ²₁ if the noise is known, Student's t if s² is estimated
 //! (Venzon & Moolgavkar, J. R. Stat. Soc. C 37, 1988).
 
 use crate::refit::{self, Coordinate, Fixed, Refit};
 use crate::solved::Watch;
 use rayon::prelude::*;
 
-/// Steps to the threshold on a side, about.
+/// Approximate number of steps to the threshold on each side.
 const STEPS: f64 = 4.0;
-/// Refits of a side at most.
+/// Maximum number of refits on each side.
 const MOST: usize = 40;
-/// How far a side goes, in distances at which the threshold is expected.
+/// Maximum length of a side, in multiples of the expected distance of the threshold.
 const FARTHEST: f64 = 1e3;
-/// How often a step is halved after a refit that did not converge.
+/// Maximum number of step halvings after refits that do not converge.
 const HALVINGS: usize = 5;
-/// Distance from the threshold at which a refit lies on it, per threshold.
+/// Relative distance from the threshold at which a refit counts as on it.
 const CLOSE: f64 = 1e-4;
-/// Refits that close in on the threshold.
+/// Maximum number of refits to locate the threshold.
 const CLOSING: usize = 8;
-/// Objective below the least one, per s² and squared threshold, from which on it is another optimum.
+/// Decrease of the objective, per s² and squared threshold, from which on a refit is a better optimum.
 const LOWER: f64 = 1e-5;
 
-/// A part of the threshold that is no rise, and points that show it.
+/// Rise of ζ, relative to the threshold, below which a side is flat, and the number of points required to decide so.
 const FLAT: f64 = 1e-3;
 const LOOKED: usize = 4;
 
-/// A coordinate whose profile is asked for.
+/// A coordinate whose profile is computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sought {
-    /// Which.
+    /// The coordinate.
     pub at: Coordinate,
-    /// Distance from the estimate at which the threshold is expected, above 0.
+    /// Expected distance of the threshold from the estimate, above 0.
     pub step: f64,
     /// Its range.
     pub range: [f64; 2],
 }
 
-/// Where an interval ends.
+/// Threshold of ζ at which an interval ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Threshold {
     /// Variance s² of the residuals, in units of the objective.
     pub noise: f64,
-    /// Greatest |ζ|.
+    /// Largest |ζ| within the interval.
     pub root: f64,
 }
 
-/// A refit.
+/// A refit of a profile.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
     /// Value of the coordinate.
     pub value: f64,
-    /// The least objective with that.
+    /// Minimum of the objective at that value.
     pub objective: f64,
     /// ζ.
     pub root: f64,
-    /// Constraints on parameters that hold with equality.
+    /// Indices of active constraints on parameters.
     pub constraints: Vec<usize>,
-    /// Bounds at the begin of a run that do.
+    /// Indices of active bounds at the start of a run.
     pub bounds: Vec<usize>,
 }
 
 impl Point {
-    /// Of a refit with that value and ζ.
+    /// The point of a refit with that value and ζ.
     fn of(value: f64, root: f64, found: &refit::Point) -> Self {
         Self {
             value,
@@ -76,44 +76,44 @@ impl Point {
     }
 }
 
-/// Where a side of a profile ends.
+/// How a side of a profile ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum End {
-    /// At the threshold.
+    /// The threshold is crossed at this value.
     Crossed(f64),
-    /// At the end of the range: the data do not exclude it.
+    /// The end of the range is reached: the data do not exclude it.
     Range(f64),
-    /// Far away, and the threshold is not reached.
+    /// The threshold is not reached up to this value.
     Open(f64),
-    /// Beyond this value no refit converged.
+    /// No refit beyond this value converged.
     Failed(f64),
-    /// It was stopped.
+    /// The computation was stopped at this value.
     Stopped(f64),
 }
 
 /// The profile of a coordinate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
-    /// The refits, and the estimate itself, by value.
+    /// The refits and the estimate itself, sorted by value.
     pub points: Vec<Point>,
     /// Lower and upper end.
     pub ends: [End; 2],
-    /// The point with the least objective, where that is below the estimate's: there is a better optimum.
+    /// Index of the point with the lowest objective if that is below the estimate's: there is a better optimum.
     pub lower: Option<usize>,
 }
 
 impl Profile {
-    /// Whether it was stopped before its ends were found.
+    /// Whether it was stopped before both ends were found.
     pub fn is_stopped(&self) -> bool {
         self.ends.iter().any(|end| matches!(end, End::Stopped(_)))
     }
 }
 
-/// The profiles of these coordinates, in parallel over them and their sides. The same numbers for any number of threads.
-/// [`Watch::done`] is called twice for each.
+/// The profiles of these coordinates, in parallel over coordinates and sides. The results do not depend on the number
+/// of threads. [`Watch::done`] is called twice for each profile.
 ///
 /// # Panics
-/// Where a step is not above 0, or the threshold is not.
+/// If a step or the threshold is not above 0.
 pub fn profile(
     solved: &dyn Refit,
     sought: &[Sought],
@@ -146,7 +146,7 @@ pub fn profile(
         .collect()
 }
 
-/// Both sides, and the estimate between them.
+/// Joins both sides with the estimate between them.
 fn joined(estimate: Point, sides: &[(Vec<Point>, End)], threshold: Threshold) -> Profile {
     let best = estimate.objective;
     let mut points = vec![estimate];
@@ -164,9 +164,9 @@ fn joined(estimate: Point, sides: &[(Vec<Point>, End)], threshold: Threshold) ->
     }
 }
 
-/// A side of a profile on its way.
+/// One side of a profile while it is computed.
 struct Side<'a> {
-    /// The objective of the estimate.
+    /// Objective of the estimate.
     best: f64,
     fixed: &'a dyn Fixed,
     sought: Sought,
@@ -174,7 +174,7 @@ struct Side<'a> {
     sign: f64,
     watch: Watch<'a>,
     points: Vec<Point>,
-    /// Value, ζ along the side, and variables of the estimate and all points, in the order of their values.
+    /// Value, ζ along the side, and variables of the estimate and of all points, in order along the side.
     path: Vec<(f64, f64, Vec<f64>)>,
 }
 
@@ -199,7 +199,7 @@ impl<'a> Side<'a> {
         }
     }
 
-    /// Steps away from the estimate until the threshold is crossed, and closes in on it.
+    /// Steps away from the estimate until the threshold is crossed, then locates the crossing.
     fn walked(mut self) -> (Vec<Point>, End) {
         let end = self.sought.range[usize::from(self.sign > 0.0)];
         let begin = self.path[0].0;
@@ -224,7 +224,7 @@ impl<'a> Side<'a> {
                     return (self.points, End::Stopped(last));
                 }
                 halvings += 1;
-                // What has not risen on the way is open, whatever keeps refits from going on.
+                // If ζ has not risen so far, the side is open, whatever stops the refits.
                 let is_flat = self.path[self.path.len() - 1].1 < FLAT * self.threshold.root;
                 if is_flat && self.points.len() >= LOOKED {
                     return (self.points, End::Open(last));
@@ -243,7 +243,7 @@ impl<'a> Side<'a> {
         }
     }
 
-    /// The step that changes ζ by a part of the threshold, or crosses it.
+    /// The step that changes ζ by a fixed part of the threshold, or crosses it.
     fn next_step(&self) -> f64 {
         let [a, b] = [2, 1].map(|back| &self.path[self.path.len() - back]);
         let (run, rise) = ((b.0 - a.0).abs(), b.1 - a.1);
@@ -255,8 +255,8 @@ impl<'a> Side<'a> {
         }
     }
 
-    /// Closes in on the threshold between the last two points (false position, with the weights of Illinois), until a
-    /// point lies on it.
+    /// Locates the threshold between the last two points by the Illinois variant of false position, until a point lies
+    /// on it.
     fn close_in(&mut self) -> End {
         let root = self.threshold.root;
         let (mut weights, mut kept) = ([1.0, 1.0], None);
@@ -284,10 +284,10 @@ impl<'a> Side<'a> {
         End::Crossed(a + (b - a) * (root - f) / (g - f))
     }
 
-    /// Adds the point with that value; false where it does not converge.
+    /// Adds the point with that value; false if the refit does not converge.
     fn add(&mut self, value: f64) -> bool {
         let solved = |z| self.fixed.solved(value, z, &self.watch);
-        // Far from the estimate the straight line may lead out of where the model has values.
+        // Far from the estimate, linear extrapolation may leave the domain of the model.
         let found = solved(self.predicted(value)).or_else(|| solved(self.nearest(value)));
         let Some(found) = found else {
             return false;
@@ -302,7 +302,7 @@ impl<'a> Side<'a> {
         true
     }
 
-    /// The variables of the nearest point towards the estimate, with that value.
+    /// The variables of the nearest point on the estimate's side, with that value.
     fn nearest(&self, value: f64) -> Vec<f64> {
         let place = self
             .path
@@ -312,7 +312,7 @@ impl<'a> Side<'a> {
         z
     }
 
-    /// The variables with that value, on the straight line through its neighbours.
+    /// The variables at that value, on the straight line through its neighbours.
     fn predicted(&self, value: f64) -> Vec<f64> {
         let place = self
             .path

@@ -1,24 +1,24 @@
-//! What is solved again: a problem at its solution, whatever its unknowns follow from.
+//! Interface of problems that can be solved again, independent of their transcription.
 
 use crate::solved::Watch;
 use rand_chacha::ChaCha8Rng;
 
-/// What is sought.
+/// An unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Coordinate {
     /// A shared parameter.
     Shared(usize),
-    /// The initial value of a state of a run, which is what a run's own parameter is.
+    /// The initial value of a state of a run; a parameter of a single run is such a state.
     Initial {
-        /// The run.
+        /// Index of the run.
         run: usize,
-        /// The state.
+        /// Index of the state.
         state: usize,
     },
 }
 
 impl Coordinate {
-    /// Whether it is that of one run.
+    /// Whether it belongs to a single run.
     pub fn is_initial(self) -> bool {
         matches!(self, Self::Initial { .. })
     }
@@ -27,13 +27,13 @@ impl Coordinate {
 /// A solution.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
-    /// The variables of the search.
+    /// Variables of the optimisation.
     pub z: Vec<f64>,
     /// The objective.
     pub objective: f64,
-    /// Constraints on parameters that hold with equality.
+    /// Indices of active constraints on parameters.
     pub constraints: Vec<usize>,
-    /// Bounds at the begin of a run that do.
+    /// Indices of active bounds at the start of a run.
     pub bounds: Vec<usize>,
 }
 
@@ -42,48 +42,48 @@ pub trait Refit: Sync {
     /// The solution.
     fn solution(&self) -> Point;
 
-    /// The value there of what is sought, in units.
+    /// Value of a coordinate at the solution, in units.
     fn value(&self, at: Coordinate) -> f64;
 
-    /// Its magnitude.
+    /// Scale of the coordinate.
     fn scale(&self, at: Coordinate) -> f64;
 
-    /// The problem with that fixed.
+    /// The problem with that coordinate fixed.
     fn fixed(&self, at: Coordinate) -> Box<dyn Fixed + '_>;
 }
 
-/// A problem with one coordinate fixed, to any value.
+/// A problem with one coordinate fixed, at any value.
 pub trait Fixed: Send + Sync {
-    /// Its variables at the solution of the whole problem.
+    /// Its variables at the solution of the full problem.
     fn begin(&self) -> Vec<f64>;
 
-    /// Puts a value, in units, where it stands among the variables, if it does.
+    /// Writes a value, in units, into the variables if the coordinate is among them.
     fn put(&self, z: &mut [f64], value: f64);
 
-    /// The solution with that value, in units, from these variables; none where the search does not converge.
+    /// The solution at that value, in units, starting from these variables; `None` if the solve does not converge.
     fn solved(&self, value: f64, z: Vec<f64>, watch: &Watch<'_>) -> Option<Point>;
 }
 
-/// Other data.
+/// Data of a refit.
 #[derive(Debug, Clone)]
 pub enum Data {
-    /// Each run so often: one that is drawn twice has twice the weight.
+    /// The number of times that each run is drawn: a run drawn twice has twice the weight.
     Counted(Vec<usize>),
-    /// The same runs with noise that is drawn.
+    /// The same runs with simulated noise.
     Simulated(Box<ChaCha8Rng>),
 }
 
-/// A solution with other data.
+/// Solution of a refit to other data.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
     /// The shared parameters, in units.
     pub shared: Vec<f64>,
-    /// The states at the begin of each run, in units; none of runs that were not drawn.
+    /// States at the start of each run, in units; `None` for runs that were not drawn.
     pub initial: Vec<Option<Vec<f64>>>,
 }
 
 impl Found {
-    /// What is sought; not a number where its run was not drawn.
+    /// Value of a coordinate; NaN if its run was not drawn.
     pub fn value(&self, at: Coordinate) -> f64 {
         match at {
             Coordinate::Shared(k) => self.shared[k],
@@ -94,11 +94,11 @@ impl Found {
     }
 }
 
-/// A problem that can be solved with other data.
+/// A problem that can be solved again with other data.
 pub trait Resample: Refit {
-    /// Number of its runs.
+    /// Number of runs.
     fn runs(&self) -> usize;
 
-    /// The solution with other data; none where the search does not converge.
+    /// The solution with other data; `None` if the solve does not converge.
     fn refitted(&self, data: Data, watch: &Watch<'_>) -> Option<Found>;
 }

@@ -1,4 +1,4 @@
-//! The solution of a collocation problem, and how it is solved again.
+//! Solution of a collocation problem, and its refits.
 
 use crate::fixed::Held;
 use crate::refit::{Coordinate, Data, Fixed, Found, Point, Refit, Resample};
@@ -14,20 +14,20 @@ pub struct Solved {
     pub problem: Collocation,
     /// Its solution.
     pub at: Iterate,
-    /// Options of refits.
+    /// Options of the refits.
     pub options: SqpOptions,
 }
 
-/// Makes runs of a replicate: other values recorded of the same runs.
+/// Simulates the runs of a replicate: the same runs with other recorded values.
 pub type Simulate<'a> = dyn Fn(&mut ChaCha8Rng) -> Vec<Run> + Send + Sync + 'a;
 
-/// The same with what other data follow from.
+/// A solution with what bootstraps need.
 pub struct Collocated<'a> {
     /// The solution.
     pub solved: Solved,
-    /// Number of measured outputs that are recorded; those behind are what is known beforehand.
+    /// Number of recorded outputs among the measured ones; the outputs after them are priors.
     pub signals: usize,
-    /// Draws residuals.
+    /// Simulates runs with other residuals.
     pub simulate: Box<Simulate<'a>>,
 }
 
@@ -104,8 +104,8 @@ impl Resample for Collocated<'_> {
 }
 
 impl Collocated<'_> {
-    /// Runs that are drawn so often, and of which run each of them is. What is known of shared parameters beforehand stands
-    /// in one run, and stays.
+    /// Runs with the weights of these counts, and the index of the original run of each. Priors on shared parameters
+    /// are stored in one run and are kept.
     fn counted(&self, counts: &[usize]) -> (Vec<Run>, Vec<usize>) {
         let whole = &self.solved.problem.runs;
         let from: Vec<usize> = (0..whole.len()).filter(|j| counts[*j] > 0).collect();
@@ -126,7 +126,7 @@ impl Collocated<'_> {
 }
 
 impl Solved {
-    /// The problem of other data, and its variables where the solved one has come to.
+    /// The problem with other data, and its variables at the known solution.
     fn posed(&self, runs: Vec<Run>, from: &[usize]) -> (Collocation, Vec<f64>) {
         let whole = &self.problem;
         let problem = Collocation::new(
@@ -144,7 +144,7 @@ impl Solved {
     }
 }
 
-/// A solution, with what holds there with a multiplier.
+/// A solution, with the constraints and bounds that have a nonzero multiplier.
 pub(crate) fn point(problem: &Collocation, at: Iterate) -> Point {
     let own = &at.eta[problem.layout.parameter_constraints..];
     let constraints = (0..own.len()).filter(|k| own[*k] != 0.0).collect();
@@ -161,17 +161,17 @@ pub(crate) fn point(problem: &Collocation, at: Iterate) -> Point {
     }
 }
 
-/// Who looks on. Both are called from several threads.
+/// Callbacks of the caller. Both are called from several threads.
 #[derive(Clone, Copy)]
 pub struct Watch<'a> {
     /// Whether to stop.
     pub stops: &'a (dyn Fn() -> bool + Sync),
-    /// Sees that another part of the work is done.
+    /// Called whenever a part of the work is done.
     pub done: &'a (dyn Fn() + Sync),
 }
 
 impl Default for Watch<'_> {
-    /// Nobody.
+    /// Never stops and ignores progress.
     fn default() -> Self {
         Self {
             stops: &|| false,
@@ -180,7 +180,7 @@ impl Default for Watch<'_> {
     }
 }
 
-/// As [`solve`], from the solution of other data: on a coarser mesh first, where that is much smaller.
+/// As [`solve`], but from the solution for other data: first on a coarser mesh if that is much smaller.
 fn solve_from_afar(
     problem: &Collocation,
     z: Vec<f64>,
@@ -195,7 +195,7 @@ fn solve_from_afar(
     solve(problem, z, options, watch)
 }
 
-/// Solves from these variables; none where that does not converge.
+/// Solves from these variables; `None` if the solve does not converge.
 pub(crate) fn solve(
     problem: &Collocation,
     z: Vec<f64>,

@@ -1,4 +1,4 @@
-//! What a fit hands over to be solved again: its unknowns by their names, its data, its noise.
+//! Input of refits from a fit: unknowns by name, data, noise.
 
 use crate::bootstrap::{Replicate, counts, random, resampled};
 use crate::profile::{End, Profile, Sought, Threshold, profile};
@@ -6,73 +6,74 @@ use crate::refit::{Coordinate, Data, Found, Resample};
 use crate::solved::Watch;
 use std::fmt;
 
-/// Runs from which on whole runs are drawn.
+/// Number of runs from which on whole runs are drawn by default.
 pub const ENOUGH_RUNS: usize = 4;
-/// Part of a step that is expected where nobody knows one, per scale.
+/// First step, relative to the scale, if no interval is known.
 const UNKNOWN_STEP: f64 = 0.1;
-/// Distance from an end of a range, per size, that keeps a refit within the constraint that the range is.
+/// Distance from an end of a range, relative to its size, that keeps refits within the constraint that defines the
+/// range.
 const INSIDE: f64 = 1e-6;
 
-/// A sought number.
+/// An unknown of the fit.
 #[derive(Debug, Clone)]
 pub struct Unknown {
     /// Name of the parameter.
     pub name: String,
-    /// Whose it is, where there are several.
+    /// Run or group that it belongs to, if there are several.
     pub label: Option<String>,
-    /// Where it stands.
+    /// Its coordinate.
     pub at: Coordinate,
-    /// The search goes along its logarithm.
+    /// Whether its logarithm is the optimisation variable.
     pub is_log: bool,
-    /// Half its interval as the search sees it; infinite or 0 where that is not known.
+    /// Half width of its interval, on the logarithmic scale if [`Self::is_log`]; infinite or 0 if not known.
     pub half: f64,
     /// Its range.
     pub range: [f64; 2],
-    /// For each run, whether it tells of it.
+    /// For each run, whether it informs about the unknown.
     pub told: Vec<bool>,
 }
 
-/// What follows from the shared parameters, in their units.
+/// Derived quantities as a function of the shared parameters, in units.
 pub type Derive<'a> = dyn Fn(&[f64]) -> Vec<f64> + Send + Sync + 'a;
 
-/// A solved problem with what its refits need.
+/// A solved problem with what refits need.
 pub struct Study<'a> {
     /// The problem at its solution.
     pub solved: Box<dyn Resample + Send + 'a>,
-    /// What is sought.
+    /// The unknowns.
     pub unknowns: Vec<Unknown>,
-    /// What the solver's objective is, per unit of the problem's.
+    /// Factor from the problem's objective to the solver's.
     pub factor: f64,
-    /// Where profiles end.
+    /// Threshold of the profiles.
     pub threshold: Threshold,
-    /// Degrees of freedom of the variance of the residuals; none where the noise level is sought.
+    /// Degrees of freedom of the variance of the residuals; `None` if the noise level is an unknown.
     pub degrees: Option<f64>,
     /// Names of the constraints on parameters.
     pub constraints: Vec<String>,
     /// Names of the bounds.
     pub bounds: Vec<String>,
-    /// Names of what follows from shared parameters.
+    /// Names of the derived quantities.
     pub derived: Vec<String>,
-    /// Its values; not numbers where there are none.
+    /// Values of the derived quantities; NaN if there are none.
     pub derive: Box<Derive<'a>>,
-    /// Whether it is the likelihood of predictions from sample to sample.
+    /// Whether the objective is the likelihood of one-step predictions.
     pub is_predicted: bool,
 }
 
-/// What is drawn.
+/// Kind of bootstrap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Whole runs, with replacement.
     Runs,
-    /// Residuals, from a model of the noise, added to what the fit predicts.
+    /// Residuals, simulated by a model of the noise and added to the predictions of the fit.
     Parametric,
 }
 
 impl Kind {
-    /// Both.
+    /// Both kinds.
     pub const ALL: [Self; 2] = [Self::Runs, Self::Parametric];
 
-    /// One word, as on the command line.
+    /// Name on the command line.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Runs => "runs",
@@ -80,7 +81,7 @@ impl Kind {
         }
     }
 
-    /// What is taken of so many runs unless it is named.
+    /// The default for this number of runs.
     pub fn of(runs: usize) -> Self {
         match runs >= ENOUGH_RUNS {
             true => Self::Runs,
@@ -96,7 +97,7 @@ impl fmt::Display for Kind {
 }
 
 impl Unknown {
-    /// Its name, with whose it is in brackets.
+    /// The name, followed by the label in brackets.
     pub fn full_name(&self) -> String {
         match &self.label {
             Some(label) => format!("{} ({label})", self.name),
@@ -104,7 +105,7 @@ impl Unknown {
         }
     }
 
-    /// The value of what the search sees.
+    /// The value for a value of the optimisation variable.
     pub fn found(&self, searched: f64) -> f64 {
         match self.is_log {
             true => searched.exp(),
@@ -112,7 +113,7 @@ impl Unknown {
         }
     }
 
-    /// What the search sees of a value; of the logarithm of what is not above 0, -∞.
+    /// The optimisation variable for a value; -∞ for the logarithm of a value that is not positive.
     fn searched(&self, value: f64) -> f64 {
         match self.is_log {
             true => value.max(0.0).ln(),
@@ -167,8 +168,8 @@ impl Study<'_> {
         }
     }
 
-    /// Replicates with these numbers: the values of the unknowns, and of what is derived behind them. What their runs do
-    /// not tell of is not a number.
+    /// Replicates with these numbers: the values of the unknowns, followed by those of the derived quantities. Values
+    /// that the drawn runs do not determine are NaN.
     pub fn bootstrap(
         &self,
         (kind, seed): (Kind, u64),
@@ -188,7 +189,7 @@ impl Study<'_> {
             let is_told = |own: &Unknown| (0..own.told.len()).any(|j| own.told[j] && is_drawn(j));
             let initial = |own: &Unknown| kind == Kind::Runs && own.at.is_initial();
             let of = |own: &Unknown| match is_told(own) && !initial(own) {
-                // On the end of a range within what the solver leaves.
+                // Clamped to the range, which the solver fulfils only within its tolerance.
                 true => own
                     .found(found.value(own.at))
                     .max(own.range[0])

@@ -1,10 +1,10 @@
-//! What can be wrong with a CSV file, with the place where it is wrong.
+//! Errors in CSV files, with their location.
 
 use super::lines::LONGEST;
 use std::path::PathBuf;
 
-/// Why a CSV file is not a [`Series`](super::Series). `file` is the file as the user named it; lines
-/// count from 1 and include comment lines.
+/// Why a CSV file cannot be read as a [`Series`](super::Series). `file` is the name given by the user; lines count from
+/// 1 and include comment lines.
 #[derive(Debug, thiserror::Error)]
 pub enum SeriesError {
     /// The file cannot be opened or read.
@@ -20,12 +20,12 @@ pub enum SeriesError {
     NotUtf8 {
         /// The file.
         file: String,
-        /// Line of the first wrong byte.
+        /// Line of the first invalid byte.
         line: usize,
-        /// That byte.
+        /// The byte.
         byte: u8,
     },
-    /// A line without end.
+    /// A line that is too long.
     #[error("{file}:{line}: a line longer than {} MiB; this is no CSV file", LONGEST >> 20)]
     Endless {
         /// The file.
@@ -33,19 +33,19 @@ pub enum SeriesError {
         /// The line.
         line: usize,
     },
-    /// Nothing but comments and blank lines.
+    /// Only comments and blank lines.
     #[error("{file}: empty: expected a header row such as `time [s],target [m],position [m]`")]
     Empty {
         /// The file.
         file: String,
     },
-    /// A header, but no row below it.
+    /// A header without rows.
     #[error("{file}: a header but no samples below it")]
     NoSamples {
         /// The file.
         file: String,
     },
-    /// Columns separated by something else than a comma.
+    /// Columns separated by something other than a comma.
     #[error(
         "{file}:{line}: columns are separated by {separator}; expected commas (and `.` as decimal point)"
     )]
@@ -66,7 +66,7 @@ pub enum SeriesError {
         line: usize,
         /// Column, counted from 1.
         column: usize,
-        /// What stands there.
+        /// The cell's text.
         found: String,
     },
     /// No header: the first row holds numbers.
@@ -79,7 +79,7 @@ pub enum SeriesError {
         /// Line of the row.
         line: usize,
     },
-    /// Two columns of one name.
+    /// Two columns with the same name.
     #[error("{file}:{line}: columns {first} and {second} are both named `{name}`")]
     Duplicate {
         /// The file.
@@ -93,7 +93,7 @@ pub enum SeriesError {
         /// Their name.
         name: String,
     },
-    /// The first column is not the time.
+    /// The first column is not time.
     #[error("{file}:{line}: the first column is `{found}`; expected `{expected} [s]`")]
     NoTime {
         /// The file.
@@ -102,10 +102,10 @@ pub enum SeriesError {
         line: usize,
         /// Name of the first column.
         found: String,
-        /// Name of the time.
+        /// Expected name of the time column.
         expected: String,
     },
-    /// The time's unit is not known, or not one of time.
+    /// The unit of time is unknown or not a unit of time.
     #[error("{file}:{line}: `time` is in `{found}`; expected a unit of time, such as s, ms or min")]
     TimeUnit {
         /// The file.
@@ -115,7 +115,7 @@ pub enum SeriesError {
         /// The unit found.
         found: String,
     },
-    /// A row with another number of cells than the header.
+    /// The number of cells of a row differs from the header.
     #[error(
         "{file}:{line}: {found} cells; expected {expected}, as in the header{}",
         if found > expected { ": commas stand between cells, and decimals have a point" } else { "" }
@@ -142,7 +142,7 @@ pub enum SeriesError {
         line: usize,
         /// Name of the column.
         column: String,
-        /// What stands there.
+        /// The cell's text.
         found: String,
     },
     /// A row without a time.
@@ -153,7 +153,7 @@ pub enum SeriesError {
         /// Line of the row.
         line: usize,
     },
-    /// Time that stands still or runs backwards.
+    /// Time does not increase.
     #[error("{file}:{line}: time {time} s does not come after {previous} s, the row before")]
     TimeOrder {
         /// The file.
@@ -162,10 +162,10 @@ pub enum SeriesError {
         line: usize,
         /// Time of the row \[s\].
         time: f64,
-        /// Time of the row before \[s\].
+        /// Time of the previous row \[s\].
         previous: f64,
     },
-    /// Text that is not CSV at all, such as a quote that never ends.
+    /// Text that is not CSV, such as an unterminated quote.
     #[error("{file}: not CSV")]
     Csv {
         /// The file.

@@ -1,8 +1,8 @@
-//! What recorders of flights write at the top of a file, as `# key: value`: who flew, with what, and whether it counts.
+//! Metadata that flight recorders write at the top of a file as `# key: value`: pilot, device, vehicle and validity.
 
 use std::collections::BTreeMap;
 
-/// What is said of a key in the comments of a series.
+/// The value of a key in the comments of a series.
 pub fn said<'c>(comments: &'c [String], key: &str) -> Option<&'c str> {
     let value = |line: &'c String| line.strip_prefix(key)?.strip_prefix(':');
     let mut values = comments.iter().filter_map(value);
@@ -12,17 +12,17 @@ pub fn said<'c>(comments: &'c [String], key: &str) -> Option<&'c str> {
         .filter(|value| !value.is_empty())
 }
 
-/// The hash of the vehicle that was flown, which stands behind its name: its first digits.
+/// The first digits of the hash of the flown vehicle, which follows its name.
 pub fn vehicle(comments: &[String]) -> Option<&str> {
     let (_, hash) = said(comments, "vehicle")?.split_once("sha256 ")?;
     hash.get(..DIGITS)
 }
 
-/// Digits of a hash that tell vehicles apart.
+/// Number of digits of a hash that distinguish vehicles.
 const DIGITS: usize = 12;
 
-/// What speaks against fitting these flights as one: runs that by their own words do not count, different kinds of sticks,
-/// vehicles and people. Each flight is its name and its [comments](crate::Series::comments).
+/// Reasons against fitting these flights together: runs marked as invalid, different kinds of sticks, different
+/// vehicles or different people. Each flight is given by its name and its [comments](crate::Series::comments).
 pub fn mixed<'c>(flights: impl IntoIterator<Item = (&'c str, &'c [String])>) -> Vec<String> {
     let mut notes = Vec::new();
     let (mut sticks, mut vehicles, mut people) =
@@ -71,7 +71,7 @@ pub fn mixed<'c>(flights: impl IntoIterator<Item = (&'c str, &'c [String])>) -> 
         )
     }));
     notes.extend(kinds(&people).map(|kinds| {
-        format!("the runs were flown by different people, {kinds}: one pilot for all is nobody's")
+        format!("the runs were flown by different people, {kinds}: one pilot for all describes none of them")
     }));
     notes
 }
@@ -116,7 +116,7 @@ mod tests {
                 "b.csv says of itself that it did not come to its end",
                 "the runs were flown with different kinds of sticks, gamepad (b.csv), mouse (a.csv and 1 more): one pilot \
                  for all mixes ways to move the hand",
-                "the runs were flown by different people, P1 (a.csv and 1 more), P2 (b.csv): one pilot for all is nobody's",
+                "the runs were flown by different people, P1 (a.csv and 1 more), P2 (b.csv): one pilot for all describes none of them",
             ]
         );
     }

@@ -1,6 +1,6 @@
-//! Named time series with units: what trials, results and tables are made of.
+//! Named time series with units, for trials, results and tables.
 //!
-//! On disk a series is a CSV file with one header row; a name carries its unit in brackets:
+//! A series is stored as a CSV file with one header row; names carry their units in brackets:
 //!
 //! ```text
 //! # pilot: A. Example
@@ -10,8 +10,7 @@
 //! 0.1,10,
 //! ```
 //!
-//! Lines that begin with `#` are comments, an empty cell is a missing sample (NaN), and the time column
-//! comes first.
+//! Lines that begin with `#` are comments, an empty cell is a missing sample (NaN), and the first column is time.
 
 mod error;
 pub mod flown;
@@ -28,7 +27,7 @@ pub use write::head;
 pub struct Column {
     /// Name, unique within the series.
     pub name: String,
-    /// Unit as written in the header (`m`, `rad/s`); empty for none.
+    /// Unit as written in the header (`m`, `rad/s`); empty if there is none.
     pub unit: String,
     /// One value for each time; NaN where the sample is missing.
     pub values: Vec<f64>,
@@ -39,12 +38,11 @@ pub struct Column {
 pub struct Series {
     /// Comment lines of the file, without the leading `#`.
     pub comments: Vec<String>,
-    /// Times \[s\], strictly increasing; equal ones may follow each other after
-    /// [`Series::read_table`].
+    /// Times \[s\], strictly increasing; only [`Series::read_table`] allows equal successive times.
     pub time: Vec<f64>,
-    /// Unit of the times in the file's header, from which they were converted; empty where it names none.
+    /// Unit of time in the file's header, from which the times were converted; empty if there is none.
     pub time_unit: String,
-    /// The signals, each of `time.len()` values.
+    /// The signals, each with `time.len()` values.
     pub columns: Vec<Column>,
 }
 

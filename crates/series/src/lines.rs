@@ -1,31 +1,32 @@
-//! Text that is handed on line by line.
+//! A reader that passes text on line by line.
 
 use std::io::{self, BufRead, Read};
 
-/// Hands on one line at each read, so that a parser which reads from it has never seen more than line
-/// [`number`](Self::number): where a message points to. A file is read once, whatever its length, and no
-/// more than one line of it is kept, but for its comments.
+/// Passes on one line per read. A parser that reads from it has thus never seen more than line
+/// [`number`](Self::number), so that error messages can refer to that line. A file of any length is read once; only one
+/// line and the comments are kept in memory.
 ///
-/// A read fails at bytes that are not UTF-8 and at lines that do not end; the byte-order mark that spreadsheets put in front is left out.
+/// A read fails at bytes that are not UTF-8 and at lines that are too long. The byte-order mark that spreadsheets put
+/// in front is skipped.
 pub struct Lines<R> {
     from: R,
     line: Vec<u8>,
     handed: usize,
-    /// The line handed on last, counted from 1; 0 before the first.
+    /// Number of the last line passed on, from 1; 0 before the first.
     pub number: usize,
-    /// Lines so far that begin with `#`, without it and the space around.
+    /// Comment lines so far, without the leading `#` and surrounding space.
     pub comments: Vec<String>,
-    /// The byte of the last line that is not UTF-8, if there is one.
+    /// The first byte of the last line that is not UTF-8, if any.
     pub wrong: Option<u8>,
-    /// Whether the last line was given up: it is longer than lines of a table are.
+    /// Whether reading stopped because the last line is longer than lines of a table are.
     pub is_endless: bool,
 }
 
-/// The longest line that is read, in bytes: a million cells.
+/// Maximum length of a line in bytes, enough for a million cells.
 pub(crate) const LONGEST: u64 = 1 << 24;
 
 impl<R: BufRead> Lines<R> {
-    /// From the first line on.
+    /// Starts at the first line.
     pub fn new(from: R) -> Self {
         Self {
             from,
@@ -51,7 +52,7 @@ impl<R: BufRead> Lines<R> {
             return Err(io::ErrorKind::InvalidData.into());
         }
         if self.line.last() != Some(&b'\n') {
-            // The parser takes a comment for one where it ends.
+            // The parser recognizes a comment only if its line is terminated.
             self.line.push(b'\n');
         }
         let text = std::str::from_utf8(&self.line).map_err(|error| {

@@ -1,4 +1,4 @@
-//! CSV in.
+//! Reading of CSV files.
 
 use super::lines::Lines;
 use super::{Column, Series, SeriesError};
@@ -7,38 +7,37 @@ use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
-/// Name of the first column, in small letters or capitals.
+/// Name of the first column, case-insensitive.
 const TIME: &str = "time";
 
-/// What a file may hold.
+/// What a file may contain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Form {
-    /// Finite samples, or none, at times that increase.
+    /// Finite or missing samples at increasing times.
     Recording,
-    /// Results of simulations too: times that repeat, and numbers that are not finite.
+    /// Also results of simulations: repeated times, and numbers that are not finite.
     Table,
 }
 
 impl Series {
-    /// Reads a CSV file: see the [module](super) for its form.
+    /// Reads a CSV file in the form described in the [module](super).
     ///
     /// # Errors
-    /// When the file cannot be read or is not of that form; the message names file, line and column.
+    /// If the file cannot be read or is not of that form; the message names file, line and column.
     pub fn read(path: &Path) -> Result<Self, SeriesError> {
         Self::read_as(path, Form::Recording)
     }
 
-    /// Reads a CSV file as simulations write it. A time may stand in several rows: the signals jump there,
-    /// from the first of these rows to the last. A sample may be infinite (`inf`, `-inf`), and `NaN` is a
-    /// missing one.
+    /// Reads a CSV file written by a simulation. Several rows may have the same time: the signals jump there, from the
+    /// first of these rows to the last. A sample may be infinite (`inf`, `-inf`); `NaN` is a missing sample.
     ///
     /// # Errors
-    /// As [`Series::read`], but for these two.
+    /// As [`Series::read`], except for repeated times and non-finite samples.
     pub fn read_table(path: &Path) -> Result<Self, SeriesError> {
         Self::read_as(path, Form::Table)
     }
 
-    /// Parses a CSV file's bytes; `file` is its name in messages.
+    /// Parses a CSV file's bytes; `file` is the name used in messages.
     ///
     /// # Errors
     /// As [`Series::read`].
@@ -46,7 +45,7 @@ impl Series {
         Self::parse_as(bytes, file, Form::Recording, TIME)
     }
 
-    /// The same of a file whose first column, the time, has that name.
+    /// As [`Series::parse`], with another name for the time column.
     ///
     /// # Errors
     /// As [`Series::read`].
@@ -63,7 +62,7 @@ impl Series {
         Self::parse_as(from, &path.display().to_string(), form, TIME)
     }
 
-    /// Parses what can be read once, from the first byte to the last: a file of any length, or a pipe.
+    /// Parses from a source that can be read only once: a file of any length, or a pipe.
     fn parse_as(
         from: impl BufRead,
         file: &str,
@@ -94,7 +93,7 @@ impl Series {
         }
     }
 
-    /// Appends the row at which `rows` stand.
+    /// Appends the current row of `rows`.
     fn push_row<R: BufRead>(
         &mut self,
         rows: &Rows<R>,
@@ -144,7 +143,7 @@ impl Series {
     }
 }
 
-/// The header row: names and units of all columns, and the time's factor to seconds.
+/// The header row: names and units of all columns, and the factor from the time unit to seconds.
 struct Header {
     cells: Vec<(String, String)>,
     seconds: f64,
@@ -168,7 +167,7 @@ impl<'a, R: BufRead> Rows<'a, R> {
         Self { reader, row, file }
     }
 
-    /// Goes to the next row, if there is one; blank lines and comments are passed over.
+    /// Advances to the next row, if any; skips blank lines and comments.
     fn next(&mut self) -> Result<bool, SeriesError> {
         let more = self.reader.read_record(&mut self.row);
         more.map_err(|source| {
@@ -192,8 +191,8 @@ impl<'a, R: BufRead> Rows<'a, R> {
         })
     }
 
-    /// The line on which the row begins. The reader's own count is of the place where it began to look,
-    /// before the comments and blank lines that it then passed over.
+    /// The line on which the row begins. The reader's own count refers to where it started searching, before the
+    /// skipped comments and blank lines.
     fn line(&self) -> usize {
         let within: usize = self.row.iter().map(|cell| cell.matches('\n').count()).sum();
         self.reader.get_ref().number - within
@@ -243,7 +242,7 @@ impl<'a, R: BufRead> Rows<'a, R> {
         Ok(Header { cells, seconds })
     }
 
-    /// Factor from the time column's unit to seconds; no unit means seconds.
+    /// Factor from the time column's unit to seconds; without a unit it is 1.
     fn time_factor(
         &self,
         line: usize,
@@ -271,25 +270,25 @@ impl<'a, R: BufRead> Rows<'a, R> {
     }
 }
 
-/// Splits `name [unit]`, or `name (unit)`; the unit is empty where none is written. None: not a name.
+/// Splits `name [unit]` or `name (unit)`; the unit is empty if not given. `None` if there is no valid name.
 pub(super) fn name_and_unit(cell: &str) -> Option<(String, String)> {
     let cell = cell.trim();
     let is_balanced = || cell.matches('[').count() == cell.matches(']').count();
     let within = |end: char, begin: &str| cell.strip_suffix(end)?.rsplit_once(begin);
     // `der(x)` is a name.
     let (name, unit) = match within(']', "[").or_else(|| within(')', " (")) {
-        // `q[1]` is an element of an array (FMI 2.0, section 2.2.9), not a `q` in units of 1.
+        // `q[1]` is an array element (FMI 2.0, section 2.2.9), not a `q` with unit 1.
         Some((name, index)) if is_index(index) && !name.ends_with(' ') => (cell, ""),
         Some((name, unit)) => (name.trim(), unit.trim()),
         None => (cell, ""),
     };
-    // Brackets of the name are its own, as long as those of a unit are whole.
+    // Brackets in the name may be unbalanced only if a complete unit follows.
     let is_whole = name.len() < cell.len() || is_balanced();
     let good = is_whole && !name.is_empty() && !name.contains(['\n', '\r']);
     good.then(|| (name.to_owned(), unit.to_owned()))
 }
 
-/// Digits and commas: the inside of an array element's brackets.
+/// Whether the text is an array index: digits and commas.
 fn is_index(text: &str) -> bool {
     !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit() || b == b',')
 }
@@ -322,7 +321,7 @@ mod tests {
         }
     }
 
-    /// A device without end, of which a part is read.
+    /// Part of an endless device is read.
     #[test]
     fn a_line_without_end_is_given_up() {
         let endless = BufReader::new(std::io::repeat(0));
@@ -350,7 +349,7 @@ mod tests {
         );
     }
 
-    /// What is taken from it cannot be taken again; keeps the size of the largest portion.
+    /// A source that can be read only once; records the largest read size.
     struct Once<'a> {
         rest: &'a [u8],
         most: &'a mut usize,
@@ -363,7 +362,7 @@ mod tests {
         }
     }
 
-    /// Work and memory: each byte comes once, in small portions, and yet an error far below has its line.
+    /// Work and memory: each byte is read once, in small portions; an error far down still has its line number.
     #[test]
     fn a_file_is_read_once_in_portions() {
         let rows: String = (0..20_000).map(|k| format!("{k},{}\r\n", 2 * k)).collect();

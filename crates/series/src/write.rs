@@ -1,11 +1,11 @@
-//! CSV out.
+//! Writing of CSV files.
 
 use super::Series;
 use super::read::name_and_unit;
 
 impl Series {
-    /// The series as CSV text that [`Series::parse`] reads back to the same bits: comments, then a
-    /// header with units, then one row for each time.
+    /// The series as CSV text that [`Series::parse`] reads back to the same bits: comments, a header with units, then
+    /// one row per time.
     pub fn to_csv(&self) -> String {
         let comment = |text: &String| format!("# {}\n", text.replace(['\n', '\r'], " "));
         let mut text: String = self.comments.iter().map(comment).collect();
@@ -27,11 +27,10 @@ impl Series {
     }
 }
 
-/// `name [unit]` as a cell of a header row, that reads back as this name and this unit; quoted where it holds
-/// a comma or a quote.
+/// `name [unit]` as a header cell that reads back as the same name and unit; quoted if it contains a comma or a quote.
 pub fn head(name: &str, unit: &str) -> String {
     let cell = match unit {
-        // A name that ends like a unit, or with half of one: an empty one says that it is none.
+        // If the name ends like a unit or part of one, an empty unit marks it as a name.
         "" if name_and_unit(name).is_none_or(|(read, _)| read != name) => format!("{name} []"),
         "" => name.to_owned(),
         unit => format!("{name} [{unit}]"),
@@ -46,7 +45,7 @@ pub fn head(name: &str, unit: &str) -> String {
 fn number(value: f64) -> String {
     match value.is_nan() {
         true => String::new(),
-        // `{:?}` turns to exponents where `{}` would write hundreds of zeros; a whole number needs no `.0`.
+        // `{:?}` uses exponents where `{}` would write hundreds of zeros; integers need no `.0`.
         false => format!("{value:?}").trim_end_matches(".0").to_owned(),
     }
 }

@@ -1,6 +1,5 @@
-//! The exact solution of a strictly convex QP for a guess of its active set: one sparse factorisation
-//! and a few steps of iterative refinement reach rounding, where an interior-point solver stops at its
-//! tolerance.
+//! Exact solution of a strictly convex QP from a guess of its active set. One sparse factorisation and a few steps of
+//! iterative refinement reach rounding accuracy, where an interior-point solver stops at its tolerance.
 
 use super::QpFailure;
 use super::convex::{ConvexSolution, csc};
@@ -8,20 +7,20 @@ use super::iterate::violation;
 use clarabel::qdldl::QDLDLFactorisation;
 use clarabel::qdldl::QDLDLSettingsBuilder;
 
-/// Regularisation of the dual block, undone by refinement; it makes dependent active rows harmless.
+/// Regularisation of the dual block, which makes dependent active rows harmless. Refinement removes its effect.
 const DUAL_REGULARISATION: f64 = 1e-9;
-/// Limit on steps of iterative refinement.
+/// Maximum number of steps of iterative refinement.
 const REFINEMENTS: usize = 30;
 /// Largest relative residual of an exact solution, and largest violation of an inactive row.
 const TOLERANCE: f64 = 1e-10;
-/// Rounds of dropping rows with the wrong sign and adding violated ones.
+/// Maximum number of active-set revisions: rows of the wrong sign are dropped, violated ones added.
 const ROUNDS: usize = 8;
 
 /// Triplets `(row, column, value)`; duplicates add.
 pub type Triplets = Vec<(usize, usize, f64)>;
 
-/// A QP `min ½ xᵀWx + qᵀx` subject to `lower ≤ A x ≤ upper`, convex where its first rows, the
-/// equalities, and any others that are held hold: `W + ρ JᵀJ` with these rows `J` is positive definite.
+/// A QP `min ½ xᵀWx + qᵀx` subject to `lower ≤ A x ≤ upper`, convex in the null space of `J`: its rows are the
+/// equalities, which come first, and any other held rows. That is, `W + ρ JᵀJ` is positive definite.
 #[derive(Debug, Clone, Default)]
 pub struct EqualityConvexQp {
     /// Upper triangle of `W`.
@@ -36,20 +35,20 @@ pub struct EqualityConvexQp {
     pub upper: Vec<f64>,
     /// Number of rows of `J`.
     pub equalities: usize,
-    /// Rows besides that are held at a limit; empty for none.
+    /// Limit at which each row is held in addition to the equalities; empty if none is held.
     pub held: Vec<Option<Limit>>,
     /// ρ.
     pub rho: f64,
 }
 
-/// At which limit a row is active.
+/// The limit at which a row is active.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Limit {
     /// The multiplier is at most zero.
     Lower,
     /// The multiplier is at least zero.
     Upper,
-    /// Both are the same; the multiplier may have any sign.
+    /// Both limits are equal; the multiplier may have any sign.
     Both,
 }
 
@@ -88,15 +87,15 @@ impl EqualityConvexQp {
         }
     }
 
-    /// True when a solution makes every held row active at its limit.
+    /// True if the solution makes every held row active at its limit.
     pub fn keeps_held(&self, solution: &ConvexSolution) -> bool {
         let pairs = self.held.iter().zip(self.active(solution));
         let kept = |(held, active): (&Option<Limit>, _)| held.is_none() || *held == active;
         self.held.is_empty() || (solution.violation == 0.0 && pairs.into_iter().all(kept))
     }
 
-    /// Upper triangle of `W + ρ JᵀJ`, and `q - ρ Jᵀb` with `J x = b` the rows held: a QP with the
-    /// same solution and multipliers, if that has them at their limits.
+    /// Upper triangle of `W + ρ JᵀJ`, and `q - ρ Jᵀb` with `J x = b` the held rows. This QP has the same solution and
+    /// multipliers if the held rows are at their limits.
     pub fn convexified(&self) -> (Triplets, Vec<f64>) {
         let mut q = self.q.clone();
         for &(row, column, v) in self.jacobian() {
@@ -106,8 +105,8 @@ impl EqualityConvexQp {
         (self.convexified_matrix(), q)
     }
 
-    /// True when `W + ρ JᵀJ` is numerically positive definite: all pivots of `LDLᵀ` are positive
-    /// beyond rounding (Sylvester's law of inertia).
+    /// True if `W + ρ JᵀJ` is numerically positive definite: all pivots of `LDLᵀ` are positive beyond rounding
+    /// (Sylvester's law of inertia).
     pub fn is_convex(&self) -> bool {
         let n = self.q.len();
         let mut p = self.convexified_matrix();
@@ -149,8 +148,7 @@ impl EqualityConvexQp {
         out
     }
 
-    /// Which rows a solution makes active: those whose multiplier outweighs their distance from the
-    /// limit that it belongs to.
+    /// The active rows of a solution: those whose multiplier is larger than the distance to the corresponding limit.
     pub fn active(&self, solution: &ConvexSolution) -> Vec<Option<Limit>> {
         let rows = self
             .rows(&solution.x)
@@ -166,8 +164,8 @@ impl EqualityConvexQp {
         .collect()
     }
 
-    /// The solution, from a guess of the active set that may be a few rows wrong; None when no active
-    /// set near it fulfils the optimality conditions.
+    /// The solution, from a guess of the active set that may be wrong in a few rows. None if no active set near it
+    /// satisfies the optimality conditions.
     pub fn solve_near(&self, guess: &[Option<Limit>]) -> Option<ConvexSolution> {
         let mut active: Vec<Option<Limit>> = guess.to_vec();
         for (i, at) in active.iter_mut().enumerate() {
@@ -184,8 +182,7 @@ impl EqualityConvexQp {
         None
     }
 
-    /// Drops rows whose multiplier has the wrong sign and adds violated ones; false when there are
-    /// none.
+    /// Drops rows whose multiplier has the wrong sign and adds violated ones. Returns false if nothing changed.
     fn revise(&self, solution: &ConvexSolution, active: &mut [Option<Limit>]) -> bool {
         let mut changed = false;
         for (i, value) in self.rows(&solution.x).into_iter().enumerate() {
@@ -210,7 +207,7 @@ impl EqualityConvexQp {
         changed
     }
 
-    /// Solves `[W Aᵀ; A 0] [x; y] = [-q; b]` over the active rows; None when it has no solution.
+    /// Solves `[W Aᵀ; A 0] [x; y] = [-q; b]` over the active rows. None if there is no solution.
     fn solve_active(&self, active: &[Option<Limit>]) -> Option<ConvexSolution> {
         let n = self.q.len();
         let mut place = vec![None; active.len()];
@@ -243,9 +240,9 @@ impl EqualityConvexQp {
 /// The KKT system of one active set.
 struct Kkt<'a> {
     qp: &'a EqualityConvexQp,
-    /// Active rows, counted from `n`; the equalities are the first.
+    /// Active rows, numbered from `n`; the equalities come first.
     a: Triplets,
-    /// Which of these are rows of `J`.
+    /// True for the active rows that belong to `J`.
     squared: Vec<bool>,
     right: Vec<f64>,
     factor: QDLDLFactorisation<f64>,
@@ -279,7 +276,7 @@ impl<'a> Kkt<'a> {
         })
     }
 
-    /// Iterative refinement from zero, while it halves the residual.
+    /// Iterative refinement from zero, as long as each step halves the residual.
     fn solve(&mut self) -> Option<Vec<f64>> {
         let mut solution = vec![0.0; self.right.len()];
         let mut residual = self.right.clone();
@@ -303,7 +300,7 @@ impl<'a> Kkt<'a> {
         (best <= TOLERANCE * (1.0 + max_abs(&self.right) + max_abs(&solution))).then_some(solution)
     }
 
-    /// The right-hand side for the convexified matrix: `r₁ + ρ Jᵀ r₂` on top.
+    /// The right-hand side for the convexified matrix: its upper part is `r₁ + ρ Jᵀ r₂`.
     fn weighted(&self, residual: &[f64]) -> Vec<f64> {
         let mut out = residual.to_vec();
         let n = self.qp.q.len();
@@ -332,7 +329,7 @@ fn max_abs(v: &[f64]) -> f64 {
     )
 }
 
-/// Names the failure of a QP that is not convex even with the largest ρ.
+/// Sets ρ to the first weight that makes the QP convex. Fails if even the largest does not.
 pub fn require_convex(qp: &mut EqualityConvexQp, weights: &[f64]) -> Result<(), QpFailure> {
     for &rho in weights {
         qp.rho = rho;

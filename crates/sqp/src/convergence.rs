@@ -4,7 +4,7 @@
 use super::iterate::violation;
 use super::{Iterate, Problem, vector};
 
-/// Multipliers beyond this mean scale the dual residual down (Wächter & Biegler: s_max).
+/// Mean magnitude of the multipliers above which the dual residual is scaled down (Wächter & Biegler: s_max).
 const MULTIPLIER_SCALE: f64 = 100.0;
 
 /// The parts of the KKT residual at a point.
@@ -14,19 +14,19 @@ pub struct Kkt {
     pub dual: f64,
     /// Largest violation of a constraint.
     pub primal: f64,
-    /// Largest product of a multiplier with the distance from its limit, over `s_c`.
+    /// Largest product of a multiplier and the distance from its limit, divided by `s_c`.
     pub complementarity: f64,
 }
 
 impl Kkt {
-    /// Of a point outside the problem's domain.
+    /// Value at a point outside the problem's domain.
     pub const UNDEFINED: Self = Self {
         dual: f64::NAN,
         primal: f64::NAN,
         complementarity: f64::NAN,
     };
 
-    /// The parts at an iterate with the gradient of its Lagrangian.
+    /// The KKT residual at an iterate, given the gradient of its Lagrangian.
     pub fn at<P: Problem + ?Sized>(problem: &P, at: &Iterate, lagrangian_gradient: &[f64]) -> Self {
         let (lower, upper) = problem.limits();
         let mean = |sum: f64, n: usize| sum / n.max(1) as f64;
@@ -50,7 +50,7 @@ impl Kkt {
         }
     }
 
-    /// The scaled KKT residual: the largest part; NaN if any is.
+    /// The scaled KKT residual: the largest part; NaN if any part is NaN.
     pub fn residual(&self) -> f64 {
         let sum = self.dual + self.primal + self.complementarity;
         if sum.is_nan() {

@@ -8,7 +8,7 @@ use clarabel::solver::{
     SupportedConeT, ZeroConeT,
 };
 
-/// Tolerance on gap and feasibility: two orders below the SQP's own.
+/// Tolerance on gap and feasibility: two orders of magnitude below that of the SQP.
 const TOLERANCE: f64 = 1e-10;
 
 /// `min ½ xᵀPx + qᵀx` subject to `lower ≤ A x ≤ upper`; rows with `lower == upper` are equalities.
@@ -20,9 +20,9 @@ pub struct ConvexQp {
     pub q: Vec<f64>,
     /// `A`, triplets `(row, column, value)`; duplicates add.
     pub a: Vec<(usize, usize, f64)>,
-    /// Lower limits of the rows, infinite for none.
+    /// Lower limits of the rows, infinite if there is none.
     pub lower: Vec<f64>,
-    /// Upper limits of the rows, infinite for none.
+    /// Upper limits of the rows, infinite if there is none.
     pub upper: Vec<f64>,
 }
 
@@ -33,11 +33,11 @@ pub struct ConvexSolution {
     pub x: Vec<f64>,
     /// Multiplier of each row, positive at the upper and negative at the lower limit.
     pub y: Vec<f64>,
-    /// ℓ1 violation of the rows, not zero only if they were relaxed.
+    /// ℓ1 violation of the rows; nonzero only if they were relaxed.
     pub violation: f64,
 }
 
-/// Which row and side a row of clarabel's `A x + s = b` stands for.
+/// The row and side that correspond to a row of clarabel's `A x + s = b`.
 #[derive(Clone, Copy)]
 struct Side {
     row: usize,
@@ -46,8 +46,8 @@ struct Side {
 }
 
 impl ConvexQp {
-    /// Solves it. With `relaxed = Some(γ)` every row may be violated at the cost γ per unit (ℓ1), so
-    /// that inconsistent rows still give a step.
+    /// Solves the QP. With `relaxed = Some(γ)` every row may be violated at the cost γ per unit (ℓ1), so that
+    /// inconsistent rows still give a step.
     pub fn solve(&self, relaxed: Option<f64>) -> Result<ConvexSolution, QpFailure> {
         let sides = self.sides();
         let n_slack = if relaxed.is_some() {
@@ -141,7 +141,7 @@ impl ConvexQp {
         sides
     }
 
-    /// The triplets of `A`, one copy for each side.
+    /// The triplets of `A`, with one copy of a row for each of its sides.
     fn stacked(&self, sides: &[Side]) -> Vec<(usize, usize, f64)> {
         let mut copies = vec![Vec::new(); self.lower.len()];
         for (k, side) in sides.iter().enumerate() {
@@ -165,8 +165,8 @@ impl ConvexQp {
     }
 }
 
-/// Adds slack variables: two for an equality row, one shared by the sides of an inequality row, each
-/// at least zero and at the given cost.
+/// Adds nonnegative slack variables at the given cost: two per equality row, and one per inequality row, shared by its
+/// sides.
 fn relax(
     entries: &mut Vec<(usize, usize, f64)>,
     q: &mut Vec<f64>,
@@ -191,7 +191,7 @@ fn relax(
     cones.push(NonnegativeConeT(2 * n_rows));
 }
 
-/// Compressed columns from triplets; duplicates are added.
+/// Compressed sparse columns from triplets; duplicates are summed.
 pub fn csc(rows: usize, columns: usize, triplets: &[(usize, usize, f64)]) -> CscMatrix<f64> {
     let mut sorted = triplets.to_vec();
     sorted.sort_by_key(|&(i, j, _)| (j, i));

@@ -1,32 +1,31 @@
-//! The second-order condition at a KKT point: no direction of the critical cone has negative curvature
-//! of the Lagrangian (Nocedal & Wright, *Numerical Optimization*, 2nd ed., theorems 12.5 and 12.6).
+//! The second-order condition at a KKT point: the Lagrangian has no negative curvature in any direction of the critical
+//! cone (Nocedal & Wright, *Numerical Optimization*, 2nd ed., theorems 12.5 and 12.6).
 //!
-//! Strongly active inequalities (multiplier not zero) hold a direction in their tangent plane, weakly
-//! active ones (multiplier zero) on their inner side. A minimum of the curvature over that cone's unit
-//! vectors lies inside one of its faces and is an eigenvector of the Hessian projected on the face's span
-//! (W. Kaplan, *A test for copositive matrices*, Linear Algebra Appl. 313, 2000), so all faces are
-//! looked at. Without weakly active inequalities there is one face: the null space of the active rows.
+//! Strongly active inequalities (nonzero multiplier) restrict directions to their tangent plane, weakly active ones
+//! (zero multiplier) to their inner side. A minimum of the curvature over the unit vectors of that cone lies in the
+//! interior of one of its faces and is an eigenvector of the Hessian projected on the span of that face (W. Kaplan, *A
+//! test for copositive matrices*, Linear Algebra Appl. 313, 2000), so all faces are examined. Without weakly active
+//! inequalities there is one face: the null space of the active rows.
 //!
-//! The sign of the curvature does not depend on the variables' scales, but its size and the rounding in
-//! it do, and reduced variables may differ by many orders of magnitude. So the reduced Hessian is scaled
-//! to a unit diagonal first, which is nearly the best that a diagonal scaling can do (A. van der Sluis,
-//! *Condition numbers and equilibration of matrices*, Numer. Math. 14, 1969).
+//! The sign of the curvature does not depend on the scaling of the variables, but its size and rounding error do, and
+//! reduced variables may differ by many orders of magnitude. The reduced Hessian is therefore first scaled to a unit
+//! diagonal, which is nearly the best diagonal scaling (A. van der Sluis, *Condition numbers and equilibration of
+//! matrices*, Numer. Math. 14, 1969).
 
 use super::Problem;
 use super::iterate::Iterate;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-/// Scaled curvature above minus this counts as not negative: the Hessian inherits the error that the KKT
-/// tolerance leaves in point and multipliers.
+/// Scaled curvature above minus this value counts as nonnegative: the Hessian inherits the error that the KKT tolerance
+/// allows in point and multipliers.
 pub const TOLERANCE: f64 = 1e-8;
-/// Distance from a limit, and multiplier, below which they count as zero: the product of both is within
-/// the KKT tolerance.
+/// Distance from a limit, and multiplier, below which they count as zero: their product is within the KKT tolerance.
 const ZERO: f64 = 1e-4;
-/// Weakly active rows of which every subset makes a face; further ones are held like strong ones.
+/// Maximum number of weakly active rows whose faces are enumerated; further ones are treated as strongly active.
 const MAX_WEAK: usize = 6;
-/// Rows that differ by less than this, relatively, are dependent.
+/// Relative difference below which rows count as dependent.
 const RANK: f64 = 1e-9;
-/// Steps of the eigenvalue iteration, at most.
+/// Maximum number of steps of the eigenvalue iteration.
 const MAX_ITERATIONS: usize = 10_000;
 /// Largest matrix whose eigenvalues are computed.
 pub const MAX_SIZE: usize = 500;
@@ -34,18 +33,18 @@ pub const MAX_SIZE: usize = 500;
 /// The smallest curvature of the Lagrangian over the critical cone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curvature {
-    /// Smallest eigenvalue of the reduced Hessian, scaled to a unit diagonal and projected on the cone,
-    /// over that matrix's Frobenius norm (or over one, where that is larger). At most one, which is
-    /// also what a vertex has: it leaves no direction.
+    /// Smallest eigenvalue of the reduced Hessian, scaled to a unit diagonal and projected on the cone, divided by the
+    /// Frobenius norm of that matrix or by one, whichever is larger. At most one, which is also its value at a vertex,
+    /// where no direction is left.
     pub smallest: f64,
     /// `dᵀWd` along the direction.
     pub along: f64,
-    /// The direction `d` that has it, of any length; empty at a vertex.
+    /// The direction `d` of the smallest curvature, of any length; empty at a vertex.
     pub direction: Vec<f64>,
 }
 
 impl Curvature {
-    /// True beyond what rounding explains.
+    /// True if the curvature is negative beyond rounding.
     pub fn is_negative(&self) -> bool {
         self.smallest < -TOLERANCE
     }
@@ -63,7 +62,7 @@ impl Curvature {
 /// How an inequality restricts the directions at a KKT point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Activity {
-    /// Away from its limits: not at all.
+    /// Away from its limits: no restriction.
     Free,
     /// At a limit, with a multiplier: its value must not change.
     Strong,
@@ -113,8 +112,7 @@ impl Cone {
         }
     }
 
-    /// The smallest curvature of `h` over the cone. None when it cannot be computed: too large, or not
-    /// finite.
+    /// The smallest curvature of `h` over the cone. None if it cannot be computed: `h` is too large or not finite.
     pub fn smallest(mut self, h: &DMatrix<f64>) -> Option<Curvature> {
         if h.nrows() > MAX_SIZE || h.iter().any(|v| !v.is_finite()) {
             return None;
@@ -148,14 +146,14 @@ impl Cone {
     }
 }
 
-/// The unit of a variable in which a diagonal entry of the Hessian becomes one; entries below one are
-/// left, since a flat direction of a scaled problem is flat.
+/// The unit of a variable in which its diagonal entry of the Hessian becomes one. Entries below one are not scaled,
+/// since a flat direction of a scaled problem is flat.
 pub fn unit(diagonal: f64) -> f64 {
     1.0 / diagonal.abs().max(1.0).sqrt()
 }
 
-/// The smallest eigenvalue whose eigenvector lies in the cone `weak · d ≤ 0`, on its face where the rows
-/// in the bits of `face` are zero, if there is one. None when the eigenvalues cannot be computed.
+/// The smallest eigenvalue whose eigenvector lies in the cone `weak · d ≤ 0`, on the face where the rows in the bits of
+/// `face` are zero, if there is one. None if the eigenvalues cannot be computed.
 fn least_inside(
     h: &DMatrix<f64>,
     weak: &[DVector<f64>],
@@ -169,7 +167,7 @@ fn least_inside(
         return Some(None);
     }
     let inner = span.tr_mul(&(h * &span));
-    // On what is not finite the iteration would not end.
+    // The iteration would not end if a value is not finite.
     if !inner.iter().all(|value| value.is_finite()) {
         return None;
     }
@@ -189,8 +187,8 @@ fn least_inside(
     Some(least)
 }
 
-/// An orthonormal basis of the directions with `rowᵀd = 0` for all rows, as columns; dependent rows do
-/// no harm (QR with column pivoting; Golub & Van Loan, *Matrix Computations*, 4th ed., section 5.4.2).
+/// An orthonormal basis of the directions with `rowᵀd = 0` for all rows, as columns. Rows may be dependent (QR with
+/// column pivoting; Golub & Van Loan, *Matrix Computations*, 4th ed., section 5.4.2).
 pub fn null_space(rows: &[DVector<f64>], n: usize) -> DMatrix<f64> {
     let units: Vec<DVector<f64>> = (rows.iter())
         .filter(|row| row.norm() > 0.0)
@@ -238,7 +236,7 @@ mod tests {
             }
         }
 
-        /// Against many unit vectors of the cone.
+        /// Compared with many unit vectors of the cone.
         #[test]
         fn no_direction_of_the_cone_has_less(
             n in 1_usize..5, held in 0_usize..2, weak in 0_usize..4,

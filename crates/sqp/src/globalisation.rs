@@ -1,41 +1,41 @@
-//! The merit function: an augmented Lagrangian in the equalities (Gill, Murray & Saunders, *SNOPT*, SIAM
-//! Review 47, 2005, section 2.3) and weighted ℓ1 in the inequalities (Powell 1978):
+//! The merit function: an augmented Lagrangian in the equalities (Gill, Murray & Saunders, *SNOPT*, SIAM Review 47,
+//! 2005, section 2.3) and a weighted ℓ1 penalty on the inequalities (Powell 1978):
 //!
 //! ```text
 //! φ(z, λ) = f + λᵀc + ½ ρ ‖c‖² + Σ σ_i viol(g_i)
 //! ```
 //!
-//! The line search moves `(z, λ)` together. Since the QP has the Hessian of the same Lagrangian, its
-//! model of φ is right to second order and full steps are accepted early; an ℓ1 merit in the
-//! equalities would add up the curvature of thousands of defects, of either sign, and forbid them.
+//! The line search moves `(z, λ)` together. The QP has the Hessian of the same Lagrangian, so its model of φ is
+//! accurate to second order and full steps are accepted early. An ℓ1 merit in the equalities would add up the curvature
+//! of thousands of defects, of either sign, and reject full steps.
 
 use super::iterate::violation;
 use super::{Iterate, Problem, Step, vector};
 
-/// Fraction to which ρ may fall from one iteration to the next: multipliers improve as it runs. Where it falls
-/// faster, the steps may leave the equalities again.
+/// Smallest ratio of ρ to its last accepted value: it may decrease as the multipliers improve. With a faster decrease
+/// the steps may leave the equalities again.
 const PENALTY_FALL: f64 = 0.2;
 
 /// The merit function and its parameters.
 #[derive(Debug, Clone, Default)]
 pub struct Merit {
     penalty: f64,
-    /// ρ of the last step that was kept.
+    /// ρ of the last accepted step.
     kept: f64,
     inequality: Vec<f64>,
 }
 
-/// What the QP says of the merit along its step.
+/// The QP's prediction of the merit along its step.
 #[derive(Debug, Clone, Copy)]
 pub struct Model {
     /// Derivative of φ along the step at its start.
     pub derivative: f64,
-    /// Decrease of φ by the full step.
+    /// Predicted decrease of φ for the full step.
     pub decrease: f64,
 }
 
 impl Merit {
-    /// The value at an iterate with its multipliers; infinite outside the problem's domain.
+    /// The merit at an iterate with its multipliers; infinite outside the problem's domain.
     pub fn value<P: Problem + ?Sized>(&self, problem: &P, at: &Iterate) -> f64 {
         if !at.is_finite() {
             return f64::INFINITY;
@@ -69,7 +69,7 @@ impl Merit {
         let change = vector::sum([&at.c, &at.lambda, &step.lambda], |[c, l, new]| {
             c * (new - l)
         });
-        // At most: relaxed rows carry the largest weight.
+        // An upper bound: relaxed rows are given the largest weight.
         let heaviest = self.inequality.iter().copied().fold(0.0, f64::max);
         let outside = self.outside(problem, at) - heaviest * step.violation;
         let left = |v: &[f64]| -> f64 { step.residual.iter().zip(v).map(|(r, v)| r * v).sum() };
@@ -91,7 +91,7 @@ impl Merit {
         }
     }
 
-    /// The step that was prepared last is kept: the next one's ρ may fall from here.
+    /// Records that the step prepared last was accepted: ρ may decrease from its value.
     pub fn keep(&mut self) {
         self.kept = self.penalty;
     }

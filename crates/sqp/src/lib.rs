@@ -4,13 +4,13 @@
 //! min f(z)   subject to   c(z) = 0,   lower ≤ g(z) ≤ upper
 //! ```
 //!
-//! with `f`, `c` and `g` twice continuously differentiable, not necessarily convex. It is for programs whose
-//! Jacobians and Hessian are sparse and known exactly, scaled to the order of one, such as those of direct
-//! collocation; the second-order condition is checked before a point counts as a solution. Without
-//! derivatives, or with variables that are integers, use another solver.
+//! where `f`, `c` and `g` are twice continuously differentiable, not necessarily convex. It is made for programs with
+//! exact sparse Jacobians and Hessian, scaled to the order of one, such as those of direct collocation. The
+//! second-order condition is checked before a point counts as a solution. Without derivatives, or with integer
+//! variables, use another solver.
 //!
-//! A program is a [`SparseProblem`]; here number 14 of Hock & Schittkowski (*Test Examples for Nonlinear
-//! Programming Codes*, 1981):
+//! A program implements [`SparseProblem`]. The example is number 14 of Hock & Schittkowski (*Test Examples for
+//! Nonlinear Programming Codes*, 1981):
 //!
 //! ```
 //! use pilotage_sqp::{Hessian, SqpOptions, Problem, SparseProblem, SparseQp, Status, problem::Pattern, solve};
@@ -55,15 +55,13 @@
 //! assert!((0..2).all(|i| (solution.iterate.z[i] - optimum[i]).abs() < 1e-8));
 //! ```
 //!
-//! A structured problem brings a [`QpSolver`] of its own in place of [`SparseQp`], as `pilotage-collocation`
-//! does.
+//! A structured problem can implement [`QpSolver`] instead of using [`SparseQp`], as `pilotage-collocation` does.
 //!
-//! The globalisation is an augmented Lagrangian merit with Armijo backtracking, second-order
-//! corrections whose length is tested, and a Levenberg–Marquardt term in the QP that grows when the
-//! model is not to be trusted ([`solver`], [`globalisation`]), also where a step left the region in which
-//! its linearisation means something ([`QpSolver::growth`]). A point counts as a solution when the
-//! second-order condition holds too ([`curvature`]); at a saddle the solve goes on along a direction of
-//! negative curvature.
+//! The globalisation combines an augmented Lagrangian merit with Armijo backtracking, second-order corrections whose
+//! length is tested, and a Levenberg–Marquardt term in the QP ([`solver`], [`globalisation`]). This term grows where
+//! the model is unreliable, and also where a step left the region in which its linearisation is valid
+//! ([`QpSolver::growth`]). A point counts as a solution if the second-order condition holds too ([`curvature`]); at a
+//! saddle point the solve continues along a direction of negative curvature.
 
 mod active_set;
 pub mod convergence;

@@ -1,5 +1,4 @@
-//! Which part of a QP's step is taken: backtracking on the merit, with second-order corrections of the
-//! full step.
+//! The line search: backtracking on the merit, with second-order corrections of the full step.
 
 use super::Problem;
 use super::globalisation::Model;
@@ -9,17 +8,17 @@ use super::vector::{each, largest, largest_of};
 
 /// Longest second-order correction, relative to the step or the correction before it.
 const CORRECTION_RATE: f64 = 0.35;
-/// Part of the predicted length of a shorter step that is tried.
+/// Fraction of the predicted length at which a shorter step is tried.
 const SAFETY: f64 = 0.6;
-/// Fall of the equalities by a full step beyond which its correction need not be measured.
+/// Ratio of the equalities after and before a full step below which its correction need not be measured.
 const CONTRACTION: f64 = 0.35;
-/// Part of the model's decrease by a full step that needs no such measuring either.
+/// Fraction of the predicted decrease above which the correction of a full step need not be measured either.
 const GOOD: f64 = 0.5;
-/// Limit on second-order corrections of one step.
+/// Maximum number of second-order corrections of one step.
 const MAX_CORRECTIONS: usize = 3;
 
 impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
-    /// The step length at which the merit falls enough, and how the fall compares with the model's.
+    /// The step length at which the merit decreases enough, and the ratio of the actual to the predicted decrease.
     /// Leaves the accepted point in `trial`.
     pub(super) fn search(&mut self, shortest: f64) -> Option<(f64, f64)> {
         let model = self.merit.prepare(self.problem, &self.current, &self.step);
@@ -44,13 +43,13 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         None
     }
 
-    /// The full step, as it is or with a second-order correction, if either passes and the correction
-    /// is short; otherwise the merit at the step as it is.
+    /// The full step, unchanged or with a second-order correction, if either passes and the correction is short;
+    /// otherwise the merit of the unchanged step.
     fn full_step(&mut self, test: &Descent) -> Result<f64, f64> {
         self.try_step(1.0);
         let value = self.merit.value(self.problem, &self.trial);
         if test.is_rounding() && test.passes(value, 1.0) {
-            // The merit says nothing any more; a Newton step still improves the residual.
+            // The merit is dominated by rounding; a Newton step still improves the residual.
             return Ok(1.0);
         }
         if !value.is_finite() {
@@ -89,15 +88,15 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         None
     }
 
-    /// True when the trial's equalities are so small beside those at the iterate that its correction is
-    /// certainly short.
+    /// True if the trial's equalities are so small relative to those at the iterate that its correction is certainly
+    /// short.
     fn contracts(&self) -> bool {
         largest(&self.trial.c) <= CONTRACTION * largest(&self.current.c)
     }
 
-    /// Second-order correction of the step `d`, which led to `trial`. Returns how far it would move the trial: a
-    /// simplified Newton step, short beside the one before where the linearisation holds (Deuflhard,
-    /// *Newton Methods for Nonlinear Problems*, 2004, section 3.3).
+    /// Second-order correction of the step `d`, which led to `trial`. Returns by how much it would move the trial: a
+    /// simplified Newton step, short relative to the previous one where the linearisation holds (Deuflhard, *Newton
+    /// Methods for Nonlinear Problems*, 2004, section 3.3).
     fn correct(&mut self, d: &mut [f64]) -> Option<f64> {
         self.work.corrections += 1;
         self.qp.correct(self.problem, &self.trial, d).ok()?;
@@ -105,7 +104,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         Some(largest_of([&self.trial.z, &self.current.z, d], change))
     }
 
-    /// Moves the trial to where the step `d` leads. None outside the problem's domain.
+    /// Moves the trial to the end of the step `d`. None outside the problem's domain.
     fn take_corrected(&mut self, d: &[f64]) -> Option<()> {
         each(&mut self.trial.z, [&self.current.z, d], |[z, d]| z + d);
         self.trial.evaluate(self.problem);
@@ -133,7 +132,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
     }
 }
 
-/// Test of a trial point's merit (Armijo; Nocedal & Wright, eq. 3.6a), blind to rounding.
+/// Sufficient decrease of a trial point's merit (Armijo; Nocedal & Wright, eq. 3.6a), insensitive to rounding.
 struct Descent {
     start: f64,
     model: Model,
@@ -141,7 +140,7 @@ struct Descent {
 }
 
 impl Descent {
-    /// Differences below this cannot be told from a decrease.
+    /// Differences below this are indistinguishable from rounding.
     fn rounding(&self) -> f64 {
         100.0 * f64::EPSILON * self.start.abs()
     }
@@ -154,9 +153,9 @@ impl Descent {
         value <= self.start + self.armijo * alpha * self.model.derivative.min(0.0) + self.rounding()
     }
 
-    /// Where the search begins when the full step, with this merit, was refused. Far from where the
-    /// linearisation holds, the equalities grow with the square of the step, and their part of the merit
-    /// with its fourth power.
+    /// The step length at which the search starts after the full step, with this merit, was rejected. Far from where
+    /// the linearisation holds, the equalities grow with the square of the step, and their part of the merit with its
+    /// fourth power.
     fn shortened(&self, value: f64) -> f64 {
         let (rise, slope) = (value - self.start, -self.model.derivative.min(0.0));
         match rise.is_finite() && rise > 0.0 {
@@ -165,7 +164,7 @@ impl Descent {
         }
     }
 
-    /// Decrease over the decrease that the model predicts for the full step.
+    /// Actual decrease divided by the decrease that the model predicts for the full step.
     fn ratio(&self, value: f64) -> f64 {
         (self.start - value + self.rounding()) / (self.model.decrease + self.rounding())
     }

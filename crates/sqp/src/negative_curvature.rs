@@ -1,5 +1,5 @@
-//! From a saddle: a step along a direction of negative curvature (McCormick, *A modification of Armijo's
-//! step-size rule for negative curvature*, Math. Program. 13, 1977).
+//! A step from a saddle point along a direction of negative curvature (McCormick, *A modification of Armijo's step-size
+//! rule for negative curvature*, Math. Program. 13, 1977).
 
 use super::Problem;
 use super::curvature::{Activity, Curvature, activities};
@@ -8,14 +8,14 @@ use super::qp::QpSolver;
 use super::solution::StepModel;
 use super::solver::{Accepted, Sqp};
 
-/// Fraction of the decrease `½ α² dᵀWd` that a step must bring.
+/// Fraction of the decrease `½ α² dᵀWd` that a step must achieve.
 const SUFFICIENT: f64 = 0.1;
-/// Shortest step, as the largest change of a variable. The longest is one, the variables' order.
+/// Shortest step, as the largest change of a variable. The longest step is one, the order of the variables.
 const SHORTEST: f64 = 1e-6;
 
 impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
-    /// The longest step of either sign that lowers the augmented Lagrangian as its curvature promises.
-    /// None when there is none, or when this saddle is no better than the last.
+    /// The longest step of either sign that lowers the augmented Lagrangian as its curvature predicts. None if there is
+    /// none, or if this saddle point is no better than the last.
     pub(super) fn leave_saddle(&mut self, curvature: &Curvature) -> Option<Accepted> {
         if self.current.f >= self.saddle {
             return None;
@@ -48,7 +48,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         None
     }
 
-    /// `trial` at `current + alpha d`, with the current multipliers.
+    /// Sets `trial` to `current + alpha d`, with the current multipliers.
     fn move_trial(&mut self, alpha: f64, d: &[f64]) {
         self.trial.clone_from(&self.current);
         (self.trial.z.iter_mut().zip(d)).for_each(|(z, d)| *z += alpha * d);
@@ -57,9 +57,9 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
     }
 }
 
-/// The augmented Lagrangian of a KKT point in all its strongly active constraints, with the multipliers
-/// of that point; other inequalities cost their violation. In contrast to the merit it has the curvature
-/// of the Lagrangian on both sides of an inequality.
+/// The augmented Lagrangian at a KKT point in all its strongly active constraints, with the multipliers of that point;
+/// the other inequalities are penalised by their violation. Unlike the merit, it has the curvature of the Lagrangian on
+/// both sides of an inequality.
 struct Lagrangian {
     lambda: Vec<f64>,
     rows: Vec<Row>,
@@ -67,7 +67,7 @@ struct Lagrangian {
     cost: f64,
 }
 
-/// What an inequality adds.
+/// The contribution of an inequality.
 enum Row {
     /// `η (g - value) + ½ ρ (g - value)²`.
     Held { eta: f64, value: f64 },
@@ -99,7 +99,7 @@ impl Lagrangian {
         }
     }
 
-    /// Infinite outside the problem's domain.
+    /// The value at an iterate; infinite outside the problem's domain.
     fn value(&self, at: &Iterate) -> f64 {
         if !at.is_finite() {
             return f64::INFINITY;

@@ -15,12 +15,10 @@ pub trait Problem {
     /// Number of equality constraints `c`.
     fn n_equalities(&self) -> usize;
 
-    /// Limits `(lower, upper)` of `g`, infinite where there is none; their length is the number of
-    /// inequality constraints.
+    /// Limits `(lower, upper)` of `g`, infinite if there is none. Their length is the number of inequality constraints.
     fn limits(&self) -> (&[f64], &[f64]);
 
-    /// Returns `f(z)` and writes `c(z)` and `g(z)`; values that are not finite mark a `z` outside the
-    /// problem's domain.
+    /// Returns `f(z)` and writes `c(z)` and `g(z)`. Values that are not finite mark a `z` outside the problem's domain.
     fn evaluate(&self, z: &[f64], c: &mut [f64], g: &mut [f64]) -> f64;
 
     /// Weight of each variable in the Levenberg–Marquardt term `½ μ Σ w_i d_i²` of a step; zero for
@@ -28,7 +26,7 @@ pub trait Problem {
     fn damping_weights(&self) -> &[f64];
 }
 
-/// Sparse matrix as triplets in a fixed order: the pattern once, the values at each iterate.
+/// Entries `(row, column)` of a sparse matrix in a fixed order; the values at each iterate follow this order.
 pub type Pattern = Vec<(usize, usize)>;
 
 /// A [`Problem`] with sparse derivatives, for the general QP path ([`super::SparseQp`]).
@@ -42,13 +40,13 @@ pub trait SparseProblem: Problem {
     /// Pattern `(row, column)` of the Jacobian of `g`; duplicates add.
     fn inequality_pattern(&self) -> Pattern;
 
-    /// Writes the values of both Jacobians in the patterns' order.
+    /// Writes the values of both Jacobians in the order of the patterns.
     fn jacobians(&self, z: &[f64], equality: &mut [f64], inequality: &mut [f64]);
 
     /// Pattern of the upper triangle (row ≤ column) of the Hessian of the Lagrangian; duplicates add.
     fn hessian_pattern(&self) -> Pattern;
 
-    /// Writes the Hessian of `f + λᵀc + ηᵀg` in the pattern's order, or, with
+    /// Writes the Hessian of `f + λᵀc + ηᵀg` in the order of the pattern, or, with
     /// [`Hessian::GaussNewton`](super::Hessian::GaussNewton), a positive semidefinite approximation.
     fn hessian(
         &self,

@@ -1,8 +1,8 @@
-//! What a solve returns.
+//! Result of a solve.
 
 use super::{Iterate, Kkt, Status};
 
-/// Work that a solve did: what tests snapshot, since it does not depend on the clock.
+/// Work of a solve. Tests snapshot it, since it does not depend on the clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Work {
     /// Accepted steps.
@@ -30,29 +30,28 @@ impl std::ops::AddAssign for Work {
     }
 }
 
-/// The outcome of a solve: the best iterate with how good it is.
+/// The outcome of a solve: the best iterate and its quality.
 #[derive(Debug, Clone)]
 pub struct Solution {
-    /// How it ended.
+    /// Why the solve ended.
     pub status: Status,
     /// The last iterate, which is the best by the merit.
     pub iterate: Iterate,
     /// Its KKT residual.
     pub kkt: Kkt,
     /// The smallest curvature of the Lagrangian over the critical cone, scaled
-    /// ([`Curvature::smallest`](super::Curvature::smallest)): not below minus
-    /// [`TOLERANCE`](super::curvature::TOLERANCE) where the solve converged. None where the second-order
-    /// condition was not checked: the iterate is no KKT point, or the problem is too large for its QP
-    /// solver's check.
+    /// ([`Curvature::smallest`](super::Curvature::smallest)): at least minus [`TOLERANCE`](super::curvature::TOLERANCE)
+    /// if the solve converged. None if the second-order condition was not checked, because the iterate is no KKT point
+    /// or the problem is too large for the check of its QP solver.
     pub curvature: Option<f64>,
-    /// What it took.
+    /// Work of the solve.
     pub work: Work,
 }
 
 /// One line of the iteration log.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Iteration {
-    /// Counted from 0, the start.
+    /// Number of the iteration; 0 is the start.
     pub number: usize,
     /// Objective.
     pub objective: f64,
@@ -64,29 +63,29 @@ pub struct Iteration {
     pub length: f64,
     /// Levenberg–Marquardt parameter μ of that step.
     pub damping: f64,
-    /// Penalty ν of the merit.
+    /// Penalty ρ of the merit.
     pub penalty: f64,
     /// Number of active inequalities in the QP.
     pub active: usize,
-    /// What that step was taken from.
+    /// Model from which that step was computed.
     pub model: StepModel,
 }
 
-/// What led to an iterate.
+/// The model that led to an iterate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StepModel {
-    /// Nothing: it is the start.
+    /// None: the iterate is the start.
     Start,
     /// A QP with the exact Hessian of the Lagrangian.
     Exact,
     /// A QP with the Gauss–Newton Hessian.
     GaussNewton,
-    /// A direction of negative curvature, from a saddle.
+    /// A direction of negative curvature, from a saddle point.
     Curvature,
 }
 
 impl StepModel {
-    /// One word, as in log files.
+    /// The name as one word, as in log files.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Start => "start",

@@ -9,28 +9,28 @@ use super::solution::{Iteration, Solution, StepModel, Work};
 use super::{Hessian, Iterate, Kkt, Problem, SqpOptions, Status, vector};
 use std::ops::ControlFlow;
 
-/// Factor by which the damping grows after a step that brought too little.
+/// Factor by which the damping grows after a step with too little decrease.
 const DAMPING_UP: f64 = 8.0;
-/// Factor by which it shrinks after a step that brought what the model said.
+/// Factor by which it shrinks after a step with the predicted decrease.
 const DAMPING_DOWN: f64 = 0.1;
-/// Damping below this is none: the last steps are pure Newton.
+/// Damping below this is set to zero: the last steps are pure Newton steps.
 const DAMPING_FLOOR: f64 = 1e-10;
-/// Raises of the damping after which the line search may go down to its limit.
+/// Number of damping increases after which the line search may go down to its shortest step.
 const PATIENCE: usize = 8;
 /// Magnitude that no variable of a problem scaled to the order of one reaches.
 const DIVERGED: f64 = 1e10;
-/// Growth of changes in a QP's elimination that is nothing to worry about.
+/// Growth in a QP's elimination that is harmless.
 const TAME_GROWTH: f64 = 10.0;
-/// Factor by which one step may raise the growth beyond that.
+/// Factor by which one step may raise the growth above the harmless one.
 const GROWTH_RISE: f64 = 100.0;
-/// Relative decrease of the violation below which the linearised constraints promise none.
+/// Relative decrease of the violation below which the linearised constraints predict no progress.
 const STATIONARY: f64 = 1e-6;
 
 /// Solves `problem` from `start` with the given QP solver.
 ///
-/// `observer` sees each iterate and may stop the solve with a status of its choice
-/// ([`Status::TimeLimit`], [`Status::Interrupted`], [`Status::Stopped`]); the best iterate so far is then
-/// returned. A point that has converged is returned as such, whatever the observer says.
+/// `observer` receives each iterate and may stop the solve with a status of its choice ([`Status::TimeLimit`],
+/// [`Status::Interrupted`], [`Status::Stopped`]); the best iterate so far is then returned. A point that has converged
+/// is returned as converged, whatever the observer returns.
 pub fn solve<P: Problem + ?Sized, Q: QpSolver<P>>(
     problem: &P,
     qp: &mut Q,
@@ -55,7 +55,7 @@ pub fn solve<P: Problem + ?Sized, Q: QpSolver<P>>(
     .run(observer)
 }
 
-/// Everything that an iteration works on; iterates are swapped, not copied.
+/// State of the iteration; iterates are swapped, not copied.
 pub(super) struct Sqp<'a, P: Problem + ?Sized, Q> {
     pub(super) problem: &'a P,
     pub(super) qp: &'a mut Q,
@@ -66,7 +66,7 @@ pub(super) struct Sqp<'a, P: Problem + ?Sized, Q> {
     pub(super) merit: Merit,
     pub(super) damping: f64,
     pub(super) work: Work,
-    /// Smallest, scaled; at a KKT point.
+    /// Smallest scaled curvature, at a KKT point.
     curvature: Option<f64>,
     /// Objective at the last saddle.
     pub(super) saddle: f64,
@@ -110,7 +110,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
     }
 
     fn linearise(&mut self) {
-        // Without multipliers the exact Hessian is that of the objective alone.
+        // Without multipliers the exact Hessian is only that of the objective.
         self.linearise_with(self.work.iterations > 0);
     }
 
@@ -119,12 +119,12 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         self.work.linearisations += 1;
     }
 
-    /// What the current point is.
+    /// Classifies the current point.
     fn verdict(&mut self, kkt: Kkt) -> Verdict {
         self.curvature = None;
         let residual = kkt.residual();
         if residual.is_nan() {
-            // Finite values with derivatives that are not.
+            // The values are finite, but the derivatives are not.
             return Verdict::Done(match self.work.iterations {
                 0 => Status::UndefinedStart,
                 _ => Status::NoProgress,
@@ -136,7 +136,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
                 return Verdict::Done(Status::Unbounded);
             }
             if self.current.z.is_empty() {
-                // There is nothing to move.
+                // There are no variables to change.
                 return Verdict::Done(Status::Infeasible);
             }
             return Verdict::GoOn;
@@ -152,10 +152,9 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         }
     }
 
-    /// One step that does not leave the region in which its linearisation means something: where the
-    /// growth of the elimination rises by orders of magnitude, the step is taken back and damped. Beyond
-    /// the edge of stability of a simulation, a few such steps lead to where the elimination has lost
-    /// every digit and no QP leads on.
+    /// One step that stays in the region in which its linearisation is valid: if the growth of the elimination rises by
+    /// orders of magnitude, the step is undone and the damping raised. Beyond the stability limit of a simulation, a
+    /// few such steps would lead to a point where the elimination has lost all digits and no QP makes progress.
     fn proceed(&mut self, kkt: Kkt) -> Result<Accepted, Status> {
         let limit = GROWTH_RISE * self.qp.growth().max(TAME_GROWTH);
         loop {
@@ -173,14 +172,14 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         }
     }
 
-    /// Away from a saddle.
+    /// A step away from a saddle point.
     fn leave(&mut self, curvature: &Curvature) -> Result<Accepted, Status> {
         let accepted = self.leave_saddle(curvature).ok_or(Status::SaddlePoint)?;
         self.linearise();
         Ok(accepted)
     }
 
-    /// One step: QPs of growing damping until one passes the line search.
+    /// One step: solves QPs with increasing damping until one passes the line search.
     fn advance(&mut self, kkt: Kkt) -> Result<Accepted, Status> {
         let mut raised = 0;
         while self.damping <= self.options.max_damping {
@@ -222,9 +221,8 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         self.current.z.iter().any(|z| z.abs() > DIVERGED)
     }
 
-    /// True when the linearised constraints are inconsistent and even their relaxed QP does not lower
-    /// the violation: a stationary point of its ℓ1 norm (Byrd, Curtis & Nocedal, SIAM J. Optim. 20,
-    /// 2010).
+    /// True if the linearised constraints are inconsistent and even their relaxed QP does not lower the violation: a
+    /// stationary point of its ℓ1 norm (Byrd, Curtis & Nocedal, SIAM J. Optim. 20, 2010).
     fn is_stationary_for_violation(&self) -> bool {
         let equalities: f64 = self.step.residual.iter().map(|c| c.abs()).sum();
         let left = self.step.violation + equalities;
@@ -238,7 +236,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         now - left <= STATIONARY * now
     }
 
-    /// The QP with the exact Hessian where that is convex, else with Gauss–Newton.
+    /// Solves the QP with the exact Hessian if that is convex, otherwise with Gauss–Newton.
     fn solve_qp(&mut self) -> Result<StepModel, QpFailure> {
         if self.work.iterations > 0 {
             self.work.qps += 1;
@@ -261,7 +259,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             .map(|()| StepModel::GaussNewton)
     }
 
-    /// Makes `trial` current and adapts the damping to how well the model held.
+    /// Makes `trial` current and adapts the damping to the accuracy of the model.
     fn accept(&mut self, alpha: f64, ratio: f64) {
         if alpha < 0.5 || ratio < 0.25 {
             self.raise_damping();
@@ -298,7 +296,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         }
     }
 
-    /// Largest change of a variable by the last step; after a step the one before stands in `trial`.
+    /// Largest change of a variable by the last step; after a step, `trial` holds the previous iterate.
     fn last_change(&self) -> f64 {
         vector::largest_of([&self.current.z, &self.trial.z], |[a, b]| a - b)
     }
@@ -314,7 +312,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
     }
 }
 
-/// What a point is, by its KKT residual and its curvature.
+/// Classification of a point by its KKT residual and its curvature.
 enum Verdict {
     /// The solve ends here.
     Done(Status),

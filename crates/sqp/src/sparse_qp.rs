@@ -1,11 +1,11 @@
 //! The QP of any [`SparseProblem`], in all its variables.
 //!
-//! The exact Hessian `W` need be convex only where the linearised equalities hold. Adding `ρ JᵀJ` to
-//! it and `ρ Jᵀc` to the gradient changes neither the solution nor, since `J d + c = 0` there, the
-//! multipliers; for ρ large enough the whole matrix is positive definite exactly when `W` is so in
-//! that null space (Finsler; Nocedal & Wright, 2nd ed., section 17.3). Where it is not, the inequalities
-//! that were active in the last QP join `J`; the solution counts if they are active in it too. That
-//! active set is tried first; where it is not this QP's, clarabel finds it, and one exact solve polishes.
+//! The exact Hessian `W` need only be convex in the null space of the linearised equalities. Adding `ρ JᵀJ` to it and
+//! `ρ Jᵀc` to the gradient changes neither the solution nor the multipliers, since `J d + c = 0` there. For ρ large
+//! enough the whole matrix is positive definite exactly if `W` is positive definite in that null space (Finsler;
+//! Nocedal & Wright, 2nd ed., section 17.3). If it is not, the inequalities that were active in the last QP join `J`;
+//! the solution is valid if they are active in it too. The active set of the last QP is tried first; if it does not
+//! fit, clarabel finds the right one, and one exact solve refines the solution.
 
 use super::active_set::{EqualityConvexQp, Limit, Triplets, require_convex};
 use super::convex::{ConvexQp, ConvexSolution};
@@ -15,22 +15,22 @@ use super::problem::Pattern;
 use super::{Hessian, Iterate, QpFailure, QpSolver, SparseProblem, Step, vector};
 use nalgebra::{DMatrix, DVector};
 
-/// Ladder of ρ, relative to the largest entry of the Hessian.
+/// Values of ρ to try, relative to the largest entry of the Hessian.
 const CONVEXIFICATION: [f64; 6] = [0.0, 1.0, 1e2, 1e4, 1e6, 1e8];
-/// Cost of violating a row by one unit, relative to the objective's gradient. A QP whose multipliers
-/// are below it is the same with and without relaxation; one beyond it has (almost) inconsistent rows.
+/// Cost of violating a row by one unit, relative to the gradient of the objective. A QP with multipliers below it has
+/// the same solution with and without relaxation; a larger multiplier indicates (almost) inconsistent rows.
 const RELAXATION: f64 = 1e4;
 
-/// Workspace of the general QP path.
+/// Workspace of the general QP solver.
 #[derive(Debug, Clone, Default)]
 pub struct SparseQp {
     gradient: Vec<f64>,
     lagrangian: Vec<f64>,
     exact: Option<Triplets>,
     gauss_newton: Triplets,
-    /// Jacobians of `c` and, below, of `g`.
+    /// Jacobians of `c` and, in the rows after it, of `g`.
     jacobian: Triplets,
-    /// Constraint values of the iterate.
+    /// Constraint values at the iterate.
     c: Vec<f64>,
     g: Vec<f64>,
     /// The QP of the last [`solve`](QpSolver::solve).
@@ -111,7 +111,7 @@ impl<P: SparseProblem + ?Sized> QpSolver<P> for SparseQp {
             .map(|r| r * largest)
             .collect();
         if require_convex(&mut self.qp, &ladder).is_err() {
-            // It may be convex where the active inequalities hold.
+            // It may be convex in the null space of the active inequalities.
             let ladder: Vec<f64> = CONVEXIFICATION.iter().map(|r| r * largest).collect();
             self.qp.held = self.working.clone();
             require_convex(&mut self.qp, &ladder)?;
@@ -173,8 +173,8 @@ impl<P: SparseProblem + ?Sized> QpSolver<P> for SparseQp {
     }
 }
 
-/// A basis of the tangent space of the equalities, as columns: over the variables that the equalities
-/// leave free, where the weights say which those are, else orthonormal.
+/// A basis of the tangent space of the equalities, as columns: over the free variables of the equalities if the weights
+/// identify them, otherwise orthonormal.
 fn tangents(equalities: &[DVector<f64>], weights: &[f64]) -> DMatrix<f64> {
     let basis = null_space(equalities, weights.len());
     let free: Vec<usize> = (0..weights.len()).filter(|&i| weights[i] > 0.0).collect();
@@ -189,7 +189,7 @@ fn tangents(equalities: &[DVector<f64>], weights: &[f64]) -> DMatrix<f64> {
 }
 
 impl SparseQp {
-    /// The last QP with the constraint values `c` and `g`.
+    /// Solves the last QP with the constraint values `c` and `g`.
     fn solve_at(
         &mut self,
         (lower, upper): (&[f64], &[f64]),
@@ -222,7 +222,7 @@ impl SparseQp {
         Ok(())
     }
 
-    /// By clarabel, polished where the rows are not relaxed.
+    /// Solves by clarabel, with an exact solve afterwards unless the rows are relaxed.
     fn solve_convex(&self, relaxed: Option<f64>) -> Result<ConvexSolution, QpFailure> {
         let equalities = self.qp.equalities;
         let (p, q) = self.qp.convexified();

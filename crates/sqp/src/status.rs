@@ -1,36 +1,34 @@
-//! How a solve ended. An outcome, not an error.
+//! Why a solve ended. These are outcomes, not errors.
 
-/// How a solve ended.
+/// Why a solve ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
-    /// The scaled KKT residual reached the tolerance, and no direction has negative curvature, as far as
-    /// that was checked ([`Solution::curvature`](super::Solution::curvature)).
+    /// The scaled KKT residual reached the tolerance, and no direction has negative curvature, as far as that was
+    /// checked ([`Solution::curvature`](super::Solution::curvature)).
     Converged,
-    /// Iteration limit.
+    /// The iteration limit was reached.
     IterationLimit,
-    /// The line search found no shorter step that lowers the merit, at any damping.
+    /// The line search found no step that lowers the merit, at any damping.
     NoProgress,
-    /// The constraints seem to have no common point: stationary for their violation.
+    /// The constraints seem to be inconsistent: the point is stationary for their violation.
     Infeasible,
-    /// Feasible iterates left every bound that a scaled problem keeps: the objective seems to have no
-    /// lower bound.
+    /// Feasible iterates exceeded any size plausible in a scaled problem: the objective seems to have no lower bound.
     Unbounded,
-    /// The scaled KKT residual reached the tolerance, but with negative curvature, and no point along its
-    /// direction was better. At degenerate points, where multipliers are not unique, it may be an
-    /// optimum all the same.
+    /// The scaled KKT residual reached the tolerance, but with negative curvature, and no point along that direction
+    /// was better. At degenerate points, where multipliers are not unique, it may still be an optimum.
     SaddlePoint,
     /// The problem's values or derivatives are not finite at the start.
     UndefinedStart,
-    /// Stopped by the caller's observer: its time was up.
+    /// Stopped by the caller's observer: time limit.
     TimeLimit,
-    /// Stopped by the caller's observer: the user wanted so.
+    /// Stopped by the caller's observer: interrupted by the user.
     Interrupted,
     /// Stopped by the caller's observer for another reason.
     Stopped,
 }
 
 impl Status {
-    /// One word, as in result files.
+    /// The name as one word, as in result files.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Converged => "converged",

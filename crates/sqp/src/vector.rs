@@ -1,10 +1,10 @@
-//! Sums and maxima over long vectors, in eight parts that are added at the end: one chain of additions
-//! takes as long as its latency. The order is the same on any machine.
+//! Sums and maxima over long vectors, in eight parts that are added at the end: a single chain of additions is limited
+//! by their latency. The order of additions is the same on any machine.
 
-/// Parts of a sum.
+/// Number of parts of a sum.
 const PARTS: usize = 8;
 
-/// `Σ_i term(a_i, b_i, ..)` over vectors of one length.
+/// `Σ_i term(a_i, b_i, ..)` over vectors of equal length.
 ///
 /// # Panics
 /// If the lengths differ.
@@ -44,7 +44,7 @@ impl<const K: usize, F: Fn([f64; K]) -> f64> pulp::WithSimd for Sum<'_, K, F> {
     }
 }
 
-/// `out_i = of(a_i, b_i, ..)` for vectors of one length.
+/// `out_i = of(a_i, b_i, ..)` for vectors of equal length.
 ///
 /// # Panics
 /// If the lengths differ.
@@ -79,12 +79,12 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     sum([a, b], |[a, b]| a * b)
 }
 
-/// Largest magnitude; NaN if there is one.
+/// Largest magnitude; NaN if any entry is NaN.
 pub fn largest(v: &[f64]) -> f64 {
     largest_of([v], |[v]| v)
 }
 
-/// Largest magnitude of `term(a_i, b_i, ..)` over vectors of one length; NaN if there is one.
+/// Largest magnitude of `term(a_i, b_i, ..)` over vectors of equal length; NaN if any term is NaN.
 ///
 /// # Panics
 /// If the lengths differ.
@@ -110,7 +110,7 @@ impl<const K: usize, F: Fn([f64; K]) -> f64> pulp::WithSimd for Largest<'_, K, F
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> f64 {
         let chunks = self.vectors.map(|v| v.as_chunks::<PARTS>());
-        // NaN is never larger.
+        // Comparison with NaN is false.
         let (mut parts, mut nan) = ([0.0_f64; PARTS], [0.0; PARTS]);
         let mut take = |k: usize, values: [f64; K]| {
             let value = (self.term)(values).abs();

@@ -1,4 +1,4 @@
-//! TOML files whose values know where they stand, so that a message about one names file and line.
+//! TOML files whose values keep their positions, so that a message about a value names file and line.
 
 use crate::suggestion::{did_you_mean, suggestion};
 use std::path::{Path, PathBuf};
@@ -20,8 +20,8 @@ impl std::fmt::Display for Position {
     }
 }
 
-/// What can be wrong with a TOML file before its content is looked at. `file` is the file as the user
-/// named it; lines count from 1.
+/// What can be wrong with a TOML file before its content is interpreted. `file` is the name given by the user; lines
+/// count from 1.
 #[derive(Debug, thiserror::Error)]
 pub enum DocumentError {
     /// The file cannot be opened or read as text.
@@ -42,12 +42,12 @@ pub enum DocumentError {
         /// The parser's reason, on one line.
         reason: String,
     },
-    /// A field that nobody knows.
+    /// An unknown field.
     #[error("{file}:{position}: unknown field `{field}`{}; known are {}", did_you_mean(suggestion.as_deref()), known.join(", "))]
     Unknown {
         /// The file.
         file: String,
-        /// Where the field stands.
+        /// Position of the field.
         position: Position,
         /// The field.
         field: String,
@@ -56,28 +56,28 @@ pub enum DocumentError {
         /// All known fields.
         known: Vec<String>,
     },
-    /// A field that must be there.
+    /// A required field is missing.
     #[error("{file}:{position}: the field `{field}` is missing")]
     Missing {
         /// The file.
         file: String,
-        /// Where the table stands that should hold it.
+        /// Position of the table that should hold it.
         position: Position,
         /// The field.
         field: String,
     },
-    /// A value of another kind.
+    /// A value of the wrong kind.
     #[error("{file}:{position}: `{field}` is {found}; expected {expected}")]
     Kind {
         /// The file.
         file: String,
-        /// Where the value stands.
+        /// Position of the value.
         position: Position,
         /// The field.
         field: String,
-        /// What is expected: `a number`, `a string`.
+        /// The expected kind: `a number`, `a string`.
         expected: &'static str,
-        /// The kind of what stands there.
+        /// The kind of the value in the file.
         found: &'static str,
     },
 }
@@ -85,7 +85,7 @@ pub enum DocumentError {
 /// Reads a file as text.
 ///
 /// # Errors
-/// When it cannot be read or is not UTF-8.
+/// If the file cannot be read or is not UTF-8.
 pub fn read(path: &Path) -> Result<String, DocumentError> {
     std::fs::read_to_string(path).map_err(|source| DocumentError::Read {
         file: path.to_owned(),
@@ -93,7 +93,7 @@ pub fn read(path: &Path) -> Result<String, DocumentError> {
     })
 }
 
-/// A number as TOML spells it; it reads back to the same bits, but that all NaN are one.
+/// A number in TOML notation. It reads back to the same bits, except that all NaN become one.
 pub fn number(value: f64) -> String {
     match value.is_nan() {
         true => "nan".into(),
@@ -101,7 +101,7 @@ pub fn number(value: f64) -> String {
     }
 }
 
-/// A number that was written with a decimal comma, with a point: `0.05` of `0,05`.
+/// Replaces the decimal comma of a number by a point: `0,05` becomes `0.05`.
 pub fn with_point(text: &str) -> Option<String> {
     let (whole, part) = text.trim().split_once(',')?;
     let is_digits = |digits: &str| !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit());
@@ -111,7 +111,7 @@ pub fn with_point(text: &str) -> Option<String> {
     (good && number.parse::<f64>().is_ok()).then_some(number)
 }
 
-/// What to say of a line of TOML that gives a number with a decimal comma.
+/// The message for a line of TOML with a decimal comma in a number.
 fn comma(text: &str, at: usize) -> Option<String> {
     let before = text.get(..at)?;
     let line = &text[before.rfind('\n').map_or(0, |end| end + 1)..];
@@ -127,7 +127,7 @@ fn comma(text: &str, at: usize) -> Option<String> {
     Some(format!("a decimal comma; write `{field} = {number}`"))
 }
 
-/// A field of an inline table and its value, where the text stops being TOML behind `field = 0,1`.
+/// A field of an inline table and its value, if parsing stopped after `field = 0,1`.
 fn within(text: &str, at: usize) -> Option<(&str, &str)> {
     let is_digit = |c: char| c.is_ascii_digit();
     let value = text.get(..at)?;
@@ -139,19 +139,19 @@ fn within(text: &str, at: usize) -> Option<(&str, &str)> {
     Some((&name[begin..], &value[field.len()..]))
 }
 
-/// A TOML string.
+/// Quotes text as a TOML string.
 pub fn quoted(text: &str) -> String {
     toml::Value::from(text).to_string()
 }
 
-/// Where something stands in a file; shown as `file:line:column` or `file:line`.
+/// A place in a file; displayed as `file:line:column` or `file:line`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Place {
     /// The file, as the user named it.
     pub file: String,
     /// Line, from 1.
     pub line: usize,
-    /// Character of the line, from 1, where that is known.
+    /// Column in characters, from 1, if known.
     pub column: Option<usize>,
 }
 
@@ -165,13 +165,13 @@ impl std::fmt::Display for Place {
     }
 }
 
-/// What to say of a key that stands twice.
+/// The message for a key that occurs twice.
 fn duplicate(error: &toml::de::Error, text: &str) -> Option<String> {
     let key = text.get(error.span()?)?.trim_matches(['"', '\'']);
     (error.message() == "duplicate key").then(|| format!("`{key}` stands twice"))
 }
 
-/// File and text, to turn a span into a line.
+/// File name and text, used to turn a span into a position.
 #[derive(Debug, Clone, Copy)]
 struct Source<'t> {
     file: &'t str,
@@ -194,7 +194,7 @@ impl Source<'_> {
 }
 
 impl Position {
-    /// The position of a byte of a text.
+    /// The position of a byte offset in a text.
     pub fn of(text: &str, byte: usize) -> Self {
         let before = text.get(..byte).unwrap_or(text);
         let line = before.rfind('\n').map_or(0, |end| end + 1);
@@ -213,10 +213,10 @@ pub struct Document<'t> {
 }
 
 impl<'t> Document<'t> {
-    /// Parses a TOML text; `file` is its name in messages.
+    /// Parses a TOML text; `file` is the name used in messages.
     ///
     /// # Errors
-    /// When the text is not TOML.
+    /// If the text is not TOML.
     pub fn parse(text: &'t str, file: &'t str) -> Result<Self, DocumentError> {
         let source = Source { file, text };
         match DeTable::parse(text) {
@@ -258,12 +258,12 @@ impl<'a> TomlTable<'a> {
         self.source.file
     }
 
-    /// Line of a field's value, or of the table where the field is missing.
+    /// Line of a field's value, or of the table if the field is missing.
     pub fn line(&self, field: &str) -> usize {
         self.position(field).line
     }
 
-    /// Where a field's value stands, or the table where the field is missing.
+    /// Position of a field's value, or of the table if the field is missing.
     pub fn position(&self, field: &str) -> Position {
         let value = self.get(field);
         value.map_or(self.position, |value| {
@@ -271,33 +271,33 @@ impl<'a> TomlTable<'a> {
         })
     }
 
-    /// Byte of the text at which the name of a field stands; 0 where it is missing.
+    /// Byte offset of a field's name; 0 if the field is missing.
     pub fn byte_of_name(&self, field: &str) -> usize {
         let mut names = self.table.keys();
         let name = names.find(|key| key.get_ref().as_ref() == field);
         name.map_or(0, |name| name.span().start)
     }
 
-    /// The bytes of the text that a field's value takes.
+    /// Byte range of a field's value.
     pub fn bytes(&self, field: &str) -> Option<std::ops::Range<usize>> {
         Some(self.get(field)?.span())
     }
 
-    /// Whether a field stands there.
+    /// Whether the field exists.
     pub fn has(&self, field: &str) -> bool {
         self.get(field).is_some()
     }
 
-    /// A number or a string as it is spelt: an expression.
+    /// A number or a string as written: an expression.
     ///
     /// # Errors
-    /// When the value is of another kind.
+    /// If the value is of another kind.
     pub fn expression(&self, field: &str) -> Result<Option<String>, DocumentError> {
         self.value(field, "an expression in quotes, or a number", scalar)
     }
 
-    /// Where a string, or an entry of an array of them, stands in the text from its content on, so that a place
-    /// within it can be found; the place of the value where escapes stand between.
+    /// Location of the content of a string, or of a string in an array, so that positions within it can be found. If
+    /// the string contains escapes, it is the location of the value.
     pub fn content(&self, field: &str, entry: Option<usize>) -> Content {
         let value = self.get(field);
         let value = value.and_then(|value| match entry {
@@ -315,10 +315,10 @@ impl<'a> TomlTable<'a> {
         }
     }
 
-    /// An array of two, each a number or a string, as they are spelt.
+    /// An array of two numbers or strings, as written.
     ///
     /// # Errors
-    /// When the value is of another kind.
+    /// If the value is of another kind.
     pub fn pair(&self, field: &str) -> Result<Option<[String; 2]>, DocumentError> {
         let expected = "an array of two numbers or expressions: [-1, 1]";
         self.value(field, expected, |value| {
@@ -328,19 +328,19 @@ impl<'a> TomlTable<'a> {
         })
     }
 
-    /// Where a field's name stands, if there is one.
+    /// Place of a field's name, if the field exists.
     pub fn key_place(&self, field: &str) -> Option<Place> {
         let mut keys = self.table.keys();
         let key = keys.find(|key| key.get_ref().as_ref() == field)?;
         Some(self.source.place(key.span().start))
     }
 
-    /// Where a field's value stands, if there is one.
+    /// Place of a field's value, if the field exists.
     pub fn place(&self, field: &str) -> Option<Place> {
         Some(self.source.place(self.get(field)?.span().start))
     }
 
-    /// Refuses fields other than the known ones.
+    /// Rejects fields other than the known ones.
     ///
     /// # Errors
     /// On the first unknown field.
@@ -361,10 +361,10 @@ impl<'a> TomlTable<'a> {
         })
     }
 
-    /// A number, written as integer or float.
+    /// A number, written as an integer or a float.
     ///
     /// # Errors
-    /// When the value is of another kind.
+    /// If the value is of another kind.
     pub fn number(&self, field: &str) -> Result<Option<f64>, DocumentError> {
         self.value(field, "a number", real)
     }
@@ -372,7 +372,7 @@ impl<'a> TomlTable<'a> {
     /// An array of numbers.
     ///
     /// # Errors
-    /// When the value is of another kind.
+    /// If the value is of another kind.
     pub fn numbers(&self, field: &str) -> Result<Option<Vec<f64>>, DocumentError> {
         self.value(field, "an array of numbers", |value| entries(value, real))
     }
@@ -380,7 +380,7 @@ impl<'a> TomlTable<'a> {
     /// An array of rows of numbers.
     ///
     /// # Errors
-    /// When the value is of another kind.
+    /// If the value is of another kind.
     pub fn rows(&self, field: &str) -> Result<Option<Vec<Vec<f64>>>, DocumentError> {
         self.value(field, "an array of rows of numbers", |value| {
             entries(value, |row| entries(row, real))
@@ -390,15 +390,15 @@ impl<'a> TomlTable<'a> {
     /// A string.
     ///
     /// # Errors
-    /// When the value is of another kind.
+    /// If the value is of another kind.
     pub fn string(&self, field: &str) -> Result<Option<&'a str>, DocumentError> {
         self.value(field, "a string", DeValue::as_str)
     }
 
-    /// A string, or each of a list of strings, with its place.
+    /// A string or a list of strings, each with its place.
     ///
     /// # Errors
-    /// When the value is of another kind.
+    /// If the value is of another kind.
     pub fn strings(&self, field: &str) -> Result<Option<Vec<(&'a str, Place)>>, DocumentError> {
         let placed = |value: &'a Spanned<DeValue<'a>>| {
             let text = value.get_ref().as_str()?;
@@ -418,7 +418,7 @@ impl<'a> TomlTable<'a> {
     /// A boolean.
     ///
     /// # Errors
-    /// When the value is of another kind.
+    /// If the value is of another kind.
     pub fn boolean(&self, field: &str) -> Result<Option<bool>, DocumentError> {
         self.value(field, "true or false", DeValue::as_bool)
     }
@@ -426,7 +426,7 @@ impl<'a> TomlTable<'a> {
     /// A table within this one (`[field]`).
     ///
     /// # Errors
-    /// When the value is of another kind.
+    /// If the value is of another kind.
     pub fn table(&self, field: &str) -> Result<Option<TomlTable<'a>>, DocumentError> {
         let position = self.source.position(self.byte_of_name(field));
         self.value(field, "a table", |value| {
@@ -445,10 +445,10 @@ impl<'a> TomlTable<'a> {
         keys.iter().map(|key| key.get_ref().as_ref()).collect()
     }
 
-    /// A number, boolean or string as text, the way the file spells it.
+    /// A number, boolean or string as text, as written in the file.
     ///
     /// # Errors
-    /// When the value is of another kind.
+    /// If the value is of another kind.
     pub fn text(&self, field: &str) -> Result<Option<String>, DocumentError> {
         self.value(
             field,
@@ -460,7 +460,7 @@ impl<'a> TomlTable<'a> {
         )
     }
 
-    /// Whether a field is a table of its own.
+    /// Whether a field is a table.
     pub fn is_table(&self, field: &str) -> bool {
         self.get(field)
             .is_some_and(|value| value.get_ref().is_table())
@@ -471,10 +471,10 @@ impl<'a> TomlTable<'a> {
         self.table.len()
     }
 
-    /// The tables of an array of tables (`[[field]]`); none where the field is missing.
+    /// The tables of an array of tables (`[[field]]`); empty if the field is missing.
     ///
     /// # Errors
-    /// When the value is of another kind.
+    /// If the value is of another kind.
     pub fn tables(&self, field: &str) -> Result<Vec<TomlTable<'a>>, DocumentError> {
         let tables = self.value(field, "an array of tables", |value| {
             (value.as_array()?.iter())
@@ -490,10 +490,10 @@ impl<'a> TomlTable<'a> {
         Ok(tables.unwrap_or_default())
     }
 
-    /// The value that must be there: turns a missing one into an error.
+    /// Turns a missing value of a required field into an error.
     ///
     /// # Errors
-    /// When there is none.
+    /// If the value is missing.
     pub fn required<T>(&self, field: &str, value: Option<T>) -> Result<T, DocumentError> {
         value.ok_or_else(|| DocumentError::Missing {
             file: self.source.file.into(),
@@ -528,7 +528,7 @@ impl<'a> TomlTable<'a> {
     }
 }
 
-/// A number, written as integer or float.
+/// A number, written as an integer or a float.
 fn real(value: &DeValue<'_>) -> Option<f64> {
     match value {
         DeValue::Float(number) => number.as_str().parse().ok(),
@@ -541,7 +541,7 @@ fn real(value: &DeValue<'_>) -> Option<f64> {
     }
 }
 
-/// Each entry of an array.
+/// Converts each entry of an array.
 fn entries<T>(value: &DeValue<'_>, of: impl Fn(&DeValue<'_>) -> Option<T>) -> Option<Vec<T>> {
     value
         .as_array()?
@@ -550,7 +550,7 @@ fn entries<T>(value: &DeValue<'_>, of: impl Fn(&DeValue<'_>) -> Option<T>) -> Op
         .collect()
 }
 
-/// A number or string as it is spelt.
+/// A number or string as written.
 fn scalar(value: &DeValue<'_>) -> Option<String> {
     match value {
         DeValue::Float(number) => Some(number.as_str().to_owned()),
@@ -563,7 +563,7 @@ fn scalar(value: &DeValue<'_>) -> Option<String> {
     }
 }
 
-/// The content of a string in a file.
+/// Location of a string's content in a file.
 #[derive(Debug, Clone, Copy)]
 pub struct Content {
     start: usize,
@@ -571,7 +571,7 @@ pub struct Content {
 }
 
 impl Content {
-    /// The byte of the text at which the byte of the content stands.
+    /// Byte offset in the text of a byte offset in the content.
     pub fn byte(&self, offset: usize) -> usize {
         match self.plain {
             true => self.start + offset,
@@ -580,7 +580,7 @@ impl Content {
     }
 }
 
-/// A value's kind in words.
+/// A value's kind as text.
 fn kind(value: &DeValue<'_>) -> &'static str {
     match value {
         DeValue::String(_) => "a string",

@@ -1,7 +1,7 @@
-//! The name that somebody probably meant.
+//! The name that was probably meant.
 
-/// The candidate nearest to `name` (Damerau–Levenshtein, without regard to case), if any is near: at
-/// most a third of its letters differ, or one contains the other.
+/// The candidate nearest to `name` (Damerau–Levenshtein, ignoring case), if any is near: at most a third of the letters
+/// differ, or one contains the other.
 pub fn suggestion<'a>(
     name: &str,
     candidates: impl IntoIterator<Item = &'a str>,
@@ -9,7 +9,7 @@ pub fn suggestion<'a>(
     let candidates: Vec<&str> = candidates.into_iter().collect();
     let before = name.rfind('.').map_or("", |dot| &name[..=dot]);
     let is_beside = |candidate: &&str| !before.is_empty() && candidate.starts_with(before);
-    // Of `pilot.gian` the instance is right: only the rest is compared.
+    // In `pilot.gian` the instance is correct: only the rest is compared.
     let skipped = match candidates.iter().any(is_beside) {
         true => before,
         false => "",
@@ -20,7 +20,7 @@ pub fn suggestion<'a>(
         let [own, theirs] = [&wanted, &other].map(|text| text.chars().count());
         let length = own.max(theirs);
         let contained = wanted.len() > 2 && (other.contains(&wanted) || wanted.contains(&other));
-        // The distance is no less than the difference of the lengths, and costs their product.
+        // The distance is at least the difference of the lengths, but computing it costs their product.
         if !contained && 3 * own.abs_diff(theirs) > length {
             return None;
         }
@@ -32,7 +32,7 @@ pub fn suggestion<'a>(
         .map(|(_, candidate)| candidate)
 }
 
-/// `; did you mean ...?`, or nothing: the end of a message about an unknown name.
+/// `; did you mean ...?` or nothing: the end of a message about an unknown name.
 pub fn did_you_mean(suggestion: Option<&str>) -> String {
     suggestion.map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
 }

@@ -1,5 +1,5 @@
-//! Units by their names: what `m/s`, `kg.m2`, `1/(m.s3)`, `deg/s`, `ft/min` or `rad·s^-1` mean, and how values in
-//! one unit become values in another.
+//! Units by name: the meaning of `m/s`, `kg.m2`, `1/(m.s3)`, `deg/s`, `ft/min` or `rad·s^-1`, and the conversion of
+//! values between units.
 //!
 //! ```
 //! use pilotage_units::Unit;
@@ -22,7 +22,7 @@ pub use product::{Product, power};
 /// The base units: those of the SI and the radian, as in FMI (2.0.5, section 2.2.2).
 pub const BASE_UNITS: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
 
-/// What a unit means: `value in base units = factor·value + offset`.
+/// The meaning of a unit: `value in base units = factor·value + offset`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Base {
     /// Exponents of [`BASE_UNITS`].
@@ -45,7 +45,7 @@ impl Default for Base {
 }
 
 impl Base {
-    /// What a name means; `None` if it is not known.
+    /// The meaning of a unit name; `None` if it is unknown.
     pub fn of(name: &str) -> Option<Self> {
         match table::shifted(name) {
             Some(base) => Some(base),
@@ -53,7 +53,7 @@ impl Base {
         }
     }
 
-    /// The same of a name in Modelica's spelling alone, which descriptions of FMUs have: no `·`, `²`, `^` or `%`.
+    /// As [`Base::of`], but only for Modelica's spelling, as in FMU model descriptions: no `·`, `²`, `^` or `%`.
     pub fn in_modelicas_spelling(name: &str) -> Option<Self> {
         let is_modelicas = |c: char| c.is_ascii_alphanumeric() || "./()-".contains(c);
         match name.chars().all(is_modelicas) {
@@ -63,7 +63,7 @@ impl Base {
     }
 }
 
-/// What people write for units, and what is meant.
+/// Common spellings of units, and the units they mean.
 const SPELT: &[(&str, &str)] = &[
     ("sec", "s"),
     ("second", "s"),
@@ -100,7 +100,7 @@ const SPELT: &[(&str, &str)] = &[
     ("-", "1"),
 ];
 
-/// How Modelica spells a unit that is written otherwise: `m/s2` of `m/s^2`, `h` of `hours`.
+/// Modelica's spelling of a unit that is written otherwise: `m/s2` for `m/s^2`, `h` for `hours`.
 pub fn respelt(name: &str) -> Option<String> {
     let known = SPELT.iter().find(|(own, _)| *own == name);
     let meant = known.map_or(name, |(_, meant)| meant);
@@ -110,7 +110,7 @@ pub fn respelt(name: &str) -> Option<String> {
     is_other.then_some(found)
 }
 
-/// A unit by its name and, where it is known, its meaning.
+/// A unit: its name and, if known, its meaning.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unit {
     /// Name, for example `m/s`.
@@ -119,7 +119,7 @@ pub struct Unit {
     pub base: Option<Base>,
 }
 
-/// How a value in one unit becomes one in another: `factor·value + offset`.
+/// Conversion of values from one unit to another: `factor·value + offset`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Conversion {
     /// Factor.
@@ -129,13 +129,13 @@ pub struct Conversion {
 }
 
 impl Conversion {
-    /// The same unit.
+    /// Conversion between equal units.
     pub const NONE: Self = Self {
         factor: 1.0,
         offset: 0.0,
     };
 
-    /// The value in the second unit; unchanged bits if both are the same.
+    /// The value in the second unit; the same bits if the units are equal.
     pub fn apply(self, value: f64) -> f64 {
         match self == Self::NONE {
             true => value,
@@ -145,7 +145,7 @@ impl Conversion {
 }
 
 impl Unit {
-    /// The unit of that name, with its meaning where the name is known.
+    /// The unit of that name, with its meaning if the name is known.
     pub fn named(name: &str) -> Self {
         Self {
             name: name.to_owned(),
@@ -153,8 +153,8 @@ impl Unit {
         }
     }
 
-    /// How values in this unit become values in `other` (FMI 2.0.5, section 2.2.2); `None` if they
-    /// mean different things, or one has no definition and the names differ.
+    /// Conversion of values in this unit to values in `other` (FMI 2.0.5, section 2.2.2). `None` if the dimensions
+    /// differ, or if a definition is missing and the names differ.
     pub fn conversion(&self, other: &Self) -> Option<Conversion> {
         match (&self.base, &other.base) {
             (Some(from), Some(to)) if from.exponents == to.exponents => Some(match from == to {
@@ -170,7 +170,7 @@ impl Unit {
     }
 }
 
-/// A name as people write it: `kg·m²`, `µs/rad`; empty for dimensionless.
+/// A unit name for display: `kg·m²`, `µs/rad`; empty if dimensionless.
 pub fn pretty(name: &str) -> String {
     if name == "1" {
         return String::new();

@@ -1,4 +1,4 @@
-//! Names as products of symbols: `m/s`, `kg.m2`, `1/(m.s3)`, `rad·s^-1`.
+//! Unit names as products of symbols: `m/s`, `kg.m2`, `1/(m.s3)`, `rad·s^-1`.
 
 use super::{Base, table};
 use std::fmt;
@@ -6,8 +6,8 @@ use std::fmt;
 /// Largest magnitude of a power.
 const LARGEST_POWER: i32 = 30;
 
-/// A product of powers of symbols. It is written in FMI's spelling (Modelica's): dots between symbols, one stroke,
-/// parentheses around more than one symbol after it.
+/// A product of powers of symbols. It is displayed in FMI's (Modelica's) spelling: dots between symbols, one slash, and
+/// parentheses around several symbols after the slash.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Product {
     /// Symbols, each with its power.
@@ -15,9 +15,9 @@ pub struct Product {
 }
 
 impl Product {
-    /// Reads a name: symbols with or without prefix, with `.`, `·` or `*` between them and `2`, `^2`, `-2`, `²` or
-    /// `³` after them, and one `/`, followed by one symbol or several in parentheses. `None` if it has another form
-    /// or a symbol that is not known.
+    /// Parses a unit name: symbols with or without prefix, separated by `.`, `·` or `*`, each optionally followed by
+    /// `2`, `^2`, `-2`, `²` or `³`, and at most one `/`, followed by one symbol or several in parentheses. `None` if
+    /// the form is different or a symbol is unknown.
     pub fn parse(name: &str) -> Option<Self> {
         let (above, below) = match name.split_once('/') {
             Some((above, below)) => (above, inside_parentheses(below)?),
@@ -36,11 +36,11 @@ impl Product {
         Some(Self { factors })
     }
 
-    /// What it means.
+    /// The meaning of the product.
     pub fn base(&self) -> Base {
         let mut base = Base::default();
         for (symbol, power) in &self.factors {
-            // Known since it was read.
+            // Known, since `parse` checked it.
             let part = table::symbol(symbol).unwrap_or_default();
             base.factor *= part.factor.powi(*power);
             for (sum, exponent) in base.exponents.iter_mut().zip(part.exponents) {
@@ -50,7 +50,7 @@ impl Product {
         base
     }
 
-    /// The unit of the time derivative: `m/s` of `m`, `m.s` of `m.s2`.
+    /// The unit of the time derivative: `m/s` for `m`, `m.s` for `m.s2`.
     pub fn rate(mut self) -> Self {
         match self.factors.iter_mut().find(|(symbol, _)| symbol == "s") {
             Some((_, power)) => *power -= 1,
@@ -60,7 +60,7 @@ impl Product {
         self
     }
 
-    /// The unit of a power spectral density: `m2.s` of `m`.
+    /// The unit of a power spectral density: `m2.s` for `m`.
     pub fn density(mut self) -> Self {
         self.factors.iter_mut().for_each(|(_, power)| *power *= 2);
         match self.factors.iter_mut().find(|(symbol, _)| symbol == "s") {
@@ -71,7 +71,7 @@ impl Product {
         self
     }
 
-    /// What may stand in a name in Modelica's spelling, for messages.
+    /// The symbols allowed in Modelica's spelling, for messages.
     pub fn known() -> String {
         let [prefixed, prefixes, others] = table::symbols().map(|names| names.join(", "));
         format!("{prefixed} (with or without a prefix: {prefixes}), {others}")
@@ -99,7 +99,7 @@ impl fmt::Display for Product {
     }
 }
 
-/// A symbol to that power, in FMI's spelling.
+/// A symbol with an exponent, in FMI's spelling.
 pub fn power(symbol: &str, exponent: usize) -> String {
     match exponent {
         1 => symbol.to_owned(),
@@ -107,8 +107,7 @@ pub fn power(symbol: &str, exponent: usize) -> String {
     }
 }
 
-/// What is below the stroke: one unit, or several in parentheses. Without them `a/b.c` could mean two
-/// things.
+/// The denominator: one unit, or several in parentheses. Without parentheses `a/b.c` is ambiguous.
 fn inside_parentheses(text: &str) -> Option<&str> {
     let text = text.trim();
     match text.strip_prefix('(') {
@@ -117,7 +116,7 @@ fn inside_parentheses(text: &str) -> Option<&str> {
     }
 }
 
-/// `s2`, `s^2`, `s-2` and `s²` as a symbol and a power; no power is the first.
+/// Splits `s2`, `s^2`, `s-2` or `s²` into symbol and power; without a power it is 1.
 fn symbol_and_power(part: &str) -> Option<(&str, i32)> {
     let is_power = |c: char| c.is_ascii_digit() || c == '-' || c == '^' || "²³".contains(c);
     match part.find(is_power) {

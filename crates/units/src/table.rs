@@ -1,4 +1,4 @@
-//! Symbols and prefixes.
+//! Table of unit symbols and prefixes.
 
 use super::Base;
 use std::f64::consts::PI;
@@ -81,14 +81,14 @@ const PLAIN: &[(&str, f64, Exponents)] = &[
     ("bar", 1e5, PASCAL),
 ];
 
-/// Units whose zero is elsewhere; alone, never in a product.
+/// Units with a shifted zero; they stand alone, never in a product.
 const SHIFTED: &[(&str, f64, f64, Exponents)] = &[
     ("degC", 1.0, 273.15, KELVIN),
     ("°C", 1.0, 273.15, KELVIN),
     ("degF", 5.0 / 9.0, 273.15 - 32.0 * 5.0 / 9.0, KELVIN),
 ];
 
-/// The unit of that name whose zero is elsewhere.
+/// The unit of that name with a shifted zero.
 pub(super) fn shifted(name: &str) -> Option<Base> {
     let (_, factor, offset, exponents) = *SHIFTED.iter().find(|(known, ..)| *known == name)?;
     Some(Base {
@@ -98,7 +98,7 @@ pub(super) fn shifted(name: &str) -> Option<Base> {
     })
 }
 
-/// One symbol, with or without prefix.
+/// The unit of one symbol, with or without prefix.
 pub(super) fn symbol(symbol: &str) -> Option<Base> {
     let known = |list: &[(&str, f64, Exponents)], name: &str| {
         let (_, factor, exponents) = *list.iter().find(|(known, ..)| *known == name)?;
@@ -120,7 +120,7 @@ pub(super) fn symbol(symbol: &str) -> Option<Base> {
     })
 }
 
-/// The symbols in Modelica's spelling, for messages: those that take prefixes, the prefixes, the others.
+/// The symbols in Modelica's spelling, for messages: prefixable symbols, prefixes, other symbols.
 pub(super) fn symbols() -> [Vec<&'static str>; 3] {
     let names =
         |list: &'static [(&'static str, f64, Exponents)]| list.iter().map(|(name, ..)| *name);

@@ -1,9 +1,9 @@
-//! A vehicle with events as an FMU: the quadcopter of `examples/vehicle-fmu` with the ground, off which it
-//! bounces and on which it comes to rest. `pilotage pack examples/landing-fmu` makes `lander.fmu`.
+//! A vehicle with events as an FMU: the quadcopter of `examples/vehicle-fmu` with the ground, on which it bounces and
+//! comes to rest. `pilotage pack examples/landing-fmu` makes `lander.fmu`.
 
 use pilotage_sdk::{At, Equations, Scalar, Table};
 
-/// The vehicle. Its numbers are in the table.
+/// The vehicle. Its parameters are in the table.
 #[derive(Default)]
 struct Lander;
 
@@ -44,7 +44,7 @@ impl Equations for Lander {
     }
 
     fn derivative<T: Scalar>(&self, At { x, u, p, .. }: At<T>, dx: &mut [T]) {
-        // `landed` comes behind the six states, as 1 or 0.
+        // `landed` follows the six states, as 1 or 0.
         let (thrust, airborne) = (u[0] + u[1], -x[6] + 1.0);
         dx[..3].copy_from_slice(&x[3..6]);
         dx[3] = thrust * x[2].sin() / p[0] * airborne;

@@ -1,9 +1,9 @@
-//! A vehicle of one's own as an FMU: a quadcopter in a vertical plane.
+//! A user-defined vehicle as an FMU: a quadcopter in a vertical plane.
 //! `pilotage pack examples/vehicle-fmu` makes `drone.fmu`.
 
 use pilotage_sdk::{At, Equations, Scalar, Table};
 
-/// The vehicle. Its numbers are in the table.
+/// The vehicle. Its parameters are in the table.
 #[derive(Default)]
 struct Drone;
 

@@ -1,14 +1,14 @@
-//! The C interfaces of FMI 2.0 and FMI 3.0, as types and data: what an importer and an FMU agree on.
+//! The C interfaces between importer and FMU of FMI 2.0 and FMI 3.0, as types and data.
 //!
 //! [`fmi2`] and [`fmi3`] have the same three modules:
 //!
-//! | module | what it holds |
+//! | module | content |
 //! | --- | --- |
 //! | `types` | value types, status codes, callback functions (the standard's C headers) |
 //! | `functions` | every function: name, pointer type, part, and the states in which it may be called |
 //! | `states` | the states of an instance and sets of them |
 //!
-//! Nothing here is unsafe and nothing here does anything; this crate has no dependencies.
+//! This crate contains declarations only: no unsafe code, no behaviour, no dependencies.
 
 pub mod fmi2;
 pub mod fmi3;
@@ -19,10 +19,10 @@ mod tables;
 pub enum Part {
     /// Needed by every kind of FMU.
     Common,
-    /// For co-simulation alone.
+    /// For co-simulation only.
     CoSimulation,
-    /// For model exchange alone.
+    /// For model exchange only.
     ModelExchange,
-    /// For scheduled execution alone (FMI 3.0).
+    /// For scheduled execution only (FMI 3.0).
     ScheduledExecution,
 }

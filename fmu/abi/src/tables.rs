@@ -1,6 +1,6 @@
-//! What the two versions' tables have in common.
+//! Macros for the tables of both versions.
 
-/// Declares the functions of a version: name, symbol, legal states, pointer type; by part.
+/// Declares the functions of a version, by part: name, symbol, legal states, pointer type.
 macro_rules! functions {
     (
         common { $($common:tt)* }
@@ -42,14 +42,14 @@ macro_rules! functions {
                 }
             }
 
-            /// The states in which it may be called.
+            /// The states in which the function may be called.
             pub const fn legal_states(self) -> States {
                 match self {
                     $($(Self::$name => $states,)*)*
                 }
             }
 
-            /// The part of the interface that it belongs to.
+            /// The part of the interface that the function belongs to.
             pub const fn part(self) -> $crate::Part {
                 match self {
                     $($(Self::$name => $crate::Part::$part,)*)*
@@ -61,7 +61,7 @@ macro_rules! functions {
                 self.symbol().to_str().unwrap_or_default()
             }
 
-            /// Whether it may be called in `state`.
+            /// Whether the function may be called in `state`.
             pub const fn is_legal_in(self, state: State) -> bool {
                 self.legal_states().contains(state)
             }

@@ -1,4 +1,4 @@
-//! Whatever the shared library of exported FMUs runs: a model of this crate, or one of a model file.
+//! The model that the shared library of exported FMUs runs: a model of this crate, or one from a model file.
 
 use crate::model::{BadResource, MODEL_FILE};
 use crate::text::TextModel;
@@ -7,7 +7,7 @@ use pilotage_sdk::resources::{self, LoadError};
 use pilotage_sdk::structure::Influences;
 use pilotage_sdk::{At, Equations};
 
-/// A model by where its equations stand.
+/// A model, by the place where its equations are defined.
 #[derive(Debug, Clone)]
 pub enum AnyModel {
     /// In this crate.
@@ -17,10 +17,10 @@ pub enum AnyModel {
 }
 
 impl AnyModel {
-    /// The model of a `resources` folder's [`MODEL_FILE`].
+    /// Reads the model from [`MODEL_FILE`] in the `resources` folder.
     ///
     /// # Errors
-    /// When the file is not there or not what was exported.
+    /// If the file is missing or is not one that was exported.
     pub fn from_resources(location: Option<&str>) -> Result<Self, LoadError> {
         let (file, text) = resources::read(location, MODEL_FILE)?;
         if pilotage_language::is_model(&text) {
@@ -39,7 +39,7 @@ impl AnyModel {
     }
 }
 
-/// Hands a call on.
+/// Forwards a call to the model.
 macro_rules! either {
     ($own:expr, $model:ident => $call:expr) => {
         match $own {

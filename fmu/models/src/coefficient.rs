@@ -3,20 +3,20 @@
 use crate::Quadcopter;
 use crate::quadcopter::N_COEFFICIENTS;
 
-/// One coefficient of the vehicle. Files, parameters of the FMU and their checks derive from it.
+/// One coefficient of the vehicle. Files, parameters of the FMU and their checks are derived from it.
 #[derive(Debug, Clone, Copy)]
 pub struct Coefficient {
-    /// Name, the field's.
+    /// Name of the field.
     pub name: &'static str,
-    /// Name of its unit.
+    /// Name of the unit.
     pub unit: &'static str,
-    /// Least and greatest plausible value: wide, so as to catch a wrong unit or a slipped digit.
+    /// Smallest and largest plausible value: a wide range that catches a wrong unit or a misplaced decimal point.
     pub range: (f64, f64),
-    /// What it is.
+    /// Description.
     pub meaning: &'static str,
-    /// Reads it.
+    /// Reads the coefficient.
     pub get: fn(&Quadcopter) -> f64,
-    /// Sets it.
+    /// Sets the coefficient.
     pub set: fn(&mut Quadcopter, f64),
 }
 

@@ -1,20 +1,20 @@
 //! Equations and variable tables of the models that pilotage identifies, simulates and exports.
 //!
-//! Every equation is written once, generic over [`Scalar`]: an exported FMU runs it with `f64`, the
-//! optimiser runs the same lines with dual numbers and gets exact derivatives.
+//! Each equation is written once, generic over [`Scalar`]: an exported FMU evaluates it with `f64`, the optimiser
+//! evaluates the same code with dual numbers and gets exact derivatives.
 //!
-//! | module | what it holds |
+//! | module | content |
 //! | --- | --- |
 //! | [`quadcopter`] | the vehicle: pitch axis of a quadcopter, six states |
 //! | [`pilot`] | the pilot: n-th order linear system in controllable canonical form |
-//! | [mod@traced] | any model of the SDK's trait as expressions, to be fitted and linearised |
+//! | [mod@traced] | any model of the SDK's trait as expressions, for fitting and linearisation |
 //! | [`coefficient`] | the vehicle's coefficients as data |
-//! | [`model`] | pilot or vehicle as it is exported: table of variables, model file |
-//! | [`text`] | models of model files |
-//! | [`any`] | whatever the shared library of exported FMUs runs |
+//! | [`model`] | exported form of pilot and vehicle: table of variables, model file |
+//! | [`text`] | models from model files |
+//! | [`any`] | the model that the shared library of exported FMUs runs |
 //! | [`library`] | the built-in model files as texts |
 //!
-//! What makes them run and makes FMUs of them is [`pilotage_sdk`]'s.
+//! [`pilotage_sdk`] simulates them and makes FMUs of them.
 
 pub mod any;
 pub mod coefficient;

@@ -1,32 +1,32 @@
-//! The built-in models, as texts in the language of `docs/models.md`. Nothing here reads them.
+//! The built-in models as texts in the language of `docs/models.md`. This module does not parse them.
 
 use pilotage_units::power;
 use std::fmt::Write;
 
-/// What a built-in model is for.
+/// Purpose of a built-in model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// It moves the stick: inputs `target` and `position`, output `stick`.
+    /// Moves the stick: inputs `target` and `position`, output `stick`.
     Pilot,
-    /// The stick moves it: input `stick`, a position among the outputs.
+    /// Is moved by the stick: input `stick`, with a position among the outputs.
     Vehicle,
 }
 
 /// A built-in model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BuiltIn {
-    /// Its name.
+    /// Name.
     pub name: &'static str,
-    /// What it is for.
+    /// Purpose.
     pub kind: Kind,
-    /// The model file; of a model with an order, that of order 3.
+    /// The model file; if the model has an order, the file for order 3.
     pub text: &'static str,
-    /// Whether it has an order: then [`linear`] writes it.
+    /// Whether the model has an order; [`linear`] then writes its file.
     pub has_order: bool,
 }
 
 impl BuiltIn {
-    /// What it is, in a line: the `description` of its file.
+    /// One-line description: the `description` of the model file.
     pub fn about(&self) -> &'static str {
         let value = |line: &'static str| line.strip_prefix("description = \"")?.strip_suffix('"');
         self.text.lines().find_map(value).unwrap_or_default()
@@ -72,7 +72,7 @@ pub fn all() -> &'static [BuiltIn] {
     ALL
 }
 
-/// The built-in model of that name.
+/// The built-in model with that name.
 pub fn find(name: &str) -> Option<&'static BuiltIn> {
     ALL.iter().find(|model| model.name == name)
 }
@@ -83,8 +83,8 @@ pub const MAX_ORDER: usize = crate::Model::MAX_ORDER;
 /// Static gain of [`linear`]'s start values [1/m].
 const GAIN: f64 = 0.1;
 
-/// The model file of the linear pilot of that order, see [`crate::pilot`]. Its start values are `order` equal lags
-/// of half a second together, behind a static gain of 0.1 1/m.
+/// The model file of the linear pilot of that order, see [`crate::pilot`]. The start values are `order` equal lags,
+/// half a second in total, with a static gain of 0.1 1/m.
 ///
 /// # Panics
 /// When the order is not from 1 to [`MAX_ORDER`].

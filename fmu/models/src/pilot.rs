@@ -16,12 +16,11 @@ use nalgebra::{Complex, DMatrix, Schur};
 
 /// The published θ (paper, section "Pilot Model Estimation"), as printed: four decimals.
 ///
-/// Flown from rest on an ideal attitude loop it goes to about 5 m for a 10 m target and has a slowly
-/// growing mode, so the paper's figure cannot be reproduced from these digits (docs/method.md).
+/// Started from rest with an ideal attitude loop, it reaches about 5 m for a 10 m target and has a slowly growing mode,
+/// so the paper's figure cannot be reproduced from these digits (docs/method.md).
 pub const PAPER_THETA: [f64; 6] = [0.2454, 1.2477, 1.0164, -0.0005, 0.0052, -0.0575];
 
-/// Structure of a linear pilot: its order. The parameters θ are passed to each call, since they are
-/// what is identified.
+/// Structure of a linear pilot: its order. The parameters θ are arguments of each method, since they are identified.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Pilot {
     /// Order `n`, the number of states, at least 1.
@@ -79,23 +78,23 @@ impl Pilot {
 /// Roots of the monic polynomial `s^n + c[n-1] s^{n-1} + ... + c[0]`: eigenvalues of its companion
 /// matrix, sorted by real, then imaginary part.
 ///
-/// Where they cannot be found, since a coefficient is not finite or too large, all are `+∞`: nothing is called
-/// stable of which nothing is known.
+/// If they cannot be computed because a coefficient is not finite or too large, all are `+∞`, so that an unknown system
+/// never counts as stable.
 pub fn roots(c: &[f64]) -> Vec<Complex<f64>> {
     let mut roots = iterate(c).unwrap_or(vec![Complex::new(f64::INFINITY, 0.0); c.len()]);
     roots.sort_by(|a, b| a.re.total_cmp(&b.re).then(a.im.total_cmp(&b.im)));
     roots
 }
 
-/// The roots as they come; `None` where that does not end, or not well.
+/// The unsorted roots; `None` if the iteration does not converge or a root is not finite.
 fn iterate(c: &[f64]) -> Option<Vec<Complex<f64>>> {
-    /// For each root; LAPACK allows 30 (`dhseqr`).
+    /// Per root; LAPACK allows 30 (`dhseqr`).
     const MAX_ITERATIONS: usize = 100;
     let n = c.len();
     if n == 0 {
         return Some(Vec::new());
     }
-    // The iteration does not end on what is not finite.
+    // The iteration does not terminate for coefficients that are not finite.
     if c.iter().any(|c| !c.is_finite()) {
         return None;
     }
@@ -113,7 +112,7 @@ fn iterate(c: &[f64]) -> Option<Vec<Complex<f64>>> {
 mod tests {
     use super::*;
 
-    /// The iteration would not end.
+    /// The iteration would not terminate.
     #[test]
     fn poles_of_what_is_no_number_are_unstable() {
         let pilot = Pilot::default();
@@ -125,7 +124,7 @@ mod tests {
                 assert_eq!(pilot.poles(&theta), infinite);
             }
         }
-        // Found or not, it ends.
+        // Converged or not, it terminates.
         for value in [1e150, -1e250, f64::MAX, f64::MIN_POSITIVE] {
             assert_eq!(roots(&[value, -value, value]).len(), 3);
         }

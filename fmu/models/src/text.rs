@@ -1,4 +1,4 @@
-//! Models of model files: what they declare as a table, their equations on a tape.
+//! Models from model files: their variables as a table, their equations as tapes.
 
 use pilotage_expression::{Graph, Node, Tape};
 use pilotage_language::{Compiled, ModelFileError, Variable as Declared, parse, read};
@@ -9,12 +9,12 @@ use smallvec::SmallVec;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Registers that are held without allocation.
+/// Number of registers stored without allocation.
 const ON_STACK: usize = 128;
 
-/// A model file as [`Equations`]: exported, wired, linearised and simulated as any other model.
+/// A model file as [`Equations`]: it is exported, connected, linearised and simulated like any other model.
 ///
-/// Clones share what was compiled.
+/// Clones share the compiled file.
 #[derive(Debug, Clone)]
 pub struct TextModel(Arc<Inner>);
 
@@ -29,24 +29,24 @@ struct Inner {
 }
 
 impl TextModel {
-    /// Reads a model file, and its tables from the folder in which it stands.
+    /// Reads a model file, and its tables from the same folder.
     ///
     /// # Errors
-    /// When a file cannot be read, or there is a mistake in it: the message names file, line and column.
+    /// If a file cannot be read or contains a mistake: the message names file, line and column.
     pub fn read(path: &Path) -> Result<Self, ModelFileError> {
         read(path).map(Self::of)
     }
 
-    /// A model of the text of a model file without tables; `file` is its name in messages.
+    /// Parses the text of a model file without tables; `file` is its name in messages.
     ///
     /// # Errors
-    /// When there is a mistake in it: the message names file, line and column.
+    /// If the text contains a mistake: the message names file, line and column.
     pub fn parse(text: &str, file: &str) -> Result<Self, ModelFileError> {
         let none = |_: &str| Err(std::io::ErrorKind::NotFound.into());
         parse(text, file, &none).map(Self::of)
     }
 
-    /// A model of what was compiled.
+    /// The model of a compiled file.
     pub fn of(compiled: Compiled) -> Self {
         let system = &compiled.model.system;
         let (order, graph, held) = held(&compiled);
@@ -61,19 +61,19 @@ impl TextModel {
         }))
     }
 
-    /// What was compiled.
+    /// The compiled file.
     pub fn compiled(&self) -> &Compiled {
         &self.0.compiled
     }
 
-    /// The table of the variables.
+    /// The table of variables.
     pub fn variables(&self) -> &Table {
         &self.0.table
     }
 }
 
-/// What the table takes of the compiled outputs, in its order: outputs, then locals; a local that is an output by
-/// its name stands among the outputs. The graph with their expressions, held within their limits.
+/// Indices of the compiled outputs in the order of the table: outputs, then locals; a local with the name of an output
+/// is listed among the outputs. Also the graph and its nodes for these outputs, clipped to their limits.
 fn held(compiled: &Compiled) -> (Vec<usize>, Graph, Vec<Node>) {
     let mut graph = compiled.model.system.graph.clone();
     let names = &compiled.model.outputs;
@@ -163,7 +163,7 @@ fn variable(declared: &Declared, role: Role, start: Option<f64>) -> Variable {
     }
 }
 
-/// A state or local with what its entry among the outputs says beyond.
+/// Completes a state or local with what the output of the same name declares.
 fn filled(mut own: Variable, output: Option<&Declared>) -> Variable {
     let Some(output) = output else {
         return own;
@@ -179,7 +179,7 @@ fn filled(mut own: Variable, output: Option<&Declared>) -> Variable {
     own
 }
 
-/// Runs a tape.
+/// Evaluates a tape.
 fn run<T: Scalar>(tape: &Tape, at: At<T>, out: &mut [T]) {
     let mut registers: SmallVec<[T; ON_STACK]> = SmallVec::with_capacity(tape.size());
     registers.push(at.time);
@@ -238,7 +238,7 @@ impl Equations for TextModel {
             for (k, row) in rows.iter_mut().enumerate() {
                 if depends[unknowns[k].index()] {
                     let slope = graph.value(slopes[k]);
-                    // A slope of 0 is that of steps, which depend by a condition.
+                    // Steps have slope 0 although they depend through a condition.
                     let constant = slope.is_some_and(|slope| slope != 0.0);
                     row.push((knowledge(system, variable), constant));
                 }

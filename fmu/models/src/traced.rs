@@ -1,20 +1,20 @@
-//! Equations of the SDK's trait as an expression graph: what is fitted and linearised.
+//! Equations of the SDK's trait as an expression graph, for fitting and linearisation.
 
 use pilotage_expression::{Model, Obstacle, Traced};
 use pilotage_sdk::{At, Equations, Table};
 
-/// Why a model cannot be taken down.
+/// Why a model cannot be traced.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TraceError {
-    /// Its equations do what no graph says.
+    /// The equations use an operation that a graph cannot represent.
     #[error("model {model}: {obstacle}")]
     Obstacle {
         /// Name of the model.
         model: String,
-        /// Why.
+        /// Reason.
         obstacle: Obstacle,
     },
-    /// An output or derivative that the equations do not write.
+    /// The equations do not write an output or derivative.
     #[error("model {model}: the equations do not write {variable}, which its table declares")]
     Unwritten {
         /// Name of the model.
@@ -22,16 +22,16 @@ pub enum TraceError {
         /// The variable.
         variable: String,
     },
-    /// It has events.
+    /// The model has events.
     #[error("model {0} has events, which a fit does not follow: fit it without them")]
     Events(String),
 }
 
-/// The model that equations are, with the names of their table. Its outputs are those that the equations
-/// write, as they are written: a [limit](Table::limited) is no part of them.
+/// Traces the equations as a model, with the names of their table. Its outputs are those that the equations write,
+/// before any [limit](Table::limited).
 ///
 /// # Errors
-/// Where the equations compare numbers, have events, or leave an output out.
+/// If the equations compare numbers, have events, or do not write an output.
 pub fn traced<E: Equations>(equations: &E) -> Result<Model, TraceError> {
     let table = equations.table();
     let name = || table.name().to_owned();

@@ -3,12 +3,12 @@
 use pilotage_models::lti::{Transition, TransitionError};
 use pilotage_models::pilot::PAPER_THETA;
 use pilotage_models::simulation::{SetError, StepFault};
-use pilotage_models::{Model, Pilot, Quadcopter, Simulation};
+use pilotage_models::{Model, Pilot, Quadcopter, Simulation, TextModel};
 use pilotage_ode::{DormandPrince, IntegrationError, Solver, System, Work};
 use proptest::prelude::*;
 use std::convert::Infallible;
 
-/// Classical Runge–Kutta with many small steps: slow, obvious, and written apart from the library.
+/// Classical Runge–Kutta with many small steps: slow, simple, and independent of the library.
 fn rk4(f: impl Fn(f64, &[f64]) -> Vec<f64>, x: &[f64], h: f64, steps: usize) -> Vec<f64> {
     let d = h / steps as f64;
     let shifted = |x: &[f64], k: &[f64], a: f64| -> Vec<f64> {
@@ -40,7 +40,7 @@ impl<F: FnMut(f64, &[f64], &mut [f64])> System for Flow<F> {
     }
 }
 
-/// Integrates with states of these magnitudes as an FMU does: the first step tried is the whole interval.
+/// Integrates with states of these magnitudes as an FMU does: the first trial step is the whole interval.
 fn integrate<const N: usize>(
     f: impl FnMut(f64, &[f64], &mut [f64]),
     x: [f64; N],
@@ -90,7 +90,7 @@ fn first_order_pilot_follows_its_analytic_solution() {
     let x = decay * x0 + (u0 / a - s / (a * a)) * (1.0 - decay) + s * h / a;
     assert!((get(&pilot, "stick") - c * x).abs() < 1e-15);
     assert_eq!(get(&pilot, "target"), u0 + s * h);
-    // The error went along its slope; the next step holds it.
+    // The error followed its slope; the next step holds it constant.
     let error = index(pilot.model(), "error");
     assert_eq!(pilot.output_derivative(error), s);
     pilot.step(h).expect("the step is possible");
@@ -160,7 +160,7 @@ fn vehicle_hovers_exactly() {
 
 #[test]
 fn error_falls_with_the_tolerance() {
-    // A pendulum over many swings; the tolerance is local, so the global error is some times larger.
+    // A pendulum over many swings; the tolerance is local, so the global error is several times larger.
     let pendulum = |_: f64, x: &[f64], dx: &mut [f64]| {
         dx[0] = x[1];
         dx[1] = -x[0].sin();
@@ -175,7 +175,7 @@ fn error_falls_with_the_tolerance() {
     for (error, relative) in errors.iter().zip([1e-5, 1e-7, 1e-9, 1e-11]) {
         assert!(*error < 200.0 * relative, "{errors:?}");
     }
-    // The work, not the clock, is what must not grow unnoticed.
+    // The amount of work must not grow unnoticed; run time is not tested.
     insta::assert_debug_snapshot!([1e-5, 1e-9].map(|r| run(r).1));
 }
 
@@ -482,4 +482,31 @@ fn work_of_a_communication_step() {
             .1
     };
     insta::assert_debug_snapshot!([0.001, 0.05, 1.0].map(work));
+}
+
+/// A parameter moves a start value that depends on it before the simulation starts, and no state afterwards, in a copy
+/// and after a restore too.
+#[test]
+fn copies_have_started_when_the_original_has() {
+    let text = "[model]\nname = \"decay\"\n[parameters]\nx0 = { start = 1 }\ntau = { start = 1, unit = \"s\" }\n[states]\nx = { start = \"x0\", der = \"-x / tau\" }\n";
+    let model = TextModel::parse(text, "decay.toml").expect("a model");
+    let mut original = pilotage_sdk::Simulation::new(model.clone());
+    let start = original.snapshot().clone();
+    let x0 = original.table().parameters().start;
+    let state = |of: &pilotage_sdk::Simulation<TextModel>| of.snapshot().states[0];
+    original.set(x0, 3.0).expect("allowed");
+    assert_eq!(state(&original), 3.0);
+    original.step(1.0).expect("a step");
+    let reached = state(&original);
+    assert!((reached - 3.0 * (-1.0_f64).exp()).abs() < 1e-4);
+    let mut copy = original.clone();
+    let mut restored = pilotage_sdk::Simulation::new(model);
+    restored.restore(original.snapshot());
+    for own in [&mut original, &mut copy, &mut restored] {
+        own.set(x0, 5.0).expect("allowed");
+        assert_eq!(state(own), reached);
+    }
+    original.restore(&start);
+    original.set(x0, 7.0).expect("allowed");
+    assert_eq!(state(&original), 7.0);
 }

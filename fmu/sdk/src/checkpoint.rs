@@ -1,10 +1,10 @@
-//! FMU states (FMI 2.0.5, section 2.1.8; FMI 3.0, section 2.2.7): all that an instance is, in memory and
-//! as bytes.
+//! FMU states (FMI 2.0.5, section 2.1.8; FMI 3.0, section 2.2.7): the complete state of an instance, in memory and as
+//! bytes.
 //!
-//! Bytes, little-endian: `"PILOTAGE"`, version of this format (u32), number of bytes in all (u64), GUID
-//! (38 bytes), version of FMI (u8), kind (u8), state (u16), the clock (present, has stop, count, time, stop,
-//! anchor, step), then time, tolerance, values, slopes, slopes of the last step, states, modes, and one byte for each
-//! event indicator. Their numbers are known from the model.
+//! Format of the bytes, little-endian: `"PILOTAGE"`, version of this format (u32), total number of bytes (u64), GUID
+//! (38 bytes), version of FMI (u8), kind (u8), state (u16), whether the simulation has started (u8), the clock (present, has stop, count, time, stop, anchor,
+//! step), then time, tolerance, values, slopes, slopes of the last step, states, modes, and one byte for each event
+//! indicator. The model determines the number of each.
 
 use crate::Table;
 use crate::clock::Clock;
@@ -13,22 +13,22 @@ use crate::problem::Problem;
 use crate::simulation::Snapshot;
 
 const MAGIC: &[u8; 8] = b"PILOTAGE";
-const VERSION: u32 = 2;
-/// Bytes of a GUID with its braces.
+const VERSION: u32 = 3;
+/// Number of bytes of a GUID with its braces.
 const GUID: usize = 38;
 
-/// A copy of an instance: what `fmi2FMUstate` and `fmi3FMUState` point to.
+/// A copy of an instance, to which `fmi2FMUstate` and `fmi3FMUState` point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoint {
-    /// GUID of the FMU that it belongs to.
+    /// GUID of the FMU.
     pub guid: String,
-    /// Version of FMI through which it was taken.
+    /// Version of FMI of the instance.
     pub version: u8,
-    /// What the instance is for.
+    /// Interface type of the instance.
     pub kind: InterfaceType,
-    /// The state of the instance, a number of that version.
+    /// State of the instance, as a number of that version.
     pub state: u16,
-    /// Where it stands in time; `None` before an experiment was set up.
+    /// Position in time; `None` before the experiment is set up.
     pub clock: Option<Clock>,
     /// Values, states and events.
     pub snapshot: Snapshot,
@@ -46,6 +46,7 @@ impl Checkpoint {
             u8::from(self.kind == InterfaceType::ModelExchange),
         ]);
         bytes.extend(self.state.to_le_bytes());
+        bytes.push(u8::from(self.snapshot.has_started));
         let clock = self.clock.unwrap_or_default();
         bytes.push(u8::from(self.clock.is_some()));
         bytes.push(u8::from(clock.stop.is_some()));
@@ -69,10 +70,10 @@ impl Checkpoint {
         bytes
     }
 
-    /// Reads bytes of [`to_bytes`](Self::to_bytes) for an FMU with that table.
+    /// Reads bytes written by [`to_bytes`](Self::to_bytes) for an FMU with that table.
     ///
     /// # Errors
-    /// When they are not of this format, this FMU, or complete.
+    /// If they are incomplete, have another format, or belong to another FMU.
     pub fn from_bytes(bytes: &[u8], table: &Table, guid: &str) -> Result<Self, Problem> {
         let mut reader = Reader { rest: bytes };
         reader.expect("the beginning", MAGIC)?;
@@ -88,6 +89,7 @@ impl Checkpoint {
             _ => return Err(wrong("the kind", kind, "0 or 1")),
         };
         let state = u16::from_le_bytes(reader.take()?);
+        let [has_started] = reader.take()?;
         let [has_clock, has_stop] = reader.take()?;
         let count = u64::from_le_bytes(reader.take()?);
         let [time, stop, anchor, step, now, tolerance] = reader.numbers(6)?[..] else {
@@ -109,6 +111,7 @@ impl Checkpoint {
             states: reader.numbers(table.n_x())?,
             positive: reader.flags(table.n_indicators())?,
             tolerance,
+            has_started: has_started == 1,
         };
         check("the number of bytes left over", reader.rest.len(), 0)?;
         Ok(Self {
@@ -122,7 +125,7 @@ impl Checkpoint {
     }
 }
 
-/// Takes parts from the front.
+/// Reads values from the front of the bytes.
 struct Reader<'b> {
     rest: &'b [u8],
 }
@@ -194,7 +197,7 @@ mod tests {
     use super::*;
     use crate::{At, Equations, Scalar, Simulation};
 
-    /// A mass on a spring that is pushed, with a wall.
+    /// A mass on a spring, driven by a force, with a wall.
     struct Spring(f64);
 
     impl Equations for Spring {
@@ -238,7 +241,7 @@ mod tests {
         (table, checkpoint)
     }
 
-    /// FMI rule 27: bytes of an FMU state, and what is refused.
+    /// FMI rule 27: bytes of an FMU state, and which are rejected.
     #[test]
     fn bytes_read_back_as_they_were_written() {
         let (table, checkpoint) = checkpoint();

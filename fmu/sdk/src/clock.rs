@@ -1,30 +1,30 @@
-//! Communication points, counted instead of summed.
+//! Communication points, counted rather than summed.
 
 use crate::problem::Problem;
 
-/// How far two times may differ to be the same, relative to their size.
+/// Largest difference of two times that count as equal, relative to their size.
 const SAME_TIME: f64 = 1e-9;
 
-/// How many units in the last place a communication point may be off by rounding.
+/// Largest rounding error of a communication point, relative to its size.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
 
-/// Where an instance stands in time, and in which steps it came there.
+/// Position of an instance in time, and the steps that led to it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Clock {
     /// The last communication point, as the importer gave it \[s\].
     pub time: f64,
-    /// Where the experiment ends \[s\].
+    /// End of the experiment \[s\].
     pub stop: Option<f64>,
-    /// First of the equal steps that led here \[s\].
+    /// Start of the sequence of equal steps that led here \[s\].
     pub anchor: f64,
-    /// The size of these steps \[s\]; 0 before the first step.
+    /// Size of these steps \[s\]; 0 before the first step.
     pub step: f64,
-    /// Their number.
+    /// Number of these steps.
     pub count: u64,
 }
 
 impl Clock {
-    /// A clock that stands at `start`.
+    /// A clock at time `start`.
     pub fn new(start: f64, stop: Option<f64>) -> Self {
         Self {
             time: start,
@@ -35,26 +35,26 @@ impl Clock {
         }
     }
 
-    /// The clock at another time, with the same end.
+    /// The clock at another time, with the same stop time.
     pub fn moved_to(&self, time: f64) -> Self {
         Self::new(time, self.stop)
     }
 
-    /// Checks a step from `time` by `step`. Gives the step to integrate, and the clock after it.
+    /// Checks a step from `time` by `step`. Returns the step to integrate, and the clock after it.
     ///
-    /// Importers reach equal communication points by sums, products or differences, whose rounding
-    /// differs. So a step that ends where one more of the last steps would end, but for rounding, is
-    /// such a step: results do not depend on how the importer computes its times, and the time that is
-    /// integrated never strays further than rounding from the importer's.
+    /// Importers compute equal communication points as sums, products or differences, which round differently. A step
+    /// that ends, up to rounding, where one more of the previous steps would end is therefore treated as such a step:
+    /// results do not depend on how the importer computes its times, and the integrated time deviates from the
+    /// importer's by rounding only.
     ///
     /// # Errors
-    /// When the step is not positive, does not begin here, or leads beyond the stop time.
+    /// If the step is not positive, does not start at the current time, or goes beyond the stop time.
     pub fn advance(&self, time: f64, step: f64) -> Result<(f64, Self), Problem> {
         if !(step > 0.0 && step.is_finite()) {
             return Err(Problem::StepSize { step });
         }
         let scale = time.abs().max(self.time.abs()).max(step);
-        // Written so that NaN is refused too.
+        // Written so that NaN is rejected too.
         if !matches!((time - self.time).abs().partial_cmp(&(SAME_TIME * scale)), Some(o) if o.is_le())
         {
             return Err(Problem::WrongTime {
@@ -92,7 +92,7 @@ impl Clock {
 mod tests {
     use super::*;
 
-    /// The steps that are integrated when the importer passes these times.
+    /// The integrated steps if the importer passes these times.
     fn steps(points: impl IntoIterator<Item = (f64, f64)>) -> Vec<f64> {
         let mut clock = Clock::new(0.0, None);
         let mut steps = Vec::new();
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn integrated_time_stays_with_the_importers() {
-        // Late in time the differences are rough, by 1e-10 s; their sum must not run away.
+        // At late times the differences have errors of 1e-10 s; their sum must not drift.
         let (start, h) = (1e6, 1e-3);
         let mut clock = Clock::new(start, None);
         let mut elapsed = 0.0;

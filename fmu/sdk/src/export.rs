@@ -1,19 +1,19 @@
 //! The macro that makes C functions of the generic ones.
 
-/// Makes the library of an FMU out of a model.
+/// Makes the shared library of an FMU from a model.
 ///
-/// In a crate of type `cdylib`, once: `pilotage_sdk::export!(MyModel);` for a type that implements
+/// Called once in a crate of type `cdylib`: `pilotage_sdk::export!(MyModel);` for a type that implements
 /// [`Equations`](crate::Equations) and `Default`. It defines the functions of FMI 2.0 and FMI 3.0 and
-/// `pilotageInterface`, by which `pilotage pack` learns what the model is.
+/// `pilotageInterface`, from which `pilotage pack` reads the interface of the model.
 ///
-/// Where the model is read from the FMU's resources, a second argument names the function that does so:
-/// see [`Load`](crate::Load); there is no `pilotageInterface` then.
+/// If the model is read from the FMU's resources, a second argument names the function that reads it, see
+/// [`Load`](crate::Load); `pilotageInterface` is then not defined.
 #[macro_export]
 macro_rules! export {
     ($model:ty) => {
         $crate::export!($model, $crate::interface::compiled_in);
 
-        /// What the model is, as JSON: a C string that stays.
+        /// Interface of the model as JSON: a C string that is never freed.
         #[unsafe(no_mangle)]
         #[allow(non_snake_case)]
         pub extern "C" fn pilotageInterface() -> *const ::std::ffi::c_char {
@@ -28,8 +28,8 @@ macro_rules! export {
     };
 }
 
-/// Defines C functions that call the generic ones of the same name, and has the compiler check that
-/// they have the types of the standard.
+/// Defines C functions that call the generic ones of the same name; the compiler checks that they have the types of the
+/// standard.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! __functions {
@@ -40,7 +40,7 @@ macro_rules! __functions {
         #[unsafe(no_mangle)]
         #[allow(non_snake_case, missing_docs, clippy::missing_safety_doc, clippy::too_many_arguments)]
         pub unsafe extern "C" fn $name($($argument: $type),*) -> $returns {
-            // SAFETY: the caller promises what the standard asks of it.
+            // SAFETY: the caller guarantees what the standard requires.
             unsafe { $crate::$fmi::$name::<$model>($($first,)? $($argument),*) }
         }
 

@@ -1,5 +1,5 @@
-//! Between C and safe code: pointers are checked, panics become a status, and the calling order of a
-//! version of FMI is kept.
+//! Layer between C and safe code: it checks pointers, turns panics into a status, and enforces the calling order of a
+//! version of FMI.
 
 use crate::checkpoint::Checkpoint;
 use crate::instance::{Instance, InterfaceType, Phase};
@@ -10,18 +10,18 @@ use std::any::Any;
 use std::ffi::{CStr, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// What differs between FMI 2.0 and FMI 3.0: states, functions, status.
+/// Differences between FMI 2.0 and FMI 3.0: states, functions, status.
 pub trait Version {
     /// State of an instance.
     type State: Copy + PartialEq + std::fmt::Debug;
     /// A function of the interface.
     type Function: Copy;
-    /// What a function returns.
+    /// Status that a function returns.
     type Status: Copy;
-    /// Its number.
+    /// Version number.
     const NUMBER: u8;
 
-    /// Whether the function may be called, and if not, where it may.
+    /// Checks that the function may be called in the state; the error lists the states in which it may.
     fn legal(function: Self::Function, state: Self::State) -> Result<(), String>;
     /// Part of the interface that the function belongs to.
     fn part(function: Self::Function) -> abi::Part;
@@ -31,37 +31,37 @@ pub trait Version {
     fn state_name(state: Self::State) -> &'static str;
     /// What may be set in the state.
     fn phase(state: Self::State) -> Phase;
-    /// The state after something went wrong.
+    /// The state after a problem.
     fn after(problem: &Problem, state: Self::State) -> Self::State;
-    /// The status; `None`: all went well.
+    /// The status; `None` means success.
     fn status(severity: Option<Severity>) -> Self::Status;
     /// The state as a number.
     fn bits(state: Self::State) -> u16;
-    /// The state of an instance with that number.
+    /// The state of an instance with that number, if any.
     fn from_bits(bits: u16) -> Option<Self::State>;
 }
 
-/// What C has a pointer to.
+/// The object to which the importer has a pointer.
 #[derive(Debug)]
 pub struct Component<E, V: Version> {
     /// The instance.
     pub instance: Instance<E>,
-    /// Where it stands in the calling order.
+    /// State of the calling order.
     pub state: V::State,
-    /// Where its messages go.
+    /// Logger of its messages.
     pub log: Log,
-    /// Who handles events.
+    /// Handling of events.
     pub events: Events,
 }
 
-/// FMI 3.0, co-simulation: what the importer can do about events and inputs within a step. In FMI 2.0 nothing.
+/// How the importer handles events, and inputs within a step (co-simulation of FMI 3.0; unused in FMI 2.0).
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Events {
-    /// It calls event mode.
+    /// The importer uses event mode.
     pub event_mode: bool,
     /// A step may end early.
     pub early_return: bool,
-    /// It gives inputs within a step when it is called back, with this as the first argument.
+    /// Callback in which the importer sets inputs within a step, and its first argument.
     pub update: Option<(
         abi::fmi3::types::IntermediateUpdateCallback,
         abi::fmi3::types::InstanceEnvironment,
@@ -69,8 +69,8 @@ pub struct Events {
 }
 
 impl<E: Equations, V: Version> Component<E, V> {
-    /// Runs the body of a function if it may be called now; reports what went wrong, and goes into
-    /// the state that this leads to.
+    /// Runs the body of a function if it may be called now; reports a problem and enters the state that follows from
+    /// it.
     pub fn call(
         &mut self,
         function: V::Function,
@@ -103,27 +103,27 @@ impl<E: Equations, V: Version> Component<E, V> {
         }
     }
 
-    /// Reports a problem, goes into the state that it leads to, and gives the status to return.
+    /// Reports a problem, enters the state that follows from it, and returns the status.
     pub fn fail(&mut self, function: V::Function, problem: &Problem) -> V::Status {
         self.state = V::after(problem, self.state);
         self.log.report(V::name(function), problem);
         V::status(Some(problem.severity()))
     }
 
-    /// What may be set now, and the state's name.
+    /// What may be set now, and the name of the state.
     pub fn phase(&self) -> (Phase, &'static str) {
         (V::phase(self.state), V::state_name(self.state))
     }
 
-    /// A copy of all that it is.
+    /// A copy of the complete state.
     pub fn checkpoint(&self) -> Checkpoint {
         self.instance.checkpoint(V::NUMBER, V::bits(self.state))
     }
 
-    /// The state of the calling order that a copy is in.
+    /// State of the calling order of a copy.
     ///
     /// # Errors
-    /// When it is none of this version of FMI.
+    /// If it is not a state of this version of FMI.
     pub fn state_of(&self, checkpoint: &Checkpoint) -> Result<V::State, Problem> {
         let own = checkpoint.version == V::NUMBER;
         let state = own.then(|| V::from_bits(checkpoint.state)).flatten();
@@ -134,10 +134,10 @@ impl<E: Equations, V: Version> Component<E, V> {
         })
     }
 
-    /// Goes back to a copy.
+    /// Restores a copy.
     ///
     /// # Errors
-    /// When it is one of another FMU, kind or version of FMI.
+    /// If it belongs to another FMU, kind or version of FMI.
     pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), Problem> {
         let state = self.state_of(checkpoint)?;
         self.instance.restore(checkpoint)?;
@@ -149,22 +149,22 @@ impl<E: Equations, V: Version> Component<E, V> {
 /// Runs the body of a function on the instance that `component` points to.
 ///
 /// # Safety
-/// `component` is NULL, or came from an instantiate function for this model and this version and was not
+/// `component` is NULL, or was returned by an instantiate function for this model and this version and has not been
 /// freed, and no other thread uses it.
 pub unsafe fn call<E: Equations, V: Version>(
     component: *mut c_void,
     function: V::Function,
     body: impl FnOnce(&mut Component<E, V>) -> Result<(), Problem>,
 ) -> V::Status {
-    // SAFETY: by the caller's promise it is NULL, or an instance that nobody else uses.
+    // SAFETY: guaranteed by the caller to be NULL, or an instance that is not used elsewhere.
     let Some(component) = (unsafe { component.cast::<Component<E, V>>().as_mut() }) else {
         return V::status(Some(Severity::Error));
     };
     guarded(component, function, body)
 }
 
-/// An instance whose body panicked is in the state `fatal` and is never used again but to be freed;
-/// therefore it does not matter in which state the panic left it.
+/// Turns a panic of the body into a status. The instance is then in the state `fatal` and can only be freed, so it does
+/// not matter in which condition the panic left it.
 fn guarded<E: Equations, V: Version>(
     component: &mut Component<E, V>,
     function: V::Function,
@@ -180,7 +180,7 @@ fn guarded<E: Equations, V: Version>(
     })
 }
 
-/// Makes an instance; NULL, and a message, where it cannot be.
+/// Creates an instance; if that fails, reports a message and returns NULL.
 pub fn instantiate<E: Equations, V: Version>(
     function: V::Function,
     log: Log,
@@ -208,10 +208,10 @@ pub fn instantiate<E: Equations, V: Version>(
     }
 }
 
-/// Checks what every instantiate function is told, and makes the instance.
+/// Checks the arguments that all instantiate functions have in common, and creates the instance.
 ///
 /// # Errors
-/// When the name is missing, the model cannot be had, or the fingerprint is another.
+/// If the name is missing, the model cannot be loaded, or the fingerprint differs.
 pub fn create<E: Equations>(
     load: crate::Load<E>,
     name: Result<&CStr, Problem>,
@@ -236,34 +236,34 @@ pub fn create<E: Equations>(
     }
 }
 
-/// Frees an instance, in every state, since a leak helps nobody.
+/// Frees an instance in every state, to avoid leaks.
 ///
 /// # Safety
-/// As [`call`]; the instance is given up.
+/// As [`call`]; the instance must not be used afterwards.
 pub unsafe fn free<E, V: Version>(component: *mut c_void) {
     if component.is_null() {
         return;
     }
-    // SAFETY: it came from `Box::into_raw` in `instantiate`, and the importer gives it up.
+    // SAFETY: it came from `Box::into_raw` in `instantiate`, and the importer does not use it afterwards.
     let component = unsafe { Box::from_raw(component.cast::<Component<E, V>>()) };
-    // A panic while freeing must not reach the host; there is nobody left to report it.
+    // A panic while freeing must not reach the host; it can no longer be reported.
     let _ = catch_unwind(AssertUnwindSafe(|| drop(component)));
 }
 
-/// What a panic says.
+/// Message of a panic.
 pub(crate) fn message(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().copied();
     let string = || panic.downcast_ref::<String>().map(String::as_str);
     text.or_else(string).unwrap_or("panic").to_owned()
 }
 
-/// The array of `count` elements that C passes as a pointer; NULL is allowed where `count` is 0.
+/// The array of `count` elements that C passes as a pointer; NULL is allowed if `count` is 0.
 ///
 /// # Safety
-/// `pointer` is NULL, or points to `count` elements that nobody writes while `'a` lasts.
+/// `pointer` is NULL, or points to `count` elements that are not written during `'a`.
 ///
 /// # Errors
-/// When it is NULL, or `count` impossible.
+/// If it is NULL, or `count` is too large.
 pub unsafe fn array<'a, T>(
     pointer: *const T,
     count: usize,
@@ -272,15 +272,15 @@ pub unsafe fn array<'a, T>(
     check_array(pointer.is_null(), size_of::<T>(), count, argument)?;
     match count {
         0 => Ok(&[]),
-        // SAFETY: not NULL, and by the caller's promise valid for `count` elements.
+        // SAFETY: not NULL, and guaranteed by the caller to be valid for `count` elements.
         _ => Ok(unsafe { std::slice::from_raw_parts(pointer, count) }),
     }
 }
 
-/// As [`array()`], to be written.
+/// As [`array()`], but mutable.
 ///
 /// # Safety
-/// `pointer` is NULL, or points to `count` elements that nobody else uses while `'a` lasts.
+/// `pointer` is NULL, or points to `count` elements that are not used elsewhere during `'a`.
 ///
 /// # Errors
 /// As [`array()`].
@@ -292,7 +292,7 @@ pub unsafe fn array_mut<'a, T>(
     check_array(pointer.is_null(), size_of::<T>(), count, argument)?;
     match count {
         0 => Ok(&mut []),
-        // SAFETY: not NULL, and by the caller's promise valid for `count` elements.
+        // SAFETY: not NULL, and guaranteed by the caller to be valid for `count` elements.
         _ => Ok(unsafe { std::slice::from_raw_parts_mut(pointer, count) }),
     }
 }
@@ -315,22 +315,22 @@ fn check_array(
     }
 }
 
-/// The place that C passes as a pointer.
+/// The value to which a pointer from C points.
 ///
 /// # Safety
-/// `pointer` is NULL, or points to a value that nobody else uses while `'a` lasts.
+/// `pointer` is NULL, or points to a value that is not used elsewhere during `'a`.
 ///
 /// # Errors
 /// When it is NULL.
 pub unsafe fn place<'a, T>(pointer: *mut T, argument: &'static str) -> Result<&'a mut T, Problem> {
-    // SAFETY: by the caller's promise it is NULL or valid.
+    // SAFETY: guaranteed by the caller to be NULL or valid.
     unsafe { pointer.as_mut() }.ok_or(Problem::Null { argument })
 }
 
-/// The C string that a pointer leads to.
+/// The C string to which a pointer points.
 ///
 /// # Safety
-/// `pointer` is NULL, or a C string that lives while `'a` lasts.
+/// `pointer` is NULL, or a C string that is valid during `'a`.
 ///
 /// # Errors
 /// When it is NULL.
@@ -341,14 +341,14 @@ pub unsafe fn string<'a>(
     if pointer.is_null() {
         return Err(Problem::Null { argument });
     }
-    // SAFETY: not NULL, and by the caller's promise a C string.
+    // SAFETY: not NULL, and guaranteed by the caller to be a C string.
     Ok(unsafe { CStr::from_ptr(pointer) })
 }
 
 /// The strings of an array of pointers.
 ///
 /// # Safety
-/// `pointer` is NULL, or points to `count` pointers that are NULL or C strings; all live while `'a` lasts.
+/// `pointer` is NULL, or points to `count` pointers that are NULL or C strings; all are valid during `'a`.
 ///
 /// # Errors
 /// When one of them is NULL.
@@ -357,11 +357,11 @@ pub unsafe fn strings<'a>(
     count: usize,
     argument: &'static str,
 ) -> Result<Vec<&'a CStr>, Problem> {
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     let pointers = unsafe { array(pointer, count, argument) }?;
     pointers
         .iter()
-        // SAFETY: by the caller's promise each is NULL or a C string.
+        // SAFETY: guaranteed by the caller to be NULL or a C string.
         .map(|p| unsafe { string(*p, argument) })
         .collect()
 }

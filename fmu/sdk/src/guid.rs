@@ -1,4 +1,4 @@
-//! The fingerprint that ties a modelDescription.xml to its binary and resources.
+//! The fingerprint that links a modelDescription.xml to its binary and resources.
 
 /// A GUID with braces: a hash of the text.
 pub fn of(text: &str) -> String {
@@ -14,7 +14,7 @@ pub fn of(text: &str) -> String {
     )
 }
 
-/// FNV-1a with 128 bits (G. Fowler, L. C. Noll, K.-P. Vo): a fingerprint against mix-ups, not attacks.
+/// FNV-1a with 128 bits (G. Fowler, L. C. Noll, K.-P. Vo): a fingerprint against mix-ups, not against attacks.
 fn fnv1a_128(bytes: &[u8]) -> u128 {
     const OFFSET: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
     const PRIME: u128 = 0x0000_0000_0100_0000_0000_0000_0000_013b;

@@ -1,5 +1,4 @@
-//! One instance of an FMU, without the calling order of a version of FMI: safe code under the C
-//! functions.
+//! One instance of an FMU, without the calling order of a version of FMI: the safe code that the C functions call.
 
 use crate::checkpoint::Checkpoint;
 use crate::clock::Clock;
@@ -10,17 +9,17 @@ use crate::variable::{Role, index_of};
 use crate::{Equations, Simulation, Variable};
 use std::cell::OnceCell;
 
-/// What an instance is for.
+/// Purpose of an instance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum InterfaceType {
-    /// It solves its equations itself.
+    /// The instance solves its equations itself.
     CoSimulation,
-    /// The importer solves its equations.
+    /// The importer solves the equations.
     ModelExchange,
 }
 
 impl InterfaceType {
-    /// Its name.
+    /// Name.
     pub fn name(self) -> &'static str {
         match self {
             Self::CoSimulation => "co-simulation",
@@ -29,10 +28,10 @@ impl InterfaceType {
     }
 }
 
-/// What may be set, and what depends on what, in a state of the instance.
+/// What may be set, and which variables are knowns and unknowns, in a state of the instance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
-    /// Before the simulation: all but what is calculated may be set, and is known.
+    /// Before the simulation: all variables that are not calculated may be set, and are knowns.
     Start,
     /// Between steps and at events: inputs and tunable parameters may be set.
     Event,
@@ -40,7 +39,7 @@ pub enum Phase {
     Continuous,
 }
 
-/// When and how accurately the simulation runs.
+/// Times and accuracy of the simulation.
 #[derive(Debug, Clone, Copy)]
 pub struct Experiment {
     /// Relative tolerance, if defined.
@@ -51,16 +50,16 @@ pub struct Experiment {
     pub stop: Option<f64>,
 }
 
-/// The model with all that an FMU adds to it.
+/// The model with everything that an FMU adds to it.
 #[derive(Debug)]
 pub struct Instance<E> {
-    /// What it is for.
+    /// Purpose.
     pub kind: InterfaceType,
     guid: String,
-    /// Present once an experiment was set up.
+    /// Present after an experiment is set up.
     clock: Option<Clock>,
     simulation: Simulation<E>,
-    /// Computed when it is first asked for.
+    /// Computed on first use.
     structure: OnceCell<Structure>,
 }
 
@@ -127,12 +126,12 @@ impl<E: Equations> Instance<E> {
         Ok(())
     }
 
-    /// Refuses to go on without an experiment.
+    /// Checks that an experiment is set up.
     pub fn check_setup(&self) -> Result<(), Problem> {
         self.clock.map(|_| ()).ok_or(Problem::NoExperiment)
     }
 
-    /// As just instantiated.
+    /// Restores the state after instantiation.
     pub fn reset(&mut self) {
         self.simulation.reset();
         self.clock = None;
@@ -151,7 +150,7 @@ impl<E: Equations> Instance<E> {
         }
     }
 
-    /// Refuses a value that is no finite number where the equations say why; others may be meant.
+    /// Rejects a value that is not finite if the equations give the cause; otherwise it may be intended.
     fn explained(&self, index: usize, value: f64) -> Result<(), Problem> {
         match self.simulation.trouble() {
             Some(cause) => Err(Problem::NotFinite {
@@ -191,7 +190,7 @@ impl<E: Equations> Instance<E> {
         Ok(self.simulation.set(index, value)?)
     }
 
-    /// Sets real inputs and, when it is time for them, parameters.
+    /// Sets real inputs and, in the phases that allow it, parameters.
     pub fn set(
         &mut self,
         references: References<'_>,
@@ -249,7 +248,7 @@ impl<E: Equations> Instance<E> {
         &simulation.snapshot().values[simulation.table().inputs()]
     }
 
-    /// Lets the inputs go from the values `before` to those that are set, in the next step by `h` \[s\].
+    /// Makes the inputs change linearly from `before` to their current values in the next step of `h` \[s\].
     pub fn lead_inputs(&mut self, before: &[f64], h: f64) -> Result<(), Problem> {
         let inputs = self.simulation.table().inputs();
         for (index, &begin) in inputs.zip(before) {
@@ -312,7 +311,7 @@ impl<E: Equations> Instance<E> {
         Ok(())
     }
 
-    /// What an unknown depends on: while the simulation runs, or, of states, at its start.
+    /// Dependencies of an unknown: while the simulation runs or, for states, at its start.
     pub fn dependencies(&self, reference: u32, state: &'static str) -> Result<&Unknown, Problem> {
         let (index, variable) = self.variable(reference)?;
         let simulation = &self.simulation;
@@ -329,7 +328,7 @@ impl<E: Equations> Instance<E> {
             })
     }
 
-    /// One step of co-simulation, up to the first event where so wished.
+    /// One step of co-simulation, on request only up to the first event.
     pub fn step(&mut self, time: f64, step: f64, stop_at_event: bool) -> Result<Reached, Problem> {
         let clock = self.clock.ok_or(Problem::NoExperiment)?;
         let (step, next) = clock.advance(time, step)?;
@@ -354,7 +353,7 @@ impl<E: Equations> Instance<E> {
         self.clock.map_or(0.0, |clock| clock.time)
     }
 
-    /// Handles what there is to handle at an event. Whether a state has changed.
+    /// Handles pending events. Returns whether a state has changed.
     pub fn handle_event(&mut self) -> Result<bool, Problem> {
         self.simulation.handle_event().map_err(Problem::Event)
     }
@@ -410,7 +409,7 @@ impl<E: Equations> Instance<E> {
         Ok(())
     }
 
-    /// A copy of the instance, but for the calling order.
+    /// A copy of the instance, with the given state of the calling order.
     pub fn checkpoint(&self, version: u8, state: u16) -> Checkpoint {
         Checkpoint {
             guid: self.guid.clone(),
@@ -422,7 +421,7 @@ impl<E: Equations> Instance<E> {
         }
     }
 
-    /// Goes back to a copy.
+    /// Restores a copy.
     pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), Problem> {
         if checkpoint.guid != self.guid {
             return Err(Problem::ForeignState {
@@ -441,7 +440,7 @@ impl<E: Equations> Instance<E> {
         Ok(())
     }
 
-    /// Refuses another number of values, and values that are not finite.
+    /// Rejects a wrong number of values, and values that are not finite.
     fn check(
         &self,
         values: &[f64],
@@ -475,7 +474,7 @@ impl<E: Equations> Instance<E> {
         }
     }
 
-    /// As [`variable`](Self::variable), of that type.
+    /// As [`variable`](Self::variable), and checks the type.
     fn typed(&self, reference: u32, boolean: bool) -> Result<(usize, &Variable), Problem> {
         let (index, variable) = self.variable(reference)?;
         match variable.is_boolean() == boolean {
@@ -487,7 +486,7 @@ impl<E: Equations> Instance<E> {
         }
     }
 
-    /// Indices of unknowns: outputs and derivatives, at first states too (FMI 2.0.5, section 2.1.9).
+    /// Indices of unknowns: outputs and derivatives, before the simulation also states (FMI 2.0.5, section 2.1.9).
     fn unknowns(
         &self,
         references: References<'_>,
@@ -508,7 +507,7 @@ impl<E: Equations> Instance<E> {
         references.iter().map(index).collect()
     }
 
-    /// Indices of knowns: inputs, at first parameters and start values, later states.
+    /// Indices of knowns: inputs; before the simulation parameters and start values, later states.
     fn knowns(
         &self,
         references: References<'_>,
@@ -538,7 +537,7 @@ fn check_order(variable: &Variable, order: i32) -> Result<(), Problem> {
     })
 }
 
-/// Refuses another number of values.
+/// Rejects a wrong number of values.
 pub fn check_number(argument: &'static str, found: usize, expected: usize) -> Result<(), Problem> {
     match found == expected {
         true => Ok(()),

@@ -1,15 +1,15 @@
-//! What an exporter must know of a model to describe it, in memory and as text.
+//! The interface of a model, from which an exporter describes it, in memory and as text.
 
 use crate::structure::{Structure, Unknown};
 use crate::variable::Variable;
 use crate::{Equations, guard, json};
 
-/// A model seen from outside: what stands in its modelDescription.xml.
+/// The interface of a model: the content of its modelDescription.xml.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Interface {
     /// Name: FMI's `modelIdentifier`.
     pub name: String,
-    /// One sentence: what the model is.
+    /// Description in one sentence.
     pub description: String,
     /// FMI's `guid` and `instantiationToken`.
     pub guid: String,
@@ -17,7 +17,7 @@ pub struct Interface {
     pub variables: Vec<Variable>,
     /// Index of each state's variable, in the order of the states.
     pub states: Vec<usize>,
-    /// What depends on what.
+    /// Dependencies of the unknowns.
     pub structure: Structure,
 }
 
@@ -35,14 +35,14 @@ impl Interface {
         }
     }
 
-    /// Index of the state whose derivative the variable is.
+    /// Index of the state of which the variable is the derivative.
     pub fn state_of(&self, derivative: usize) -> Option<usize> {
         let list = &self.structure.derivatives;
         let state = list.iter().position(|d| d.index == derivative)?;
         self.states.get(state).copied()
     }
 
-    /// As JSON: what the library of a model tells `pilotage pack`.
+    /// The interface as JSON, which `pilotage pack` reads from the library of a model.
     pub fn to_json(&self) -> String {
         let unknowns = |list: &[Unknown]| json::array(list.iter().map(unknown));
         json::object([
@@ -78,11 +78,11 @@ fn unknown(unknown: &Unknown) -> String {
     ])
 }
 
-/// The text of a model's interface, for the C function that `export!` makes; where the model panics, what it
-/// says then: `{"panic": "..."}`.
+/// The text of a model's interface, for the C function that `export!` makes; if the model panics, its message:
+/// `{"panic": "..."}`.
 pub fn text_of<E: Equations + Default>() -> std::ffi::CString {
-    // A library has panic hooks of its own: the importer's are left alone. What is said here is in the text,
-    // or belongs to a point where the equations do not hold.
+    // A library has its own panic hook; the importer's is not changed. The hook is silent here, since a panic is
+    // reported in the text or occurs outside the domain of the equations.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| {}));
     let text = std::panic::catch_unwind(|| Interface::of(&E::default()).to_json());

@@ -1,14 +1,14 @@
-//! Writes JSON; what `pilotage pack` reads of a library, and what a GUID is made of.
+//! Writes JSON, which `pilotage pack` reads from a library and from which a GUID is computed.
 
 use std::fmt::Write;
 
-/// `{"a": 1, "b": 2}` of names and values that are JSON.
+/// `{"a": 1, "b": 2}` from names and JSON values.
 pub fn object<const N: usize>(members: [(&str, String); N]) -> String {
     let members = members.map(|(name, value)| format!("{}: {value}", string(name)));
     format!("{{{}}}", members.join(", "))
 }
 
-/// `[1, 2]` of values that are JSON.
+/// `[1, 2]` from JSON values.
 pub fn array(values: impl IntoIterator<Item = String>) -> String {
     format!("[{}]", values.into_iter().collect::<Vec<_>>().join(", "))
 }
@@ -27,7 +27,7 @@ pub fn string(text: &str) -> String {
     json + "\""
 }
 
-/// A finite number with the digits that bring it back; `null` for none and for what JSON cannot say.
+/// A finite number with enough digits to restore it; `null` for `None` and for values that JSON cannot represent.
 pub fn number(value: Option<f64>) -> String {
     match value.filter(|v| v.is_finite()) {
         Some(value) => format!("{value:?}"),

@@ -1,7 +1,7 @@
-//! Makes an FMU out of a model: one trait, one macro.
+//! Makes an FMU from a model: one trait, one macro.
 //!
-//! A model is a table of variables and equations ([`Equations`]); [`export!`] makes the C functions of
-//! FMI 2.0 and FMI 3.0 of it, for co-simulation and model exchange, in one library:
+//! A model is a table of variables and equations ([`Equations`]). From it, [`export!`] makes the C functions of FMI 2.0
+//! and FMI 3.0, for co-simulation and model exchange, in one library:
 //!
 //! ```
 //! use pilotage_sdk::{At, Equations, Scalar, Table};
@@ -41,14 +41,14 @@
 //! # assert!(ball.get(0) > 0.0 && ball.get(1) > 0.0);
 //! ```
 //!
-//! | module | what it holds |
+//! | module | content |
 //! | --- | --- |
-//! | [`equations`], [`table`], [`variable`], [mod@unit] | what a model says of itself |
-//! | [`structure`], [`interface`] | what depends on what; what an exporter must know |
-//! | [`simulation`], [`lti`] | a model that runs: steps, events, exact derivatives |
-//! | [`instance`], [`clock`], [`checkpoint`], [`resources`] | one instance of an FMU: safe code under the C functions |
-//! | [`fmi2`], [`fmi3`], [`guard`] | the C functions: thin skins that check pointers and keep panics from the host |
-//! | [`log`], [`problem`] | messages to the importer; everything that can be wrong with a call |
+//! | [`equations`], [`table`], [`variable`], [mod@unit] | declaration of a model |
+//! | [`structure`], [`interface`] | dependencies between variables; interface for exporters |
+//! | [`simulation`], [`lti`] | a running model: steps, events, exact derivatives |
+//! | [`instance`], [`clock`], [`checkpoint`], [`resources`] | one instance of an FMU: safe code of the C functions |
+//! | [`fmi2`], [`fmi3`], [`guard`] | the C functions: thin wrappers that check pointers and catch panics |
+//! | [`log`], [`problem`] | messages to the importer; all problems of a call |
 //!
 //! There is no global state: instances share nothing.
 
@@ -76,7 +76,7 @@ pub mod table;
 pub mod unit;
 pub mod variable;
 
-/// How a library comes by its model: from the resource location, or without it.
+/// How a library loads its model: from the resource location, or without it.
 pub type Load<E> = fn(Option<&str>) -> Result<E, resources::LoadError>;
 
 pub use equations::{At, Equations, Scalar};

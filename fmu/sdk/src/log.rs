@@ -4,7 +4,7 @@ use crate::abi::{fmi2, fmi3};
 use crate::problem::{Problem, Severity};
 use std::ffi::{CStr, CString};
 
-/// What the exported binaries log: category and meaning.
+/// Categories of the messages of exported binaries, with their meaning.
 pub const LOG_CATEGORIES: [(&str, &str); 4] = [
     ("logStatusWarning", "Calls that had no effect"),
     (
@@ -23,16 +23,16 @@ pub const LOG_CATEGORIES: [(&str, &str); 4] = [
 pub enum Sink {
     /// A copy of the callbacks: the importer's struct need only live during `fmi2Instantiate`.
     Fmi2(Option<fmi2::CallbackFunctions>),
-    /// The callback and what it wants back.
+    /// The callback and its first argument.
     Fmi3(Option<fmi3::LogMessageCallback>, fmi3::InstanceEnvironment),
 }
 
-/// Sends messages through the importer's logger, under the name that the importer gave.
+/// Sends messages through the importer's logger, with the instance name that the importer passed.
 #[derive(Debug)]
 pub struct Log {
     sink: Sink,
     instance_name: CString,
-    /// Which of [`LOG_CATEGORIES`] are on.
+    /// Which of [`LOG_CATEGORIES`] are enabled.
     enabled: [bool; LOG_CATEGORIES.len()],
 }
 
@@ -46,10 +46,10 @@ impl Log {
         }
     }
 
-    /// Switches all categories, or those named. Unknown ones are reported.
+    /// Switches all categories, or those listed. Unknown ones are reported.
     ///
     /// # Errors
-    /// When a category is unknown; the others are switched all the same.
+    /// If a category is unknown; the others are switched nevertheless.
     pub fn switch(&mut self, on: bool, categories: &[&CStr]) -> Result<(), Problem> {
         if categories.is_empty() {
             self.enabled.fill(on);
@@ -69,8 +69,8 @@ impl Log {
         }
     }
 
-    /// Reports what went wrong in a call. Errors are reported even when logging is off: nobody should
-    /// have to guess why a simulation stopped.
+    /// Reports a problem of a call. Errors are reported even when logging is off, so that it is always known why a
+    /// simulation stopped.
     pub fn report(&self, function: &str, problem: &Problem) {
         let severity = problem.severity();
         let category = match severity {
@@ -116,7 +116,7 @@ impl Log {
     }
 }
 
-/// The message is a printf format, in which `#` begins a reference to a variable (FMI 2.0).
+/// Escapes a message, which is a printf format in which `#` starts a reference to a variable (FMI 2.0).
 fn escaped(message: &str) -> String {
     message.replace('%', "%%").replace('#', "##")
 }

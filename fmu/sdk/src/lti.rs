@@ -1,5 +1,5 @@
-//! Exact steps of a linear time-invariant system `ẋ = A x + B u` whose inputs are straight lines in
-//! time within the step: `u(τ) = u_0 + u̇ τ`.
+//! Exact steps of a linear time-invariant system `ẋ = A x + B u` whose inputs are linear in time within the step:
+//! `u(τ) = u_0 + u̇ τ`.
 //!
 //! With the inputs and their slopes appended to the state, the step is one matrix exponential (C. F. Van
 //! Loan, "Computing integrals involving the matrix exponential", IEEE Trans. Automatic Control 23(3),
@@ -11,17 +11,17 @@
 //!     ⎣0 0 0⎦       ⎣    ⋯    ⎦
 //! ```
 //!
-//! Before, the matrix is balanced: of the states of a canonical form with poles of size ρ, each is ρ times as
-//! large as the one before it, and the norm would be that of ρⁿ (B. N. Parlett, C. Reinsch, "Balancing a matrix for
-//! calculation of eigenvalues and eigenvectors", Numerische Mathematik 13, 1969).
+//! The matrix is balanced first: in a canonical form with poles of magnitude ρ, each state is ρ times as large as the
+//! one before it, and the norm would be of order ρⁿ (B. N. Parlett, C. Reinsch, "Balancing a matrix for calculation of
+//! eigenvalues and eigenvectors", Numerische Mathematik 13, 1969).
 
 use nalgebra::DMatrix;
 use nalgebra::linalg::balancing::{balance_parlett_reinsch, unbalance};
 
-/// Largest `‖A h‖` (1-norm of the augmented matrix, balanced): beyond it the exponential has no digits left.
+/// Largest `‖A h‖` (1-norm of the augmented matrix, balanced): above it the exponential has no correct digits.
 pub const MAX_NORM: f64 = 1e8;
 
-/// Largest `‖A h‖` before balancing, whose squares of norms must be numbers.
+/// Largest `‖A h‖` before balancing: the squares of norms must not overflow.
 const MAX_UNBALANCED: f64 = 1e150;
 
 /// One step of fixed size of a linear system.
@@ -47,7 +47,7 @@ pub enum TransitionError {
         /// Norm of the exponent.
         norm: f64,
     },
-    /// The system grows beyond what a number can hold within the step.
+    /// The system overflows within the step.
     #[error("the linear system overflows within a step of {step} s; take a smaller step")]
     Overflow {
         /// Step \[s\].
@@ -56,11 +56,11 @@ pub enum TransitionError {
 }
 
 impl Transition {
-    /// The transition over `h` seconds of the system with that number of states and inputs whose
-    /// derivative `f(x, u, dx)` writes `A x + B u` into `dx`.
+    /// The transition over `h` seconds of the system with that number of states and inputs; `derivative(x, u, dx)`
+    /// writes `A x + B u` into `dx`.
     ///
     /// # Errors
-    /// When `A h` is too large, or its exponential not finite.
+    /// If `A h` is too large, or its exponential is not finite.
     pub fn new(
         [order, inputs]: [usize; 2],
         h: f64,
@@ -101,7 +101,7 @@ impl Transition {
     }
 }
 
-/// The 1-norm; not a number if an entry is none.
+/// The 1-norm; NaN if an entry is NaN.
 fn norm(matrix: &DMatrix<f64>) -> f64 {
     let columns = matrix.column_iter().map(|column| column.lp_norm(1));
     columns.fold(0.0, |a: f64, b| if b > a || b.is_nan() { b } else { a })

@@ -1,11 +1,11 @@
-//! What C libraries before glibc 2.35 lack, so that an FMU built on a new system runs on old ones.
+//! Functions that glibc before 2.35 lacks, so that an FMU built on a new system runs on old ones.
 //!
-//! Only in libraries that are linked for glibc 2.17 (`old_glibc`; pilotage's build and `pilotage pack` do
-//! so). The symbols are hidden: only this library finds them.
+//! Only in libraries that are linked for glibc 2.17 (`old_glibc`, as in pilotage's build and `pilotage pack`). The
+//! symbols are hidden: only this library finds them.
 
 use libc::{c_char, c_int, c_void, dl_phdr_info, size_t, stat64};
 
-// A library's own definition wins over the C library's. Rust's `#[no_mangle]` would also export it.
+// A library's own definition takes precedence over the C library's. Rust's `#[no_mangle]` would also export it.
 core::arch::global_asm!(
     ".globl stat64, fstat64, _dl_find_object",
     ".hidden stat64, fstat64, _dl_find_object",
@@ -25,15 +25,15 @@ unsafe extern "C" {
     fn __fxstat64(version: c_int, file: c_int, buffer: *mut stat64) -> c_int;
 }
 
-/// `stat64`, a function of its own since glibc 2.33.
+/// `stat64`, a separate function since glibc 2.33.
 unsafe extern "C" fn stat(path: *const c_char, buffer: *mut stat64) -> c_int {
-    // SAFETY: the caller keeps the contract of `stat64`, which is that of this function.
+    // SAFETY: the caller fulfils the contract of `stat64`, which is that of this function.
     unsafe { __xstat64(STAT_VERSION, path, buffer) }
 }
 
-/// `fstat64`, a function of its own since glibc 2.33.
+/// `fstat64`, a separate function since glibc 2.33.
 unsafe extern "C" fn fstat(file: c_int, buffer: *mut stat64) -> c_int {
-    // SAFETY: the caller keeps the contract of `fstat64`, which is that of this function.
+    // SAFETY: the caller fulfils the contract of `fstat64`, which is that of this function.
     unsafe { __fxstat64(STAT_VERSION, file, buffer) }
 }
 
@@ -48,20 +48,20 @@ struct Found {
     reserved: [u64; 7],
 }
 
-/// What [`look`] is asked.
+/// Argument and result of [`look`].
 struct Question {
     address: usize,
     found: Option<Found>,
 }
 
-/// `_dl_find_object`, new in glibc 2.35: where the unwinder finds the frames of the function at an address.
-/// Before, unwinders asked `dl_iterate_phdr`, as this does.
+/// `_dl_find_object`, new in glibc 2.35: the unwinder uses it to find the frames of the function at an address. Older
+/// unwinders call `dl_iterate_phdr`, as this function does.
 unsafe extern "C" fn find_object(address: *const c_void, result: *mut Found) -> c_int {
     let mut question = Question {
         address: address as usize,
         found: None,
     };
-    // SAFETY: the question outlives the call, and `look` takes it for what it is.
+    // SAFETY: the question outlives the call, and `look` casts it back to its type.
     unsafe { libc::dl_iterate_phdr(Some(look), (&raw mut question).cast()) };
     match question.found {
         // SAFETY: the caller's result is writable.
@@ -73,11 +73,11 @@ unsafe extern "C" fn find_object(address: *const c_void, result: *mut Found) -> 
     }
 }
 
-/// Is the address in this object? Then its place and the header of its frames is the answer.
+/// If the address lies in this object, stores its position and the header of its frames.
 unsafe extern "C" fn look(info: *mut dl_phdr_info, _: size_t, question: *mut c_void) -> c_int {
-    // SAFETY: `dl_iterate_phdr` gives a valid object, and `find_object` its question.
+    // SAFETY: `dl_iterate_phdr` passes a valid object, and `find_object` passes its question.
     let (info, question) = unsafe { (&*info, &mut *question.cast::<Question>()) };
-    // SAFETY: so many headers lie there, as long as the object is loaded.
+    // SAFETY: `dlpi_phnum` headers are valid there while the object is loaded.
     let headers = unsafe { std::slice::from_raw_parts(info.dlpi_phdr, info.dlpi_phnum.into()) };
     let place = |header: &libc::Elf64_Phdr| {
         let start = (info.dlpi_addr + header.p_vaddr) as usize;

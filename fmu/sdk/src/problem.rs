@@ -1,23 +1,23 @@
-//! Everything that can be wrong with a call, with the status that it returns.
+//! All problems of a call, with the status that it returns.
 
 use crate::ValueError;
 use crate::resources::LoadError;
 use crate::simulation::{SetError, StepError, StepFault};
 
-/// How bad it is; the numbers are those of `fmi2Status` and `fmi3Status`.
+/// Severity of a problem; the numbers are those of `fmi2Status` and `fmi3Status`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
-    /// The call had no effect, but the computation can go on.
+    /// The call had no effect, but the computation can continue.
     Warning = 1,
-    /// The step was not done (completely), or the information is not available.
+    /// The step was not completed, or the information is not available.
     Discard = 2,
-    /// This instance cannot go on; it may be reset or freed.
+    /// This instance cannot continue; it may be reset or freed.
     Error = 3,
-    /// This instance is ruined.
+    /// This instance can no longer be used.
     Fatal = 4,
 }
 
-/// Why a call did not do what it was asked to. The message says what to do.
+/// Why a call failed. The message says what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum Problem {
     /// Wrong order of calls (FMI 2.0.5, sections 3.2.3 and 4.2.4; FMI 3.0, sections 2.3, 3.3 and 4.3).
@@ -25,15 +25,15 @@ pub enum Problem {
     IllegalState {
         /// The state of the instance.
         state: &'static str,
-        /// Where it is allowed.
+        /// The states in which it is allowed.
         legal: String,
     },
     /// A function of the other kind of interface.
     #[error("it is for {needed}, but this instance was made for {found}")]
     WrongKind {
-        /// What the function is for.
+        /// Interface type of the function.
         needed: &'static str,
-        /// What the instance is for.
+        /// Interface type of the instance.
         found: &'static str,
     },
     /// A pointer that must not be NULL.
@@ -59,10 +59,10 @@ pub enum Problem {
         /// The type passed.
         found: i32,
     },
-    /// What this FMU does not have.
+    /// A feature that this FMU lacks.
     #[error("{0}")]
     NotSupported(&'static str),
-    /// XML and binary do not belong together.
+    /// XML and binary do not match.
     #[error(
         "{argument} is {found}, but the model has {expected}; modelDescription.xml, binary and resources \
          do not belong together, export the FMU again"
@@ -70,12 +70,12 @@ pub enum Problem {
     WrongGuid {
         /// The argument's name in the standard.
         argument: &'static str,
-        /// As passed.
+        /// Value passed.
         found: String,
-        /// As computed.
+        /// Value computed.
         expected: String,
     },
-    /// The model cannot be had.
+    /// The model cannot be loaded.
     #[error("{0}")]
     Load(LoadError),
     /// A value reference that no variable has.
@@ -104,7 +104,7 @@ pub enum Problem {
     NoSuchType {
         /// The base type.
         base_type: &'static str,
-        /// The base type that all or most of its variables have.
+        /// The base type of all or most of its variables.
         used: &'static str,
         /// Number of value references passed.
         count: usize,
@@ -112,25 +112,25 @@ pub enum Problem {
     /// A value that cannot be set.
     #[error(transparent)]
     Set(#[from] SetError),
-    /// A value that a variable cannot have, where a solver may try another one.
+    /// A value that a variable does not allow, but a solver may try another one.
     #[error(transparent)]
     Refused(ValueError),
-    /// A number of values that does not fit.
+    /// A wrong number of values.
     #[error("{argument} = {found}, but there are {expected}")]
     WrongNumber {
         /// The argument's name in the standard.
         argument: &'static str,
-        /// As passed.
+        /// Number passed.
         found: usize,
-        /// The right number.
+        /// Correct number.
         expected: usize,
     },
-    /// A parameter when it cannot be set.
+    /// A parameter in a state in which it cannot be set.
     #[error("{name} is {role} and cannot be set in state \"{state}\"; set it {when}")]
     Fixed {
         /// The variable.
         name: String,
-        /// What it is.
+        /// Its kind.
         role: &'static str,
         /// The state of the instance.
         state: &'static str,
@@ -145,7 +145,7 @@ pub enum Problem {
         /// The order passed.
         order: i32,
     },
-    /// Output derivatives are for outputs.
+    /// Output derivatives exist for outputs only.
     #[error("{name} is no output; pass outputs alone")]
     NoOutput {
         /// The variable.
@@ -172,34 +172,34 @@ pub enum Problem {
         /// The state of the instance.
         state: &'static str,
     },
-    /// Start, stop or tolerance that no experiment can have.
+    /// An invalid start time, stop time or tolerance.
     #[error("{name} = {value} is not possible; {expected}")]
     Experiment {
         /// The argument's name in the standard.
         name: &'static str,
         /// Its value.
         value: f64,
-        /// What is possible.
+        /// What is allowed.
         expected: &'static str,
     },
     /// fmi2SetupExperiment is required in co-simulation.
     #[error("fmi2SetupExperiment was not called; call it before fmi2EnterInitializationMode")]
     NoExperiment,
-    /// A time that is none.
+    /// An invalid time.
     #[error("time = {time} s; pass a finite number not before the start time {start} s")]
     Time {
-        /// As passed \[s\].
+        /// Time passed \[s\].
         time: f64,
         /// Start time \[s\].
         start: f64,
     },
-    /// States or derivatives that are no finite numbers.
+    /// States or derivatives that are not finite.
     #[error(
         "{name} is {value} at {time} s{}; the solver should take a smaller step",
         cause.as_ref().map_or(String::new(), |cause| format!(" ({cause})"))
     )]
     NotFinite {
-        /// What of the equations makes it so, where they tell.
+        /// Cause in the equations, if they give it.
         cause: Option<String>,
         /// The variable.
         name: String,
@@ -211,7 +211,7 @@ pub enum Problem {
     /// An event that cannot be handled.
     #[error("{0}")]
     Event(StepFault),
-    /// A step size that is none.
+    /// An invalid step size.
     #[error("communicationStepSize = {step} s; pass a finite number greater than 0")]
     StepSize {
         /// The step \[s\].
@@ -223,9 +223,9 @@ pub enum Problem {
          that time, or go back with an FMU state"
     )]
     WrongTime {
-        /// As passed \[s\].
+        /// Time passed \[s\].
         found: f64,
-        /// Where the instance stands \[s\].
+        /// Time of the instance \[s\].
         expected: f64,
     },
     /// A step beyond the stop time.
@@ -234,7 +234,7 @@ pub enum Problem {
          stopTimeDefined"
     )]
     BeyondStop {
-        /// Begin of the step \[s\].
+        /// Start of the step \[s\].
         time: f64,
         /// The step \[s\].
         step: f64,
@@ -247,12 +247,12 @@ pub enum Problem {
         if source.reached > 0.0 { format!(" beyond {} s", time + source.reached) } else { String::new() }
     )]
     Step {
-        /// Begin of the step \[s\].
+        /// Start of the step \[s\].
         time: f64,
-        /// Why, and how far it came.
+        /// Reason, and time reached.
         source: StepError,
     },
-    /// Information that this FMU does not have.
+    /// Information that is not available.
     #[error(
         "status kind {kind} is not available here; ask for fmi2LastSuccessfulTime by \
          fmi2GetRealStatus or fmi2Terminated by fmi2GetBooleanStatus"
@@ -264,7 +264,7 @@ pub enum Problem {
     /// Unknown log categories.
     #[error("log category \"{found}\" is unknown and ignored; modelDescription.xml lists them")]
     LogCategory {
-        /// As passed.
+        /// Category passed.
         found: String,
     },
     /// An FMU state of another FMU.
@@ -275,7 +275,7 @@ pub enum Problem {
         /// GUID of this FMU.
         expected: String,
     },
-    /// Bytes that are no FMU state.
+    /// Bytes that are not an FMU state.
     #[error(
         "serializedState is no state of this FMU: {what} is {found}, expected {expected}; pass bytes \
          that the same FMU serialized"
@@ -283,9 +283,9 @@ pub enum Problem {
     Bytes {
         /// The part that is wrong.
         what: &'static str,
-        /// What stands there.
+        /// Value found.
         found: String,
-        /// What should.
+        /// Value expected.
         expected: String,
     },
     /// Too little space for the bytes of an FMU state.
@@ -294,7 +294,7 @@ pub enum Problem {
          their number first"
     )]
     NoSpace {
-        /// As passed.
+        /// Number of bytes passed.
         found: usize,
         /// Number of bytes needed.
         needed: usize,
@@ -311,7 +311,7 @@ pub enum Problem {
 }
 
 impl Problem {
-    /// What the call returns.
+    /// Severity, from which the status of the call follows.
     pub fn severity(&self) -> Severity {
         match self {
             Self::LogCategory { .. } => Severity::Warning,

@@ -1,8 +1,8 @@
-//! From the resource location to files of the FMU's folder `resources`.
+//! Finds files of the FMU's folder `resources` from the resource location.
 
 use std::path::{Path, PathBuf};
 
-/// Why a file of the resources cannot be had.
+/// Why a file of the resources cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ResourceError {
     /// No folder has the file.
@@ -15,9 +15,9 @@ pub enum ResourceError {
     NotFound {
         /// Name of the file.
         file: String,
-        /// As passed.
+        /// Location passed.
         location: String,
-        /// Where it was looked for.
+        /// Folders searched.
         tried: Vec<PathBuf>,
     },
     /// The file cannot be read.
@@ -25,12 +25,12 @@ pub enum ResourceError {
     Unreadable {
         /// The file.
         file: PathBuf,
-        /// Why.
+        /// Reason.
         source: std::io::Error,
     },
 }
 
-/// Why a model cannot be had.
+/// Why a model cannot be loaded.
 pub type LoadError = Box<dyn std::error::Error + Send + Sync>;
 
 fn places(paths: &[PathBuf]) -> String {
@@ -41,9 +41,8 @@ fn places(paths: &[PathBuf]) -> String {
         .join(" or")
 }
 
-/// Path and text of a file of the resources. It is looked for at the resource location (a URI or a path)
-/// and, where that leads nowhere, in the folder beside this library's (`binaries/<platform>/x.so`,
-/// `resources`).
+/// Path and text of a file of the resources. It is searched at the resource location (a URI or a path), then in the FMU
+/// that contains this library (`binaries/<platform>/x.so`, `resources`).
 ///
 /// # Errors
 /// When there is no such file, or it cannot be read.
@@ -87,7 +86,7 @@ fn path_of_uri(uri: &str) -> Option<PathBuf> {
         }
     };
     let decoded = percent_decoded(path);
-    // `/C:/x` means a drive, not a folder named `C:`, where drives exist.
+    // Where drives exist, `/C:/x` is a path on a drive, not in a folder named `C:`.
     let drive = cfg!(windows) && decoded.get(2) == Some(&b':');
     path_of_bytes(&decoded[usize::from(drive)..])
 }
@@ -124,7 +123,7 @@ fn path_of_bytes(bytes: &[u8]) -> Option<PathBuf> {
     std::str::from_utf8(bytes).ok().map(PathBuf::from)
 }
 
-/// `resources` of the FMU that this library lies in.
+/// `resources` of the FMU that contains this library.
 #[cfg(unix)]
 fn own_resources() -> Option<PathBuf> {
     use std::ffi::CStr;

@@ -1,4 +1,4 @@
-//! C functions that are the same in FMI 2.0 and FMI 3.0 but for their names.
+//! C functions that differ between FMI 2.0 and FMI 3.0 only in their names.
 
 use crate::Equations;
 use crate::checkpoint::Checkpoint;
@@ -19,7 +19,7 @@ unsafe fn to_read<'a, T>(
     values: *const T,
     n_values: usize,
 ) -> Result<(&'a [u32], &'a [T]), Problem> {
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     let references = unsafe { array(references, count, "valueReferences")? };
     // SAFETY: as above.
     let values = unsafe { array(values, n_values, "values")? };
@@ -37,7 +37,7 @@ unsafe fn to_write<'a, T>(
     values: *mut T,
     n_values: usize,
 ) -> Result<(&'a [u32], &'a mut [T]), Problem> {
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     let references = unsafe { array(references, count, "valueReferences")? };
     // SAFETY: as above.
     let values = unsafe { array_mut(values, n_values, "values")? };
@@ -48,7 +48,7 @@ unsafe fn to_write<'a, T>(
 /// Values of real variables.
 ///
 /// # Safety
-/// `component` as for [`call`]; the pointers are NULL or lead to `count` elements.
+/// `component` as for [`call`]; the pointers are NULL or point to `count` elements.
 pub unsafe fn get<E: Equations, V: Version>(
     component: Pointer,
     function: V::Function,
@@ -58,11 +58,11 @@ pub unsafe fn get<E: Equations, V: Version>(
     n_values: usize,
 ) -> V::Status {
     let body = |c: &mut Component<E, V>| {
-        // SAFETY: by the caller's promise.
+        // SAFETY: guaranteed by the caller.
         let (references, values) = unsafe { to_write(references, count, values, n_values)? };
         c.instance.get(references, values)
     };
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { call(component, function, body) }
 }
 
@@ -79,16 +79,16 @@ pub unsafe fn set<E: Equations, V: Version>(
     n_values: usize,
 ) -> V::Status {
     let body = |c: &mut Component<E, V>| {
-        // SAFETY: by the caller's promise.
+        // SAFETY: guaranteed by the caller.
         let (references, values) = unsafe { to_read(references, count, values, n_values)? };
         let (phase, state) = c.phase();
         c.instance.set(references, values, phase, state)
     };
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { call(component, function, body) }
 }
 
-/// Values of Boolean variables; `B` is what C has for one.
+/// Values of Boolean variables; `B` is their type in C.
 ///
 /// # Safety
 /// As [`get`].
@@ -101,18 +101,18 @@ pub unsafe fn get_booleans<E: Equations, V: Version, B: From<bool>>(
     n_values: usize,
 ) -> V::Status {
     let body = |c: &mut Component<E, V>| {
-        // SAFETY: by the caller's promise.
+        // SAFETY: guaranteed by the caller.
         let (references, values) = unsafe { to_write(references, count, values, n_values)? };
         for (reference, value) in references.iter().zip(values) {
             *value = c.instance.get_boolean(*reference)?.into();
         }
         Ok(())
     };
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { call(component, function, body) }
 }
 
-/// Sets Boolean variables; all but 0 is true.
+/// Sets Boolean variables; any value other than 0 is true.
 ///
 /// # Safety
 /// As [`get`].
@@ -125,7 +125,7 @@ pub unsafe fn set_booleans<E: Equations, V: Version, B: Copy + Default + Partial
     n_values: usize,
 ) -> V::Status {
     let body = |c: &mut Component<E, V>| {
-        // SAFETY: by the caller's promise.
+        // SAFETY: guaranteed by the caller.
         let (references, values) = unsafe { to_read(references, count, values, n_values)? };
         let (phase, state) = c.phase();
         for (reference, value) in references.iter().zip(values) {
@@ -134,11 +134,11 @@ pub unsafe fn set_booleans<E: Equations, V: Version, B: Copy + Default + Partial
         }
         Ok(())
     };
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { call(component, function, body) }
 }
 
-/// Variables of a type that no variable has: asking for none of them is allowed.
+/// Variables of a type that no variable has: a call for zero variables is allowed.
 ///
 /// # Safety
 /// `component` as for [`call`].
@@ -156,14 +156,14 @@ pub unsafe fn no_variables<E: Equations, V: Version>(
             count,
         }),
     };
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { call(component, function, body) }
 }
 
-/// A vector with one element for each state or event indicator, written by the instance.
+/// Writes a vector with one element for each state or event indicator.
 ///
 /// # Safety
-/// `component` as for [`call`]; `values` is NULL or leads to `count` elements.
+/// `component` as for [`call`]; `values` is NULL or points to `count` elements.
 pub unsafe fn vector<E: Equations, V: Version>(
     component: Pointer,
     function: V::Function,
@@ -172,18 +172,18 @@ pub unsafe fn vector<E: Equations, V: Version>(
     write: impl FnOnce(&crate::instance::Instance<E>, &mut [f64]) -> Result<(), Problem>,
 ) -> V::Status {
     let body = |c: &mut Component<E, V>| {
-        // SAFETY: by the caller's promise.
+        // SAFETY: guaranteed by the caller.
         let values = unsafe { array_mut(values, count, "values") }?;
         write(&c.instance, values)
     };
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { call(component, function, body) }
 }
 
 /// Model exchange: sets the states.
 ///
 /// # Safety
-/// `component` as for [`call`]; `values` is NULL or leads to `count` elements.
+/// `component` as for [`call`]; `values` is NULL or points to `count` elements.
 pub unsafe fn set_states<E: Equations, V: Version>(
     component: Pointer,
     function: V::Function,
@@ -191,15 +191,15 @@ pub unsafe fn set_states<E: Equations, V: Version>(
     count: usize,
 ) -> V::Status {
     let body = |c: &mut Component<E, V>| {
-        // SAFETY: by the caller's promise.
+        // SAFETY: guaranteed by the caller.
         let values = unsafe { array(values, count, "x") }?;
         c.instance.set_states(values)
     };
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { call(component, function, body) }
 }
 
-/// Which way partial derivatives are asked for.
+/// Direction of partial derivatives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
     /// A seed for each known, a result for each unknown.
@@ -208,7 +208,7 @@ pub enum Direction {
     Adjoint,
 }
 
-/// Value references of unknowns and knowns, seeds and results, each with its number.
+/// Value references of unknowns and knowns, seeds and results, each with its length.
 #[derive(Debug, Clone, Copy)]
 pub struct Partial {
     /// The unknowns.
@@ -217,14 +217,14 @@ pub struct Partial {
     pub knowns: (*const u32, usize),
     /// The seed.
     pub seed: (*const f64, usize),
-    /// Where the results go.
+    /// Buffer for the results.
     pub result: (*mut f64, usize),
 }
 
 /// Partial derivatives in the direction of a seed.
 ///
 /// # Safety
-/// `component` as for [`call`]; each pointer of `partial` is NULL or leads to that number of elements.
+/// `component` as for [`call`]; each pointer of `partial` is NULL or points to that number of elements.
 pub unsafe fn derivative<E: Equations, V: Version>(
     component: Pointer,
     function: V::Function,
@@ -232,7 +232,7 @@ pub unsafe fn derivative<E: Equations, V: Version>(
     partial: Partial,
 ) -> V::Status {
     let body = |c: &mut Component<E, V>| {
-        // SAFETY: by the caller's promise.
+        // SAFETY: guaranteed by the caller.
         let (unknowns, knowns, seed, result) = unsafe {
             (
                 array(partial.unknowns.0, partial.unknowns.1, "unknowns")?,
@@ -253,14 +253,14 @@ pub unsafe fn derivative<E: Equations, V: Version>(
             Direction::Adjoint => i.adjoint_derivative(unknowns, knowns, seed, result, at),
         }
     };
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { call(component, function, body) }
 }
 
 /// Time derivatives of outputs.
 ///
 /// # Safety
-/// `component` as for [`call`]; the pointers are NULL or lead to `count` elements.
+/// `component` as for [`call`]; the pointers are NULL or point to `count` elements.
 pub unsafe fn output_derivatives<E: Equations, V: Version>(
     component: Pointer,
     function: V::Function,
@@ -270,7 +270,7 @@ pub unsafe fn output_derivatives<E: Equations, V: Version>(
     values: *mut f64,
 ) -> V::Status {
     let body = |c: &mut Component<E, V>| {
-        // SAFETY: by the caller's promise.
+        // SAFETY: guaranteed by the caller.
         let (references, orders, values) = unsafe {
             (
                 array(references, count, "valueReferences")?,
@@ -280,34 +280,34 @@ pub unsafe fn output_derivatives<E: Equations, V: Version>(
         };
         c.instance.get_slopes(references, orders, values)
     };
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { call(component, function, body) }
 }
 
 /// Takes a copy of an instance.
 ///
 /// # Safety
-/// `component` as for [`call`]; `state` is NULL, or leads to NULL or a state of this library.
+/// `component` as for [`call`]; `state` is NULL, or points to NULL or to a state of this library.
 pub unsafe fn get_state<E: Equations, V: Version>(
     component: Pointer,
     function: V::Function,
     state: *mut Pointer,
 ) -> V::Status {
     let body = |c: &mut Component<E, V>| {
-        // SAFETY: by the caller's promise.
+        // SAFETY: guaranteed by the caller.
         let slot = unsafe { place(state, "FMUstate") }?;
-        // SAFETY: by the standard it holds NULL or a state of this FMU, which is then overwritten.
+        // SAFETY: according to the standard it holds NULL or a state of this FMU, which is then overwritten.
         match unsafe { slot.cast::<Checkpoint>().as_mut() } {
             Some(checkpoint) => *checkpoint = c.checkpoint(),
             None => *slot = Box::into_raw(Box::new(c.checkpoint())).cast(),
         }
         Ok(())
     };
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { call(component, function, body) }
 }
 
-/// Goes back to a copy.
+/// Restores a copy.
 ///
 /// # Safety
 /// `component` as for [`call`]; `state` is NULL or a state of this library.
@@ -317,25 +317,25 @@ pub unsafe fn set_state<E: Equations, V: Version>(
     state: Pointer,
 ) -> V::Status {
     let body = |c: &mut Component<E, V>| {
-        // SAFETY: by the caller's promise.
+        // SAFETY: guaranteed by the caller.
         let checkpoint = unsafe { place(state.cast::<Checkpoint>(), "FMUstate") }?;
         c.restore(checkpoint)
     };
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { call(component, function, body) }
 }
 
 /// Frees a copy and writes NULL back.
 ///
 /// # Safety
-/// As [`get_state`]; the state is given up.
+/// As [`get_state`]; the state must not be used afterwards.
 pub unsafe fn free_state<E: Equations, V: Version>(
     component: Pointer,
     function: V::Function,
     state: *mut Pointer,
 ) -> V::Status {
     let body = |_: &mut Component<E, V>| {
-        // SAFETY: by the caller's promise.
+        // SAFETY: guaranteed by the caller.
         if let Some(slot) = unsafe { state.as_mut() }
             && !slot.is_null()
         {
@@ -345,14 +345,14 @@ pub unsafe fn free_state<E: Equations, V: Version>(
         }
         Ok(())
     };
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { call(component, function, body) }
 }
 
 /// Number of bytes of a copy.
 ///
 /// # Safety
-/// As [`set_state`]; `size` is NULL or a place for the number.
+/// As [`set_state`]; `size` is NULL or a valid pointer.
 pub unsafe fn state_size<E: Equations, V: Version>(
     component: Pointer,
     function: V::Function,
@@ -360,7 +360,7 @@ pub unsafe fn state_size<E: Equations, V: Version>(
     size: *mut usize,
 ) -> V::Status {
     let body = |_: &mut Component<E, V>| {
-        // SAFETY: by the caller's promise.
+        // SAFETY: guaranteed by the caller.
         let (checkpoint, size) = unsafe {
             (
                 place(state.cast::<Checkpoint>(), "FMUstate")?,
@@ -370,14 +370,14 @@ pub unsafe fn state_size<E: Equations, V: Version>(
         *size = checkpoint.to_bytes().len();
         Ok(())
     };
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { call(component, function, body) }
 }
 
 /// Writes a copy as bytes.
 ///
 /// # Safety
-/// As [`set_state`]; `bytes` is NULL or leads to `size` bytes.
+/// As [`set_state`]; `bytes` is NULL or points to `size` bytes.
 pub unsafe fn serialize<E: Equations, V: Version>(
     component: Pointer,
     function: V::Function,
@@ -386,7 +386,7 @@ pub unsafe fn serialize<E: Equations, V: Version>(
     size: usize,
 ) -> V::Status {
     let body = |_: &mut Component<E, V>| {
-        // SAFETY: by the caller's promise.
+        // SAFETY: guaranteed by the caller.
         let (checkpoint, target) = unsafe {
             (
                 place(state.cast::<Checkpoint>(), "FMUstate")?,
@@ -402,14 +402,14 @@ pub unsafe fn serialize<E: Equations, V: Version>(
         target.copy_from_slice(&source);
         Ok(())
     };
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { call(component, function, body) }
 }
 
-/// Makes a copy of bytes.
+/// Makes a copy from bytes.
 ///
 /// # Safety
-/// `component` as for [`call`]; `bytes` is NULL or leads to `size` bytes, `state` is NULL or a place.
+/// `component` as for [`call`]; `bytes` is NULL or points to `size` bytes, `state` is NULL or a valid pointer.
 pub unsafe fn deserialize<E: Equations, V: Version>(
     component: Pointer,
     function: V::Function,
@@ -418,7 +418,7 @@ pub unsafe fn deserialize<E: Equations, V: Version>(
     state: *mut Pointer,
 ) -> V::Status {
     let body = |c: &mut Component<E, V>| {
-        // SAFETY: by the caller's promise.
+        // SAFETY: guaranteed by the caller.
         let (bytes, slot) = unsafe {
             (
                 array(bytes, size, "serializedState")?,
@@ -431,6 +431,6 @@ pub unsafe fn deserialize<E: Equations, V: Version>(
         *slot = Box::into_raw(Box::new(checkpoint)).cast();
         Ok(())
     };
-    // SAFETY: by the caller's promise.
+    // SAFETY: guaranteed by the caller.
     unsafe { call(component, function, body) }
 }

@@ -1,29 +1,29 @@
-//! What depends on what (FMI 2.0.5, section 2.2.8; FMI 3.0, section 2.4.8), found by running the
+//! Dependencies between variables (FMI 2.0.5, section 2.2.8; FMI 3.0, section 2.4.8), found by evaluating the
 //! equations.
 //!
-//! A dual number whose derivative part is NaN marks a known; every unknown that it reaches by any chain
-//! of operations has NaN as its derivative part too, even where a factor is 0. That is done at the start
-//! values and at many points around them, so that branches of the equations are taken each way. A known
-//! that enters with the same derivative at all points is `constant`.
+//! A dual number whose derivative part is NaN marks a known; every unknown that depends on it through any chain of
+//! operations then has NaN as its derivative part too, even where a factor is 0. This is done at the start values and
+//! at many points around them, so that all branches of the equations are taken. A known with the same derivative at all
+//! points is `constant`.
 
 use crate::variable::{Role, Variable};
 use crate::{At, Equations, Scalar, Table};
 use num_dual::Dual64;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// How many points are tried besides the start values.
+/// Number of points besides the start values.
 const POINTS: usize = 48;
 
-/// That an unknown depends on a known.
+/// Dependency of an unknown on a known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Dependency {
     /// Index of the known in the table.
     pub index: usize,
-    /// True when it enters linearly, with a factor that never changes.
+    /// Whether the known enters linearly, with a constant factor.
     pub constant: bool,
 }
 
-/// An unknown and what it depends on, in ascending order.
+/// An unknown and its dependencies, in ascending order.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Unknown {
     /// Index in the table.
@@ -32,7 +32,7 @@ pub struct Unknown {
     pub dependencies: Vec<Dependency>,
 }
 
-/// What an expression may depend on.
+/// Quantity on which an expression may depend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Knowledge {
     /// Time.
@@ -45,11 +45,11 @@ pub enum Knowledge {
     Parameter(usize),
 }
 
-/// What equations depend on, where they know it themselves.
+/// Dependencies of the equations, if they know them.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Influences {
-    /// For each derivative, then each output and local that the equations write: on what it depends, and whether
-    /// that enters linearly with a factor that never changes.
+    /// For each derivative, then each output and local that the equations write: its dependencies, and whether each
+    /// enters linearly with a constant factor.
     pub rows: Vec<Vec<(Knowledge, bool)>>,
 }
 
@@ -62,8 +62,8 @@ pub struct Structure {
     pub derivatives: Vec<Unknown>,
     /// All event indicators, on inputs, states and time.
     pub indicators: Vec<Unknown>,
-    /// Outputs but modes, states and derivatives by ascending index, on inputs, modes, parameters, start values
-    /// and time.
+    /// Outputs except modes, states and derivatives by ascending index, on inputs, modes, parameters, start values and
+    /// time.
     pub initial: Vec<Unknown>,
 }
 
@@ -75,7 +75,7 @@ impl Structure {
         unknowns.extend(table.derivatives().chain(table.indicators()));
         let states: Vec<usize> = table.states().collect();
         let inputs: Vec<usize> = table.inputs().collect();
-        // While the simulation runs, the states are known: theirs are the columns of the start values.
+        // While the simulation runs, the states are knowns; their columns are those of the start values.
         let running: Vec<_> = (inputs.iter().map(|&i| (i, i)))
             .chain(table.starts().zip(states.iter().copied()))
             .chain([(table.time(), table.time())])
@@ -130,14 +130,14 @@ impl Structure {
         }
     }
 
-    /// What a variable depends on while the simulation runs; `None` for what is no unknown.
+    /// Dependencies of a variable while the simulation runs; `None` if it is not an unknown.
     pub fn unknown(&self, index: usize) -> Option<&Unknown> {
         let all = [&self.outputs, &self.derivatives, &self.indicators];
         all.into_iter().flatten().find(|u| u.index == index)
     }
 }
 
-/// All variables from the settable ones: the one place that knows how a table is evaluated.
+/// All variables from the settable ones: the only place where a table is evaluated.
 pub fn evaluate<E: Equations, T: Scalar>(
     equations: &E,
     table: &Table,
@@ -168,7 +168,7 @@ pub fn evaluate<E: Equations, T: Scalar>(
     all
 }
 
-/// Runs the equations with one known marked.
+/// Evaluates the equations with one known marked.
 struct Tracer<'e, E> {
     equations: &'e E,
     table: &'e Table,
@@ -190,7 +190,7 @@ impl<'e, E: Equations> Tracer<'e, E> {
                     let start = v.start.unwrap_or(0.0);
                     let moved = match v.role {
                         Role::Mode => return f64::from(u8::from(random.next() > 0.0)),
-                        // A mass of twice the mass is a mass; its negative would be none.
+                        // A scaled mass is still a valid mass; a negative one is not.
                         Role::Fixed | Role::Tunable if start != 0.0 && *scale == 0.0 => {
                             start * (1.0 + 0.5 * random.next())
                         }
@@ -211,7 +211,7 @@ impl<'e, E: Equations> Tracer<'e, E> {
             table,
             points: Vec::new(),
         };
-        // Equations may panic where they do not hold; at the start values that is an error of the model.
+        // Equations may panic outside their domain; at the start values that is an error of the model.
         let holds = |(k, point): &(usize, Vec<f64>)| {
             let run = || tracer.run(*k, point, table.time(), 0.0);
             *k == 0 || catch_unwind(AssertUnwindSafe(run)).is_ok()
@@ -220,7 +220,7 @@ impl<'e, E: Equations> Tracer<'e, E> {
         tracer
     }
 
-    /// How far inputs and states go; 0 for parameters that have a size of their own.
+    /// Variation of inputs and states; 0 for parameters with a start value other than 0.
     fn scales(table: &Table) -> Vec<f64> {
         let mut scales: Vec<f64> = table.variables()[..table.starts().end]
             .iter()
@@ -236,7 +236,7 @@ impl<'e, E: Equations> Tracer<'e, E> {
         scales
     }
 
-    /// For each variable: `None` where the known does not reach it, else whether its factor is constant.
+    /// For each variable: `None` if it does not depend on the known, else whether the factor is constant.
     fn column(&self, known: usize, exact: Option<&Influences>) -> Vec<Option<bool>> {
         if let Some(exact) = exact {
             return self.exact(known, exact);
@@ -250,7 +250,7 @@ impl<'e, E: Equations> Tracer<'e, E> {
             let marked = self.run(*k, point, known, f64::NAN);
             let real = self.run(*k, point, known, 1.0);
             for (i, (mark, real)) in marked.iter().zip(&real).enumerate() {
-                // Outside the domain of a function all is NaN and tells nothing.
+                // Outside the domain of a function all values are NaN and give no information.
                 if real.re.is_nan() {
                     continue;
                 }
@@ -267,7 +267,7 @@ impl<'e, E: Equations> Tracer<'e, E> {
         column
     }
 
-    /// The same where the equations say it themselves.
+    /// As [`column`](Self::column), from the dependencies that the equations give.
     fn exact(&self, known: usize, exact: &Influences) -> Vec<Option<bool>> {
         let table = self.table;
         let mut column = vec![None; table.variables().len()];
@@ -290,7 +290,7 @@ impl<'e, E: Equations> Tracer<'e, E> {
         column
     }
 
-    /// As [`column`](Self::column), for a Boolean: what changes with it.
+    /// As [`column`](Self::column), for a Boolean: the variables that change with it.
     fn switched(&self, known: usize) -> Vec<Option<bool>> {
         let mut column = vec![None; self.table.variables().len()];
         for (k, point) in &self.points {
@@ -322,7 +322,7 @@ impl<'e, E: Equations> Tracer<'e, E> {
     }
 }
 
-/// Numbers in ±1, the same at every run (G. Marsaglia, "Xorshift RNGs", 2003).
+/// Numbers in ±1, the same in every run (G. Marsaglia, "Xorshift RNGs", 2003).
 struct Random(u64);
 
 impl Random {

@@ -1,13 +1,13 @@
-//! The table of a model's variables. What is asked of an FMU by name or value reference is found here.
+//! The table of a model's variables, in which an FMU looks up names and value references.
 
 use crate::variable::{Role, Variable};
 use crate::{Scalar, Unit, guid, json};
 use std::ops::Range;
 
-/// The variables of a model, in the order of their value references: inputs, outputs, parameters, start
-/// values of the states, the states that are no outputs, locals, derivatives, event indicators, time.
+/// The variables of a model, in the order of their value references: inputs, outputs, parameters, start values of the
+/// states, the states that are not outputs, locals, derivatives, event indicators, time.
 ///
-/// It is built by one call for each variable; within each group the order of the calls is kept:
+/// It is built by one call per variable; each group keeps the order of the calls:
 ///
 /// ```
 /// use pilotage_sdk::Table;
@@ -21,8 +21,8 @@ use std::ops::Range;
 /// ```
 ///
 /// # Panics
-/// Its methods panic on names that are no identifiers or stand twice, on units that cannot be read, and
-/// on start values out of range: faults of the model's source, which `pilotage pack` shows.
+/// Its methods panic on names that are not identifiers or not unique, on units that cannot be parsed, and on start
+/// values out of range: errors in the model's source, which `pilotage pack` reports.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     name: String,
@@ -31,12 +31,12 @@ pub struct Table {
     inputs: usize,
     outputs: usize,
     parameters: usize,
-    /// For each state the position among the outputs, where it is one.
+    /// For each state its position among the outputs, if it is one.
     states: Vec<Option<usize>>,
-    /// For each mode the position among the outputs.
+    /// For each mode its position among the outputs.
     modes: Vec<usize>,
     indicators: usize,
-    /// Outputs that are held within ± a parameter: places among the computed outputs and the parameters.
+    /// Outputs limited to ± a parameter: positions among the computed outputs and among the parameters.
     limits: Vec<(usize, usize)>,
 }
 
@@ -81,9 +81,9 @@ impl Table {
         ))
     }
 
-    /// Holds a computed output within ± the value of a parameter, both declared before: what
-    /// [`output`](crate::Equations::output) writes is clipped to that, and a fit takes the limit as a
-    /// constraint on the output as it is written.
+    /// Limits a computed output to ± the value of a parameter; both must already be declared. The value that
+    /// [`output`](crate::Equations::output) writes is clipped, and a fit treats the limit as a constraint on the
+    /// unclipped output.
     pub fn limited(mut self, output: &str, parameter: &str) -> Self {
         let place = |mut among: Box<dyn Iterator<Item = usize> + '_>, name: &str| {
             let found = among.position(|index| self.variables[index].name == name);
@@ -117,7 +117,7 @@ impl Table {
         ))
     }
 
-    /// Adds a state. `<name>_start` and `der(<name>)` come with it.
+    /// Adds a state, together with `<name>_start` and `der(<name>)`.
     pub fn state(self, name: &str, unit: &str, start: f64, description: &str) -> Self {
         self.state_with(
             Variable::calculated(name, Unit::of(unit), Role::State, description),
@@ -133,8 +133,8 @@ impl Table {
         )
     }
 
-    /// Adds a mode, a Boolean output that [`event`](crate::Equations::event) alone changes. The equations find
-    /// it behind the states, in the order of the modes, as 1 or 0.
+    /// Adds a mode, a Boolean output that only [`event`](crate::Equations::event) changes. In the equations' `x` the
+    /// modes follow the states, in the order of the modes, as 1 or 0.
     pub fn mode(self, name: &str, start: bool, description: &str) -> Self {
         self.with(Variable::mode(name, start, description))
     }
@@ -148,7 +148,8 @@ impl Table {
         self
     }
 
-    /// Adds an input, an output that is no state, a mode, a local, or a parameter with all that a [`Variable`] can say.
+    /// Adds an input, an output that is not a state, a mode, a local, or a parameter, with all fields of a
+    /// [`Variable`].
     pub fn with(mut self, variable: Variable) -> Self {
         let at = match variable.role {
             Role::Input => self.inputs().end,
@@ -171,7 +172,7 @@ impl Table {
         self
     }
 
-    /// Adds a state, [`Role::State`] or [`Role::Output`], with all that a [`Variable`] can say.
+    /// Adds a state, [`Role::State`] or [`Role::Output`], with all fields of a [`Variable`].
     pub fn state_with(mut self, variable: Variable, start: f64) -> Self {
         let Variable {
             name,
@@ -230,7 +231,7 @@ impl Table {
         &self.name
     }
 
-    /// One sentence: what the model is.
+    /// Description of the model in one sentence.
     pub fn description(&self) -> &str {
         &self.description
     }
@@ -240,7 +241,7 @@ impl Table {
         &self.variables
     }
 
-    /// Start values of inputs, modes, parameters and states by index, to be changed.
+    /// Start values of inputs, modes, parameters and states by index, mutable.
     pub fn starts_mut(&mut self) -> impl Iterator<Item = (&str, &mut f64)> {
         self.variables.iter_mut().filter_map(|v| {
             let Variable { name, start, .. } = v;
@@ -248,7 +249,7 @@ impl Table {
         })
     }
 
-    /// Index of the variable of that name.
+    /// Index of the variable with that name.
     pub fn index(&self, name: &str) -> Option<usize> {
         self.variables.iter().position(|v| v.name == name)
     }
@@ -290,14 +291,14 @@ impl Table {
         first..first + self.states.len()
     }
 
-    /// Indices of the states that are no outputs.
+    /// Indices of the states that are not outputs.
     pub fn locals(&self) -> Range<usize> {
         let first = self.starts().end;
         let locals = self.states.iter().filter(|output| output.is_none());
         first..first + locals.count()
     }
 
-    /// Indices of the locals: what is calculated and neither an output nor a state.
+    /// Indices of the locals: calculated variables that are neither outputs nor states.
     pub fn signals(&self) -> Range<usize> {
         self.locals().end..self.derivatives().start
     }
@@ -337,7 +338,7 @@ impl Table {
         self.states().chain(self.modes())
     }
 
-    /// Indices of the outputs that are neither states nor modes, then of the locals: what
+    /// Indices of the outputs that are neither states nor modes, then of the locals: the variables that
     /// [`output`](crate::Equations::output) writes.
     pub fn computed(&self) -> impl Iterator<Item = usize> + '_ {
         let is_x = |position: usize| {
@@ -348,8 +349,8 @@ impl Table {
             .chain(self.signals())
     }
 
-    /// Outputs that are [`limited`](Self::limited), by their place among the computed ones, with the place of the
-    /// limit among the parameters.
+    /// The [`limited`](Self::limited) outputs: position among the computed ones, and position of the limit among the
+    /// parameters.
     pub fn limits(&self) -> &[(usize, usize)] {
         &self.limits
     }
@@ -374,7 +375,7 @@ impl Table {
         }
     }
 
-    /// Typical magnitude of each state, 1 where none is said, in its unit.
+    /// Typical magnitude of each state in its unit; 1 if none is declared.
     pub fn nominals(&self) -> Vec<f64> {
         self.states()
             .map(|i| self.variables[i].nominal.unwrap_or(1.0))
@@ -388,21 +389,21 @@ impl Table {
         nominals
     }
 
-    /// The equations' `x` of these start values, one for each variable that has one.
+    /// The equations' `x` for these start values, one for each variable that has one.
     pub(crate) fn start_of_x<T: Copy>(&self, values: &[T]) -> Vec<T> {
         let starts = self.starts().chain(self.modes());
         starts.map(|index| values[index]).collect()
     }
 
-    /// FMI's `guid` and `instantiationToken`: a hash of all that is declared.
+    /// FMI's `guid` and `instantiationToken`: a hash of all declarations.
     ///
-    /// Exporter and binary compute it by this one function, so that a description, a binary and
-    /// resources that do not belong together are found out when an instance is made.
+    /// Exporter and binary compute it with this function, so that a description, a binary and resources that do not
+    /// match are detected at instantiation.
     pub fn guid(&self) -> String {
         guid::of(&self.to_json())
     }
 
-    /// All that is declared.
+    /// All declarations.
     fn to_json(&self) -> String {
         let position = |output: &Option<usize>| json::number(output.map(|i| i as f64));
         json::object([
@@ -417,10 +418,10 @@ impl Table {
         ])
     }
 
-    /// Refuses start values that the variables cannot have.
+    /// Checks that the variables allow their start values.
     ///
     /// # Errors
-    /// Names the first variable whose start value is not finite or out of range.
+    /// If a start value is not finite or out of range: the error names the first such variable.
     pub fn check(&self) -> Result<(), crate::ValueError> {
         self.variables
             .iter()
@@ -433,7 +434,7 @@ fn is_identifier(name: &str) -> bool {
     name.starts_with(begins) && name.chars().all(|c| begins(c) || c.is_ascii_digit())
 }
 
-/// `Height` as `height`, to stand within a sentence.
+/// `Height` as `height`, for use within a sentence.
 fn lowered(text: &str) -> String {
     let mut chars = text.chars();
     let second_is_upper = text.chars().nth(1).is_some_and(char::is_uppercase);

@@ -1,4 +1,4 @@
-//! Units of the variables: what their names mean, and how people prefer to read them.
+//! Units of the variables: their meaning and their preferred display.
 
 use pilotage_units::{Base, Product};
 
@@ -7,21 +7,21 @@ use pilotage_units::{Base, Product};
 pub struct Unit {
     /// Name in Modelica's spelling: `m/s`, `kg.m2`, `1/(m.s3)`; `1` for dimensionless.
     pub name: String,
-    /// What it means.
+    /// Meaning of the unit.
     pub base: Base,
-    /// A unit in which people prefer to read it: name, and factor from this unit.
+    /// Preferred unit for display: name, and factor from this unit.
     pub display: Option<(String, f64)>,
 }
 
-/// Units that people prefer to read in others.
+/// Units that are displayed in another unit.
 const DISPLAYED: [(&str, &str); 3] = [("rad", "deg"), ("rad/s", "deg/s"), ("krad/s", "rpm")];
 
 impl Unit {
-    /// The unit of that name: symbols with exponents, dots between them, one `/`, brackets around more
-    /// than one symbol after it.
+    /// The unit with that name: symbols with exponents, separated by dots, at most one `/`, and brackets around a
+    /// denominator of more than one symbol.
     ///
     /// # Panics
-    /// When it has another form or a symbol that is not known; the message lists those that are.
+    /// If the name has another form or an unknown symbol; the message lists the known symbols.
     pub fn of(name: &str) -> Self {
         Self::parse(name).unwrap_or_else(|| {
             panic!(
@@ -31,7 +31,7 @@ impl Unit {
         })
     }
 
-    /// As [`of`](Self::of), `None` where that panics.
+    /// As [`of`](Self::of), but `None` instead of a panic.
     pub fn parse(name: &str) -> Option<Self> {
         if name.is_empty() {
             return Some(Self::none());
@@ -49,7 +49,7 @@ impl Unit {
         })
     }
 
-    /// No unit: of what is not said to have one. Its name is empty.
+    /// No unit, for variables without a declared one. Its name is empty.
     pub fn none() -> Self {
         Self {
             name: String::new(),
@@ -58,7 +58,7 @@ impl Unit {
         }
     }
 
-    /// Whether it is a unit.
+    /// Whether there is a unit.
     pub fn is_some(&self) -> bool {
         !self.name.is_empty()
     }
@@ -68,7 +68,7 @@ impl Unit {
         if !self.is_some() {
             return Self::none();
         }
-        // Every name was read once, in `of`; what is no product is a temperature in degrees.
+        // Every name was parsed before, in `of`; one that is not a product is a temperature in degrees.
         match Product::parse(&self.name) {
             Some(product) => Self::of(&product.rate().to_string()),
             None => {
@@ -86,7 +86,7 @@ impl Unit {
         }
     }
 
-    /// The name as people write it: `kg·m²`, `µs/rad`; empty for dimensionless.
+    /// The name as it is printed: `kg·m²`, `µs/rad`; empty for dimensionless.
     pub fn symbol(&self) -> String {
         pilotage_units::pretty(&self.name)
     }

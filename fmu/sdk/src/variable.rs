@@ -1,27 +1,27 @@
-//! A variable is declared once: the XML, value references, listings and plot labels derive from it.
+//! A variable is declared once; the XML, value references, listings and plot labels are derived from it.
 
 use crate::{Unit, json};
 
-/// What a variable is for (FMI 2.0.5, section 2.2.7).
+/// Role of a variable (FMI 2.0.5, section 2.2.7).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     /// Provided by another model; continuous.
     Input,
-    /// For other models; continuous, calculated from states and inputs, or itself a state.
+    /// Provided to other models; continuous, calculated from states and inputs, or itself a state.
     Output,
-    /// A Boolean output that changes at events alone: 1 for true, 0 for false. Its start value may be set.
+    /// A Boolean output that changes only at events: 1 for true, 0 for false. Its start value may be set.
     Mode,
     /// A parameter, constant in time.
     Fixed,
     /// A parameter that may be set between communication points.
     Tunable,
-    /// A continuous state that is no output.
+    /// A continuous state that is not an output.
     State,
-    /// Continuous, calculated on the way, and no output.
+    /// Continuous and calculated, but neither an output nor a state.
     Local,
     /// The time derivative of a state.
     Derivative,
-    /// What tells of an event by its sign.
+    /// Indicates an event by its sign.
     Indicator,
     /// Time itself.
     Time,
@@ -42,34 +42,35 @@ impl Role {
         (Self::Time, "time"),
     ];
 
-    /// What tables call it.
+    /// Name of the role in tables.
     pub fn name(self) -> &'static str {
         let found = Self::NAMES.iter().find(|(role, _)| *role == self);
         found.map_or("", |(_, name)| name)
     }
 }
 
-/// Value reference of the variable at that index of the table. They begin with 1: some importers take 0 for
-/// none, others those of FMI 3.0 for positions in the list, which begin there.
+/// Value reference of the variable at that index of the table. They start at 1: some importers take 0 for none, others
+/// take those of FMI 3.0 for positions in the list, which start at 1.
 pub fn reference(index: usize) -> u32 {
     u32::try_from(index + 1).unwrap_or(u32::MAX)
 }
 
-/// Index of the variable of that value reference; one that no table has where there is none.
+/// Index of the variable with that value reference; an index that no table has if there is none.
 pub fn index_of(reference: u32) -> usize {
     (reference as usize).wrapping_sub(1)
 }
 
-/// One variable of a model: a Boolean one where its role is [`Role::Mode`], else a real one. Its value reference is [that of its index](reference()) in the model's table.
+/// One variable of a model: Boolean if its role is [`Role::Mode`], otherwise real. Its value reference follows from
+/// [its index](reference()) in the model's table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Variable {
     /// Name, unique in the model.
     pub name: String,
-    /// Unit of all numbers here.
+    /// Unit of all values of the variable.
     pub unit: Unit,
-    /// What it is for.
+    /// Role.
     pub role: Role,
-    /// Value before anything is set; `None` for what is calculated.
+    /// Start value; `None` if the variable is calculated.
     pub start: Option<f64>,
     /// Smallest allowed value.
     pub min: Option<f64>,
@@ -77,7 +78,7 @@ pub struct Variable {
     pub max: Option<f64>,
     /// Typical magnitude, by which the integrator scales its absolute tolerance.
     pub nominal: Option<f64>,
-    /// One line, without the unit.
+    /// Description in one line, without the unit.
     pub description: String,
 }
 
@@ -100,7 +101,7 @@ impl Variable {
         Self::new(name, unit, Role::Input, Some(0.0), description)
     }
 
-    /// An output, or a state or derivative.
+    /// An output, a state, or another calculated variable.
     pub fn calculated(name: &str, unit: Unit, role: Role, description: &str) -> Self {
         Self::new(name, unit, role, None, description)
     }
@@ -133,12 +134,12 @@ impl Variable {
         matches!(self.role, Role::Output | Role::Mode)
     }
 
-    /// True for what is a Boolean in FMI.
+    /// True for a Boolean of FMI.
     pub fn is_boolean(&self) -> bool {
         self.role == Role::Mode
     }
 
-    /// True for what cannot be set: neither an input nor a parameter nor a mode.
+    /// True for a variable that cannot be set: neither an input nor a parameter nor a mode.
     pub fn is_calculated(&self) -> bool {
         !matches!(
             self.role,
@@ -177,12 +178,12 @@ impl Variable {
         ])
     }
 
-    /// Refuses a value that this variable cannot have.
+    /// Checks that the variable allows a value.
     ///
-    /// Inputs may be out of it: masters and solvers look beyond it between points.
+    /// Inputs may be out of range: masters and solvers evaluate points beyond it.
     ///
     /// # Errors
-    /// When the value is not a finite number or out of the variable's range, or that of a Boolean neither 0 nor 1.
+    /// If the value is not finite or out of range, or a Boolean's value is neither 0 nor 1.
     pub fn check(&self, value: f64) -> Result<(), ValueError> {
         if !value.is_finite() {
             return Err(ValueError::NotFinite {
@@ -212,7 +213,7 @@ impl Variable {
     }
 }
 
-/// Why a variable cannot have a value.
+/// Why a variable does not allow a value.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ValueError {
     /// NaN or infinite.
@@ -231,7 +232,7 @@ pub enum ValueError {
         /// The value.
         value: f64,
     },
-    /// Beyond `min` or `max`.
+    /// Outside `min` to `max`.
     #[error("{name} = {value} is out of its range {min} to {max}; set a value within it")]
     OutOfRange {
         /// The variable, with its unit.

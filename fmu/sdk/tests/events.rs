@@ -1,4 +1,4 @@
-//! Events within steps of co-simulation, against what is known of them.
+//! Events within steps of co-simulation, compared with known solutions.
 
 use pilotage_sdk::simulation::{StepError, StepFault};
 use pilotage_sdk::{At, Equations, Scalar, Simulation, Table};
@@ -49,7 +49,7 @@ fn get<E: Equations>(simulation: &Simulation<E>, name: &str) -> f64 {
     simulation.get(simulation.table().index(name).expect("it is declared"))
 }
 
-/// Height of a ball that loses nothing, at any time.
+/// Height of a ball that loses no energy, at any time.
 fn elastic(time: f64) -> f64 {
     let fall = (2.0 / G).sqrt();
     let since = (time + fall) % (2.0 * fall) - fall;
@@ -80,7 +80,7 @@ fn a_step_can_stop_at_an_event_and_go_on_after_it() {
         reached.event && (reached.time - fall).abs() < 1e-10,
         "{reached:?}"
     );
-    // Not handled yet: it still falls.
+    // Not handled yet: the ball still falls.
     assert!(get(&ball, "h") <= 0.0 && get(&ball, "v") < 0.0);
     assert_eq!(ball.handle_event(), Ok(true));
     assert_eq!((get(&ball, "h"), get(&ball, "bounces")), (0.0, 1.0));
@@ -117,7 +117,7 @@ fn a_floor_that_rises_along_its_slope_is_met_where_it_is() {
 
 #[test]
 fn a_crossing_there_and_back_within_a_step_is_seen() {
-    // Half a second of free flight in one step, the floor raised just below the top of the parabola.
+    // Half a second of free flight in one step, with the height just below the top of the parabola.
     struct Arc;
     impl Equations for Arc {
         fn table(&self) -> Table {
@@ -170,7 +170,7 @@ fn what_was_reached_before_a_step_fails_is_kept() {
     let error = explosion.step(2.0).expect_err("it is infinite at 1 s");
     assert!(matches!(error.fault, StepFault::Integration(_)), "{error}");
     assert!((error.reached - 0.5).abs() < 1e-3, "{error:?}");
-    // State and time belong together.
+    // State and time are consistent.
     let time = get(&explosion, "time");
     assert_eq!(time, 0.5 + error.reached);
     let x = get(&explosion, "x");
@@ -209,7 +209,7 @@ fn endless_events_are_given_up() {
     assert!(matches!(fault, Err(StepFault::EndlessEvent { .. })));
 }
 
-/// FMI rule 27: all that matters is in the state; steps repeat to the last bit.
+/// FMI rule 27: the state is complete; steps are repeated bit by bit.
 #[test]
 fn a_snapshot_repeats_what_followed() {
     let mut ball = ball(0.9);

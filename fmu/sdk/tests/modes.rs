@@ -1,15 +1,15 @@
-//! Modes: what is true or false and changes at events alone.
+//! Modes: Booleans that change only at events.
 
 use pilotage_sdk::structure::Structure;
 use pilotage_sdk::{At, Equations, Scalar, Simulation, Table};
 
-/// A room with a heater that goes on below 19 °C and off above 21 °C.
+/// A room with a heater that switches on below 19 °C and off above 21 °C.
 #[derive(Debug, Clone, Default)]
 struct Room;
 
 impl Equations for Room {
     fn table(&self) -> Table {
-        // The mode comes first: the equations find it behind the state all the same.
+        // The mode is declared first, but follows the state in the equations' `x`.
         Table::new("room", "A room with a thermostat")
             .mode("heating", true, "Whether the heater is on")
             .parameter("power", "1/s", 2.0, "Rate of warming")
@@ -25,7 +25,7 @@ impl Equations for Room {
     }
 
     fn output<T: Scalar>(&self, At { x, .. }: At<T>, y: &mut [T]) {
-        // A branch, which no derivative tells.
+        // A branch, which derivatives do not reveal.
         y[0] = T::from(if x[1].re() > 0.5 { 1.0 } else { 0.0 });
     }
 
@@ -36,7 +36,7 @@ impl Equations for Room {
 
     fn event(&self, At { x, .. }: At<f64>, after: &mut [f64]) {
         match x[1] > 0.5 {
-            // Any number but 0 is true.
+            // Any number other than 0 is true.
             false if x[0] <= -1.0 => after[1] = 7.0,
             true if x[0] >= 1.0 => after[1] = 0.0,
             _ => {}
@@ -48,7 +48,7 @@ fn index(name: &str) -> usize {
     Room.table().index(name).expect("it is declared")
 }
 
-/// From 0 it warms for a second, then it cools for two and warms for two: exact lines.
+/// Starting at 0, it warms for one second, then cools for two and warms for two, exactly linearly.
 #[test]
 fn a_mode_switches_at_events_whatever_the_step() {
     for h in [0.05, 0.3, 1.5] {
@@ -62,7 +62,7 @@ fn a_mode_switches_at_events_whatever_the_step() {
                 false => (3.0 - phase, 0.0),
             };
             assert!((room.get(index("excess")) - excess).abs() < 1e-9, "{k} {h}");
-            // At the very event either is right.
+            // At the event itself both values are correct.
             if (phase % 2.0 - 1.0).abs() < 0.999 {
                 assert_eq!(room.get(index("heating")), heating, "step {k} of {h}");
             }
@@ -92,7 +92,7 @@ fn a_mode_is_part_of_the_snapshot_and_no_continuous_state() {
     );
 }
 
-/// Everything that changes when the mode does depends on it, even by a branch; none of it by a fixed factor.
+/// Everything that changes with the mode depends on it, even through a branch, but never with a constant factor.
 #[test]
 fn dependencies_on_a_mode_are_found() {
     let table = Room.table();
@@ -108,7 +108,7 @@ fn dependencies_on_a_mode_are_found() {
         .collect();
     assert_eq!(on_it, ["bill", "der(excess)"]);
     assert!(structure.initial.iter().all(|u| u.index != heating));
-    // It is an output, of nothing that is known while the simulation runs.
+    // It is an output that depends on no known while the simulation runs.
     let own = structure.unknown(heating).expect("an output");
     assert!(own.dependencies.is_empty());
     let rate = structure.unknown(index("der(excess)"));

@@ -1,10 +1,10 @@
-//! Dependencies and derivatives of a model in which each kind of them occurs.
+//! Dependencies and derivatives of a model with every kind of dependency.
 
 use pilotage_sdk::structure::{Dependency, Structure, Unknown};
 use pilotage_sdk::{At, Equations, Interface, Scalar, Simulation, Table, Unit, Variable};
 use proptest::prelude::*;
 
-/// Time, a saturation, a product, a sine, a state that does not matter.
+/// Time, a saturation, a product, a sine, a state without influence.
 #[derive(Debug, Clone, Default)]
 struct Mixed;
 
@@ -63,7 +63,7 @@ fn lines(table: &Table, unknowns: &[Unknown]) -> String {
         .collect()
 }
 
-/// FMI rules 14, 15 and 16: outputs, derivatives and initial unknowns with what they depend on.
+/// FMI rules 14, 15 and 16: outputs, derivatives and initial unknowns with their dependencies.
 #[test]
 fn every_dependency_is_found_and_no_other() {
     let table = Mixed.table();
@@ -88,7 +88,7 @@ fn every_dependency_is_found_and_no_other() {
     assert!(structure.initial.iter().all(knowns_ascend));
 }
 
-/// FMI rule 3: the fingerprint tells every change of the interface.
+/// FMI rule 3: every change of the interface changes the fingerprint.
 #[test]
 fn every_change_of_the_interface_changes_the_guid() {
     let base = Mixed.table();
@@ -136,7 +136,7 @@ proptest! {
         ..ProptestConfig::default()
     })]
 
-    /// FMI rule 29: derivatives in a direction agree with differences, and adjoint ones with both.
+    /// FMI rule 29: directional derivatives agree with differences, and adjoint ones with both.
     #[test]
     fn derivatives_agree_with_differences(
         values in prop::collection::vec(-0.4..0.4_f64, 7),
@@ -172,7 +172,7 @@ proptest! {
     }
 }
 
-/// Equations that hold in a part of their inputs' range alone, and say so.
+/// Equations that are defined in a part of their inputs' range only, and panic outside it.
 #[derive(Default)]
 struct Guarded;
 
@@ -200,7 +200,7 @@ fn points_where_the_equations_panic_are_left_out() {
     assert_eq!(structure.derivatives[0].dependencies, on_input);
 }
 
-/// A model whose start values already are outside.
+/// A model that is undefined even at its start values.
 #[derive(Default)]
 struct Impossible;
 

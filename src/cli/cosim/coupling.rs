@@ -1,4 +1,4 @@
-//! Arguments that say how components are coupled.
+//! Command-line arguments for the coupling of components.
 
 use super::super::Failure;
 use super::super::number::{positive, within};
@@ -56,10 +56,10 @@ enum AlgorithmName {
 }
 
 impl CouplingArgs {
-    /// The coupling for that clock.
+    /// The coupling for the given clock.
     ///
     /// # Errors
-    /// If `--parallel` does not go with the algorithm.
+    /// If `--parallel` is given with an algorithm other than Jacobi.
     pub fn coupling(&self, clock: &Clock) -> Result<Coupling, Failure> {
         let algorithm = match self.algorithm {
             AlgorithmName::Jacobi => Algorithm::Jacobi,
@@ -86,12 +86,12 @@ impl CouplingArgs {
         })
     }
 
-    /// Relative tolerance for components with error control of their own.
+    /// Relative tolerance for components with their own error control.
     pub fn component_tolerance(&self) -> Option<f64> {
         self.fmu_tolerance.or(self.tolerance.map(|t| 0.1 * t))
     }
 
-    /// Tells the system which components take their steps in parts.
+    /// Sets which components divide their steps into parts.
     pub fn apply_parts(&self, system: &mut System) -> Result<(), Failure> {
         for (name, parts) in &self.parts {
             let parts = parts.parse().map_err(|_| {

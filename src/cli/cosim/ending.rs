@@ -5,16 +5,16 @@ use crate::error_chain::error_chain;
 
 /// How a run ended, in words.
 pub struct Words {
-    /// For scripts.
+    /// Status for scripts.
     pub status: &'static str,
     /// `note` or `error`.
     pub severity: &'static str,
-    /// What went wrong, if anything.
+    /// Error or note, if any.
     pub message: Option<String>,
 }
 
 impl Words {
-    /// How that run ended.
+    /// Describes how `run` ended.
     pub fn of(run: &Run) -> Self {
         let (status, severity, message) = match &run.ending {
             Ending::Completed => ("completed", "note", None),
@@ -57,7 +57,7 @@ impl Words {
         }
     }
 
-    /// The same of a run whose rows go to a file.
+    /// The same for a run whose rows are written to a file.
     pub fn with_rows(run: &Run) -> Self {
         let mut words = Self::of(run);
         if let Some(message) = &mut words.message

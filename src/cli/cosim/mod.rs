@@ -1,4 +1,4 @@
-//! `pilotage cosim`: FMUs wired together and simulated.
+//! `pilotage cosim`: connects FMUs and simulates them.
 
 mod coupling;
 pub mod ending;
@@ -111,7 +111,7 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
-    // What is wrong without a look at the files is told before they are opened.
+    // Errors that can be detected without the files are reported before the files are opened.
     let given = args.stop_time.map(|stop| args.clock(stop)).transpose()?;
     let every = args.rows_between()?;
     args.check_report()?;
@@ -148,7 +148,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         coupling,
         &mut watch,
     );
-    // An FMU may have left it.
+    // An FMU may have changed the working folder.
     atomic_file::go_back();
     let run = match run {
         Ok(run) => run,
@@ -202,7 +202,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     Ok(outcome)
 }
 
-/// Terminates and frees the components, now that everything is told: what goes wrong in it costs no more than a warning.
+/// Terminates and frees the components after all results are reported: a failure here causes only a warning.
 pub fn end(mut components: Components, outcome: Outcome) {
     pilotage_process::finished(outcome.code());
     if let Some(Ending::Failed {
@@ -225,7 +225,7 @@ fn no_stop() -> Failure {
 }
 
 impl Args {
-    /// The arguments of words, the first of which is what messages call the command.
+    /// Parses arguments; the first word is the command name used in messages.
     pub fn of(words: &[OsString]) -> Result<Self, Failure> {
         #[derive(clap::Parser)]
         struct Line {
@@ -252,14 +252,14 @@ impl Args {
         Ok(())
     }
 
-    /// The files that are written.
+    /// The output files.
     fn outputs(&self) -> Vec<(&Path, OutputKind)> {
         let page = self.report.as_deref().map(|path| (path, OutputKind::Page));
         let result = (self.output.as_path(), OutputKind::Result);
         [result].into_iter().chain(page).collect()
     }
 
-    /// Communication steps from one recorded row to the next.
+    /// Number of communication steps between two recorded rows.
     fn rows_between(&self) -> Result<u64, Failure> {
         let Some(interval) = self.record_every else {
             return Ok(1);
@@ -275,7 +275,7 @@ impl Args {
         }
     }
 
-    /// What is recorded; `None` for every output.
+    /// The signals to record; `None` for every output.
     fn selection(
         &self,
         system: &mut System,
@@ -324,7 +324,8 @@ fn save(recorder: CsvRecorder<GrowingFile>, path: &Path) -> Result<(), Failure> 
     })
 }
 
-/// What to say, and what becomes of the rows so far: none when the run has not begun.
+/// The failure to report. Discards the rows written so far, unless writing them failed: otherwise the run has not
+/// begun.
 fn explain(
     error: MasterError,
     description: &SystemDescription,
@@ -334,7 +335,7 @@ fn explain(
     let is_write_error = matches!(error, MasterError::Record { .. });
     let failure = system::explain(error, description);
     match is_write_error {
-        // A pipe or a device keeps nothing.
+        // A pipe or a device keeps no rows.
         true if !part.is_file() => failure,
         true => failure.hint(format!(
             "is there room? The rows until then are in {}",

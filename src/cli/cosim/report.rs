@@ -1,10 +1,10 @@
-//! The report of a co-simulation, in words and for machines.
+//! The report of a co-simulation as text and as JSON.
 
 use crate::cosim::{ConnectionReport, Divergence, Report};
 use pilotage_text::counted;
 use serde_json::{Value, json};
 
-/// As JSON.
+/// The report as JSON.
 pub fn to_json(report: &Report) -> Value {
     let steps = &report.steps;
     let instances: Vec<Value> = (report.instances.iter())
@@ -51,7 +51,7 @@ pub fn to_json(report: &Report) -> Value {
             "shortest": steps.shortest,
             "longest": steps.longest,
         },
-        // The instances, under the name that scripts already read.
+        // The instances; the key is kept for existing scripts.
         "slaves": instances,
         "connections": connections,
         "irrevocable": report.irrevocable,
@@ -62,7 +62,7 @@ pub fn to_json(report: &Report) -> Value {
     })
 }
 
-/// In words: what is to be warned of, then a few lines or, if `is_long`, all.
+/// The report as text: warnings and notes, then a few lines or, if `is_long`, all details.
 pub fn to_text(report: &Report, is_long: bool) -> String {
     let warnings = warnings(report).into_iter();
     let warnings = warnings.map(|words| format!("warning: {words}\n"));
@@ -75,7 +75,7 @@ pub fn to_text(report: &Report, is_long: bool) -> String {
         }
 }
 
-/// What is to be warned of.
+/// Warnings for the user.
 pub fn warnings(report: &Report) -> Vec<String> {
     let steps = &report.steps;
     let irrevocable = (report.irrevocable.iter()).map(|name| {
@@ -117,7 +117,7 @@ pub fn warnings(report: &Report) -> Vec<String> {
         .collect()
 }
 
-/// What is to be known.
+/// Notes for the user.
 pub fn notes(report: &Report) -> Vec<String> {
     let note = |name: &String| {
         format!(
@@ -128,7 +128,7 @@ pub fn notes(report: &Report) -> Vec<String> {
     report.holding.iter().map(note).collect()
 }
 
-/// Connections whose signals ran away, those that alternate first.
+/// Connections with diverging signals, alternating ones first.
 fn divergences(report: &Report) -> Option<String> {
     let mut lines: Vec<String> = (report.connections.iter())
         .filter_map(|c| {
@@ -154,10 +154,10 @@ fn divergences(report: &Report) -> Option<String> {
     ))
 }
 
-/// Connections and instances that a short report names.
+/// Maximum number of connections, and of instances, in a short report.
 const NAMED: usize = 6;
 
-/// A few lines: steps, times, calls; the lag of the connections and what it does to their signals.
+/// A few lines: steps, times and calls, the lag of the connections and the resulting errors of their signals.
 fn brief(report: &Report) -> String {
     let steps = &report.steps;
     let in_instances: f64 = report
@@ -217,7 +217,7 @@ fn brief(report: &Report) -> String {
     text
 }
 
-/// The errors of an instance's inputs, if it took a step.
+/// The errors of an instance's inputs, if it has taken a step.
 fn errors_of(report: &Report, name: &str) -> String {
     let is_own = |to: &str| {
         to.strip_prefix(name)
@@ -233,7 +233,7 @@ fn errors_of(report: &Report, name: &str) -> String {
     }
 }
 
-/// The unit behind a number of the connection's output.
+/// The unit to append to a value of the connection's output.
 fn unit(connection: &ConnectionReport) -> String {
     match connection.unit.as_str() {
         "" | "1" => String::new(),

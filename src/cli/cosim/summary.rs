@@ -1,4 +1,4 @@
-//! What a run has done, for people and for scripts.
+//! The summary of a run for people and for scripts.
 
 use super::ending::Words;
 use super::{Args, report};
@@ -12,29 +12,29 @@ use pilotage_text::counted;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
-/// A run and what belongs to it.
+/// A run and its context.
 pub struct Summary<'a> {
     pub args: &'a Args,
-    /// The files that were read.
+    /// Input files.
     pub files: &'a [PathBuf],
     pub algorithm: Algorithm,
     pub run: &'a Run,
     pub ending: &'a Words,
-    /// Time that it took [s].
+    /// Wall-clock time \[s\].
     pub seconds: f64,
-    /// Recorded rows.
+    /// Number of recorded rows.
     pub rows: u64,
     /// Recorded signals.
     pub signals: &'a [Signal],
     /// Connections whose values are converted: output, its unit, input, its unit.
     pub converted: Vec<[String; 4]>,
     pub notes: Vec<String>,
-    /// What of the result is no finite number.
+    /// Signals of the result with NaN or infinite values.
     pub not_finite: &'a NotFinite,
 }
 
 fn not_finite(signal: &NotFiniteSignal) -> Value {
-    // JSON has no such numbers.
+    // JSON has no NaN or infinity.
     json!({ "signal": signal.name, "time": signal.time, "value": signal.value.to_string(), "rows": signal.rows })
 }
 
@@ -94,7 +94,7 @@ impl Summary<'_> {
         text + &report::to_text(&self.run.report, self.args.coupling.details)
     }
 
-    /// What is to be known, without what the master tells.
+    /// Notes for the user, without those of the master.
     fn notes(&self) -> Vec<String> {
         let converted = self.converted.iter().map(|[from, from_unit, to, to_unit]| {
             format!("`{from}` [{from_unit}] is converted for `{to}` [{to_unit}]")
@@ -106,11 +106,11 @@ impl Summary<'_> {
             .collect()
     }
 
-    /// The page, drawn from the result as it was written.
+    /// The HTML page, drawn from the written result.
     pub fn page(&self) -> Result<String, Failure> {
         let run = self.run;
         let series = match Series::read_table(&self.args.output) {
-            // A run that failed before its first row.
+            // The run failed before its first row.
             Err(SeriesError::NoSamples { .. }) => Series::default(),
             read => read?,
         };

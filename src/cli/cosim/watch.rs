@@ -1,4 +1,4 @@
-//! What is told while a run goes, and when Ctrl-C ends it.
+//! Progress reports during a run, and its end on Ctrl-C.
 
 use super::super::{interrupt, terminal};
 use crate::cosim::recorder::Signal;
@@ -21,12 +21,12 @@ pub enum Told {
     None,
 }
 
-/// Time between two looks at the clock that are told.
+/// Minimum time between two progress reports.
 const BETWEEN: Duration = Duration::from_millis(200);
-/// Runs that are done sooner show no bar.
+/// Runs shorter than this show no bar.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// A recorder that tells how far the run is, and ends it on Ctrl-C.
+/// A recorder that reports progress and ends the run on Ctrl-C.
 pub struct Watch<'r> {
     inner: &'r mut dyn Recorder,
     told: Told,
@@ -39,8 +39,8 @@ pub struct Watch<'r> {
     pace: Pace,
 }
 
-/// How many rows may pass between two looks at the clock, so that looking costs nothing and yet is done
-/// often enough, whether a step takes nanoseconds or minutes.
+/// Number of rows between two readings of the clock, adapted so that reading it costs nothing and is yet done often
+/// enough, whether a step takes nanoseconds or minutes.
 struct Pace {
     stride: u64,
     wait: u64,
@@ -56,7 +56,7 @@ impl Pace {
         }
     }
 
-    /// The time, if it is time to look at it.
+    /// The current time, if the clock is due to be read.
     fn look(&mut self) -> Option<Instant> {
         self.wait -= 1;
         if self.wait > 0 {
@@ -75,7 +75,7 @@ impl Pace {
 }
 
 impl<'r> Watch<'r> {
-    /// Starts the clock.
+    /// Creates the recorder and starts its clock.
     pub fn new(inner: &'r mut dyn Recorder, told: Told, clock: &Clock) -> Self {
         let now = Instant::now();
         Self {
@@ -91,12 +91,12 @@ impl<'r> Watch<'r> {
         }
     }
 
-    /// Time since the begin.
+    /// Time since the start.
     pub fn elapsed(&self) -> Duration {
         self.started.elapsed()
     }
 
-    /// Wipes the bar, or tells how the run ended and what it did, if it has begun.
+    /// Clears the bar, or reports as JSON how the run ended, with the report if the run has begun.
     pub fn end(&mut self, status: &str, time: f64, report: Option<Value>) {
         self.bar.finish_and_clear();
         self.tell_json(status, time, report);
@@ -129,7 +129,7 @@ impl<'r> Watch<'r> {
         }
     }
 
-    /// indicatif itself shows nothing where stderr is no terminal.
+    /// indicatif itself shows nothing if stderr is no terminal.
     fn show_bar(&mut self, time: f64) {
         const LENGTH: f64 = 1000.0;
         if self.bar.is_hidden() {

@@ -1,4 +1,4 @@
-//! `--objective both`: the response and the stick, each fitted, and both pilots flying alone (the paper's Fig. 2).
+//! `--objective both`: fits the response and the stick, and lets both pilots fly alone (the paper's Fig. 2).
 
 use super::summary::{to_json, verdict};
 use super::watch::Watch;
@@ -20,23 +20,23 @@ struct Both {
     stick: Identification,
 }
 
-/// A trial as it was recorded, and as both pilots fly it alone.
+/// A trial as recorded, and as flown alone by both pilots.
 struct Flown<'a> {
     trial: &'a Trial,
     response: Option<&'a RunFit>,
     stick: Option<&'a RunFit>,
-    /// Rms distance from the recording \[m\], of each.
+    /// Rms deviation from the recording \[m\] of either pilot.
     rms: [Option<f64>; 2],
 }
 
-/// Where the pilot of the stick fit is written: beside the other one.
+/// Output path for the pilot of the stick fit, next to the other one.
 pub fn stick_file(args: &Args) -> PathBuf {
     let output = args.output();
     let stem = output.file_stem().unwrap_or_default().to_string_lossy();
     output.with_file_name(format!("{stem}-stick.toml"))
 }
 
-/// Fits both and shows them.
+/// Computes and reports both fits.
 pub fn run(args: &Args, set: TrialSet, options: &FitOptions) -> Result<Outcome, Failure> {
     let stick_path = stick_file(args);
     let outputs = [open(args.output())?, open(&stick_path)?];
@@ -47,7 +47,7 @@ pub fn run(args: &Args, set: TrialSet, options: &FitOptions) -> Result<Outcome, 
     let page = page.transpose()?;
     let fitted = |objective: Objective, set: TrialSet| {
         let mut watch = Watch::new(args.time_limit, None, args.verbose);
-        // Whoever asks for both wants to see them fly, on the default vehicle if no other is named.
+        // `--objective both` compares flights, so the default vehicle is accepted if no other is given.
         let options = FitOptions {
             objective,
             vehicle_assumed: false,
@@ -195,7 +195,7 @@ impl Both {
         overlay_page(&page, &made())
     }
 
-    /// Both pilots flying alone, beside the recordings.
+    /// Both pilots flying alone, with the recordings.
     fn figure(&self) -> Figure {
         let (mut positions, mut sticks) = (Vec::new(), Vec::new());
         for run in &self.flown() {

@@ -1,10 +1,10 @@
-//! Describing functions, for scripts.
+//! Describing functions as JSON for scripts.
 
 use crate::inference::spectrum::{Checked, Describing, Point};
 use nalgebra::Complex;
 use serde_json::{Value, json};
 
-/// What runs say of pilot and loop without a model; `null` where they say nothing.
+/// Nonparametric estimates of pilot and loop; `null` if the runs give none.
 pub fn to_json(describing: &Describing) -> Value {
     let left_out = describing.left_out.iter();
     let left_out = left_out.map(|(run, why)| json!({ "run": run, "words": why.to_string() }));
@@ -18,7 +18,7 @@ pub fn to_json(describing: &Describing) -> Value {
     }
 }
 
-/// A list for each figure, over the lines.
+/// An array for each figure, over the lines.
 fn checked(own: &Checked) -> Value {
     let of = |of: &dyn Fn(&Point) -> f64| own.points.iter().map(of).collect::<Vec<_>>();
     let fitted = |of: fn(&Complex<f64>) -> f64| own.fitted.iter().map(of).collect::<Vec<_>>();

@@ -9,20 +9,20 @@ use std::fs::File;
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-/// Where the lines go. What cannot be written is told at the end: it is no reason to stop a fit.
+/// Destination of the lines. Write errors are reported at the end, since they are no reason to stop a fit.
 pub struct Log {
     path: PathBuf,
     out: Box<dyn Write>,
     failed: Option<io::Error>,
 }
 
-/// The path that means stdout.
+/// Whether the path stands for stdout.
 pub fn is_stdout(path: &Path) -> bool {
     path.as_os_str() == "-"
 }
 
 impl Log {
-    /// Opens the file, which is written as the fit goes on, or stdout for `-`.
+    /// Opens the file, which is written during the fit, or stdout for `-`.
     pub fn open(path: &Path) -> Result<Self, Failure> {
         let out: Box<dyn Write> = match is_stdout(path) {
             true => Box::new(io::stdout()),
@@ -38,7 +38,7 @@ impl Log {
         })
     }
 
-    /// One iteration.
+    /// Writes one iteration.
     pub fn iteration(&mut self, iterate: &Iterate) {
         let iteration = iterate.iteration;
         self.line(&json!({
@@ -59,7 +59,7 @@ impl Log {
         }));
     }
 
-    /// What became of the starts and of the fit.
+    /// Writes the results of the starts and of the fit.
     pub fn close(mut self, fit: &Fit) -> Result<(), Failure> {
         let mut starts: Vec<&StartReport> = fit.starts.iter().collect();
         starts.sort_by_key(|start| start.number);
@@ -87,7 +87,7 @@ impl Log {
             "skipped": fit.skipped,
         }));
         match self.failed {
-            // A reader that has gone is no failure.
+            // A closed reader is no failure.
             Some(error) if error.kind() != ErrorKind::BrokenPipe => {
                 Err(Failure::cannot_write(&self.path, &error))
             }
@@ -95,7 +95,7 @@ impl Log {
         }
     }
 
-    /// One line in one piece, so that a reader or a crash sees whole lines.
+    /// Writes a line in one piece, so that a reader sees whole lines, also after a crash.
     fn line(&mut self, object: &Value) {
         if self.failed.is_none() {
             let written = self.out.write_all(format!("{object}\n").as_bytes());

@@ -1,4 +1,4 @@
-//! `pilotage fit`: the pilot from recorded flights.
+//! `pilotage fit`: identifies the pilot from recorded flights.
 
 mod both;
 mod describing;
@@ -185,7 +185,7 @@ pub struct Args {
     overwrite: Overwrite,
 }
 
-/// What is compared with a recording.
+/// What is compared with the recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Compared {
     One(Objective),
@@ -207,7 +207,7 @@ impl Compared {
     }
 }
 
-/// A parser for one of `all`, by its name.
+/// A parser for one of `all`, by name.
 fn named<T: Copy + Send + Sync + 'static, const N: usize>(
     all: [T; N],
     name: fn(T) -> &'static str,
@@ -317,12 +317,12 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 }
 
 impl Args {
-    /// The pilot file to write.
+    /// Path of the pilot file.
     fn output(&self) -> &Path {
         self.output.as_deref().unwrap_or(Path::new("pilot.toml"))
     }
 
-    /// A flag that problem files do not take, because they say it themselves.
+    /// The first given flag that problem files do not accept, because they specify it themselves.
     fn of_short_form(&self) -> Option<&'static str> {
         let default = FitOptions::default();
         let given = [
@@ -384,7 +384,7 @@ impl Args {
         })
     }
 
-    /// Refuses a covariance that was named where this fit has none of that kind.
+    /// Refuses a requested covariance method that is not available for this fit.
     fn check_covariance(&self, found: &Identification) -> Result<(), Failure> {
         let sure = found.fit.uncertainty.as_ref();
         match (self.covariance, sure.map(|own| own.spread.method)) {
@@ -409,7 +409,7 @@ impl Args {
         self.overwrite.check(&inputs, &outputs)
     }
 
-    /// A fit, solved again; none where that cannot be.
+    /// Runs the refits of a fit; `None` if it cannot be refitted.
     fn refitted(
         &self,
         plan: &refits::Plan,
@@ -426,7 +426,7 @@ impl Args {
         }
     }
 
-    /// The end of a command that has found no order.
+    /// Outcome of a command that has selected no order.
     fn without_order(&self, orders: &Value) -> Result<Outcome, Failure> {
         if self.json {
             terminal::print(&format!("{:#}\n", json!({ "orders": orders })))?;
@@ -434,7 +434,7 @@ impl Args {
         Ok(Outcome::No)
     }
 
-    /// The summary, away from the log.
+    /// Prints the summary, to stderr if the log goes to stdout.
     fn tell(
         &self,
         found: &Identification,
@@ -466,7 +466,7 @@ impl Args {
     }
 }
 
-/// Why a covariance cannot be had, and which can.
+/// The failure for a covariance method that is not available, with a hint to alternatives.
 fn impossible(method: Method) -> Failure {
     let reason = match method {
         Method::Cr3 => Obstacle::FewRuns,
@@ -478,7 +478,7 @@ fn impossible(method: Method) -> Failure {
     )
 }
 
-/// The report page of a fit alone.
+/// The report page of a fit without co-simulations.
 fn page(found: &Identification, refitted: Option<&Refitted>) -> String {
     report::page(&Report {
         found,
@@ -489,7 +489,7 @@ fn page(found: &Identification, refitted: Option<&Refitted>) -> String {
     })
 }
 
-/// Opens an output before the work.
+/// Opens an output before the computation.
 fn open(path: &Path) -> Result<AtomicFile, Failure> {
     AtomicFile::create(path).map_err(|error| Failure::cannot_write(path, &error))
 }

@@ -1,4 +1,4 @@
-//! What was written, and what to type next.
+//! Written files and the suggested next command, at the end of the summary.
 
 use super::Args;
 use crate::cli::made::{program, quoted};
@@ -26,7 +26,7 @@ impl Args {
         }
     }
 
-    /// What may help a solve that did not converge.
+    /// Suggestions for a solve that did not converge.
     fn what_else(&self, fit: &Fit, options: &FitOptions) -> String {
         let mut text = String::from("next: this is the best iterate, not a result; try\n");
         if options.initial_state == InitialState::Free {
@@ -58,7 +58,7 @@ impl Args {
     }
 }
 
-/// With all digits, separated by commas.
+/// Numbers with all digits, separated by commas.
 fn numbers(values: &[f64]) -> String {
     let words: Vec<String> = values.iter().map(f64::to_string).collect();
     words.join(",")

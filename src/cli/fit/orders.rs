@@ -1,4 +1,4 @@
-//! `--orders`: which order has the linear pilot? The fit goes on with the one that is taken.
+//! `--orders`: selects the order of the linear pilot. The fit continues with the selected order.
 
 use super::watch::Watch;
 use super::{Args, MAX_ORDER};
@@ -21,7 +21,7 @@ use std::time::Instant;
 #[derive(Debug, Clone)]
 pub struct Orders(RangeInclusive<u8>);
 
-/// Orders as `1..5`, both among them.
+/// Parses an inclusive range of orders such as `1..5`.
 pub fn orders(text: &str) -> Result<Orders, String> {
     let expected =
         || format!("expected two orders from 1 to {MAX_ORDER}, the lower first, such as 1..5");
@@ -34,7 +34,7 @@ pub fn orders(text: &str) -> Result<Orders, String> {
         .ok_or_else(expected)
 }
 
-/// What is told of the comparison, and the winner; none where there is none.
+/// The output of the comparison, and the selected item, if any.
 pub struct Chosen<T> {
     pub text: String,
     pub json: Value,
@@ -42,7 +42,7 @@ pub struct Chosen<T> {
 }
 
 impl Orders {
-    /// Of a problem: the one of the order that is taken, whose search begins where its fit has ended.
+    /// Selects an order for a problem file. The returned problem starts at the result of its own fit.
     pub fn problem(
         &self,
         file: &ProblemFile,
@@ -76,7 +76,7 @@ impl Orders {
         })
     }
 
-    /// Of flights: the order that is taken.
+    /// Selects an order for recorded flights.
     pub fn flights(
         &self,
         args: &Args,
@@ -116,7 +116,7 @@ impl<T> Chosen<T> {
     }
 }
 
-/// Why orders are not compared.
+/// Reasons why orders are not compared.
 fn unanswered<'a>(all: impl Iterator<Item = (usize, &'a str)>) -> String {
     all.map(|(order, status)| {
         format!("order {order} has no answer ({status}), and is not compared\n")
@@ -124,7 +124,7 @@ fn unanswered<'a>(all: impl Iterator<Item = (usize, &'a str)>) -> String {
     .collect()
 }
 
-/// A trial that is left out is flown from rest, and its position compared.
+/// Checks the options: trials that are left out are flown from rest, and their positions are compared.
 fn check(options: &FitOptions) -> Result<(), Failure> {
     if options.objective != Objective::Response {
         let message = "--orders compares responses, and --objective stick fits the stick";
@@ -142,7 +142,7 @@ fn check(options: &FitOptions) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The orders of flights.
+/// The compared orders of recorded flights.
 struct Told<'a> {
     all: &'a [Ordered],
     set: &'a TrialSet,
@@ -211,7 +211,7 @@ impl<'a> Told<'a> {
     }
 }
 
-/// Tells what was chosen before the fit goes on; in `--json` it stands in the fit's object.
+/// Prints the choice before the fit continues; with `--json` it is part of the fit's object.
 pub fn tell<T>(args: &Args, chosen: &Chosen<T>) -> Result<(), Failure> {
     match (args.json, args.logs_to_stdout()) {
         (true, _) => {}

@@ -1,4 +1,4 @@
-//! What a fit gave, for people and for scripts.
+//! The results of a fit, for people and for scripts.
 
 use super::describing;
 use super::refits::Refitted;
@@ -16,13 +16,13 @@ use nalgebra::DMatrix;
 use pilotage_text::counted;
 use serde_json::{Value, json};
 
-/// The rows of a matrix, for `--json`.
+/// The rows of a matrix for `--json`.
 pub fn reals(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
     let rows = matrix.row_iter();
     rows.map(|row| row.iter().copied().collect()).collect()
 }
 
-/// The one object of `--json`.
+/// The JSON object of `--json`.
 pub fn to_json(found: &Identification, refitted: Option<&Refitted>) -> Value {
     let Identification { fit, options, .. } = found;
     let modes = Mode::of_poles(&options.pilot.poles(&fit.theta));
@@ -68,7 +68,7 @@ pub fn to_json(found: &Identification, refitted: Option<&Refitted>) -> Value {
         "skipped": fit.skipped,
         "starts_tried": fit.tried,
         "starts_agreeing": fit.agreeing(),
-        // The diagnostics, under the name that scripts already read.
+        // The diagnostics; the key is kept for existing scripts.
         "doubts": diagnostics(fit),
         "kkt": fit.kkt,
         "violation": fit.violation,
@@ -79,7 +79,7 @@ pub fn to_json(found: &Identification, refitted: Option<&Refitted>) -> Value {
     })
 }
 
-/// Value and unit of each parameter, by name.
+/// Value, unit and interval of each parameter, by name.
 fn parameters(fit: &Fit, options: &FitOptions, refitted: Option<&Refitted>) -> Value {
     let all = fit.theta.iter().zip(pilot_file::units(options.pilot));
     let all = all.enumerate().map(|(i, (value, unit))| {
@@ -98,7 +98,7 @@ fn parameters(fit: &Fit, options: &FitOptions, refitted: Option<&Refitted>) -> V
     Value::Object(all.collect())
 }
 
-/// The figures of the closed loop, by name.
+/// The figures of the closed loop with intervals, by name.
 fn derived(found: &Identification, refitted: Option<&Refitted>) -> Value {
     let all = found.derived.iter().map(|(figure, interval)| {
         let mut entry = json!({ "value": figure.value, "unit": figure.unit });
@@ -113,7 +113,7 @@ fn derived(found: &Identification, refitted: Option<&Refitted>) -> Value {
     Value::Object(all.collect())
 }
 
-/// The figures of the closed loop but its poles, with their intervals.
+/// The figures of the closed loop except its poles, with their intervals.
 fn figures(found: &Identification) -> String {
     let all = found.derived.iter();
     let all = all.filter(|(figure, _)| !figure.name.starts_with("pole"));
@@ -151,7 +151,7 @@ fn uncertainty(own: &Uncertainty, refitted: Option<&Refitted>) -> Value {
     told
 }
 
-/// How sure each component of θ is, in a line: its interval; empty where that is not known.
+/// The interval of a component of θ; empty if not known.
 fn interval(fit: &Fit, component: usize) -> String {
     let own = fit.uncertainty.as_ref().map(|own| own.intervals[component]);
     own.map_or_else(String::new, |own| told(&own))
@@ -165,11 +165,11 @@ fn told(own: &Interval) -> String {
             significant(own.low, 4),
             significant(own.high, 4)
         ),
-        false => "  not told by the data".to_owned(),
+        false => "  not determined by the data".to_owned(),
     }
 }
 
-/// What the intervals are, and what one must know of them.
+/// The method of the intervals, and notes on it.
 fn sureness(fit: &Fit) -> String {
     let Some(own) = &fit.uncertainty else {
         return String::new();
@@ -181,10 +181,10 @@ fn sureness(fit: &Fit) -> String {
     text
 }
 
-/// A field of an interval.
+/// Reads a field of an interval.
 type Field = fn(&Interval) -> Value;
 
-/// What scripts read of an interval.
+/// Fields of an interval for scripts.
 pub const FIELDS: [(&str, Field); 4] = [
     ("sd", |own| json!(own.sd)),
     ("low", |own| json!(own.low)),
@@ -192,7 +192,7 @@ pub const FIELDS: [(&str, Field); 4] = [
     ("class", |own| json!(own.class.as_str())),
 ];
 
-/// What intervals of a method are.
+/// Description of the intervals of a method.
 pub fn how(method: Method) -> &'static str {
     match method {
         Method::Plain => "95 % intervals (plain: for residuals without colour)",
@@ -202,7 +202,7 @@ pub fn how(method: Method) -> &'static str {
     }
 }
 
-/// Every pole as real and imaginary part [1/s].
+/// Stability, and each pole as real and imaginary part [1/s].
 fn closed_loop(closed_loop: &ClosedLoop) -> Value {
     let poles = closed_loop.poles.iter();
     json!({
@@ -216,7 +216,7 @@ fn diagnostics(fit: &Fit) -> Vec<Value> {
     fit.diagnostics.iter().map(one).collect()
 }
 
-/// How the fit ended, in a word or two: never a plain one where something speaks against it.
+/// The status of the fit in a few words, which always includes doubts if there are diagnostics.
 pub fn verdict(fit: &Fit) -> String {
     let unstable = |diagnostic: &Diagnostic| matches!(diagnostic, Diagnostic::UnstableLoop { .. });
     match fit.diagnostics.first() {
@@ -232,7 +232,7 @@ pub fn verdict(fit: &Fit) -> String {
     }
 }
 
-/// The summary for people.
+/// The summary as text for people.
 pub fn to_text(found: &Identification) -> String {
     let Identification { fit, options, .. } = found;
     let unit = match options.objective {
@@ -303,7 +303,7 @@ fn loop_poles(fit: &Fit) -> String {
     format!("\n  {title:<20}  frequency [rad/s]  damping\n{modes}")
 }
 
-/// How many starts agree.
+/// Number of starts that agree.
 fn agreement(fit: &Fit) -> String {
     match fit.tried {
         0 | 1 => String::new(),
@@ -315,7 +315,7 @@ fn agreement(fit: &Fit) -> String {
     }
 }
 
-/// The second-order condition, where the first-order one is fulfilled.
+/// The second-order condition, if the first-order one is satisfied.
 fn curvature(fit: &Fit) -> String {
     match fit.curvature {
         Some(curvature) => format!(", smallest curvature {curvature:.1e}"),
@@ -324,7 +324,7 @@ fn curvature(fit: &Fit) -> String {
     }
 }
 
-/// Says so when the fit ended before all starts were tried.
+/// A note if the fit ended before all starts were tried.
 fn skipped(fit: &Fit) -> String {
     match fit.skipped {
         0 => String::new(),
@@ -335,7 +335,7 @@ fn skipped(fit: &Fit) -> String {
     }
 }
 
-/// Says so when free initial states, and not the pilot, bring the vehicle where it was recorded.
+/// A note if free initial states, rather than the pilot, reproduce the recorded motion.
 fn carried(found: &Identification) -> String {
     let options = &found.options;
     let fitted = || (found.outcomes()).filter_map(|run| Some((run.solution?, run.alone?)));
@@ -354,7 +354,7 @@ fn carried(found: &Identification) -> String {
     }
 }
 
-/// One line for each run: the optimiser's residual, and the closed loop flown alone from rest.
+/// One line for each run: the optimiser's residual, and the error of the closed loop flown alone from rest.
 fn runs(found: &Identification) -> String {
     let Identification { fit, options, .. } = found;
     let names = found.outcomes();

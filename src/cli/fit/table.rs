@@ -1,10 +1,9 @@
-//! The iterations of a fit as a table on stderr, in the columns that users of SQP and interior-point
-//! solvers know.
+//! The iterations of a fit as a table on stderr, with the column names usual in SQP and interior-point solvers.
 
 use crate::identification::solve::Iterate;
 use std::io::Write;
 
-/// Lines between two headers.
+/// Number of lines between two headers.
 const PAGE: usize = 20;
 
 const HEADER: &str = "order start  iter     objective    inf_pr    inf_du     compl     alpha     |d|    lg(rg)   penalty \
@@ -26,7 +25,7 @@ impl IterationTable {
         }
         self.lines += 1;
         text += &line(iterate);
-        // Whoever closed stderr does not want to know.
+        // Errors are ignored: stderr may be closed.
         let _ = std::io::stderr().lock().write_all(text.as_bytes());
     }
 }

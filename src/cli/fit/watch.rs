@@ -1,4 +1,4 @@
-//! What watches a fit: log, table, progress bar, time limit and Ctrl-C.
+//! The observer of a fit: log, table, progress bar, time limit and Ctrl-C.
 
 use super::log::Log;
 use super::table::IterationTable;
@@ -12,20 +12,20 @@ use std::time::Instant;
 /// The observer of a fit.
 pub struct Watch {
     begin: Instant,
-    /// Wall clock [s].
+    /// Wall-clock time [s].
     time_limit: Option<f64>,
     log: Option<Log>,
     shown: Shown,
 }
 
-/// What a person sees of it.
+/// Progress display.
 enum Shown {
     Table(IterationTable),
     Bar(Progress),
 }
 
 impl Watch {
-    /// Starts the clock.
+    /// Creates the observer and starts its clock.
     pub fn new(time_limit: Option<f64>, log: Option<Log>, verbose: bool) -> Self {
         Self {
             begin: Instant::now(),
@@ -38,7 +38,7 @@ impl Watch {
         }
     }
 
-    /// Sees how far the fit is and says whether to go on.
+    /// Shows the progress and returns whether to continue.
     pub fn see(&mut self, progress: &identification::Progress) -> ControlFlow<Status> {
         if let identification::Progress::Iterate(iterate) = progress {
             if let Some(log) = &mut self.log {
@@ -61,7 +61,7 @@ impl Watch {
         }
     }
 
-    /// Wipes the bar and hands the log back.
+    /// Clears the bar and returns the log.
     pub fn end(self) -> Option<Log> {
         if let Shown::Bar(mut bar) = self.shown {
             bar.clear();

@@ -1,4 +1,4 @@
-//! Jobs on the recorded flights: each is a command that the user could type, in a separate process.
+//! Jobs on the recorded flights. Each runs commands that the user could type, in separate processes.
 
 use crate::cli::{system, terminal};
 use crate::cosim::Component;
@@ -19,24 +19,24 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Makes a fit tell its progress and its result.
+/// Flags with which a fit prints its progress and result.
 const TOLD: [&str; 2] = ["--json", "--verbose"];
 
-/// Flights of a person below which a comparison says that there are few.
+/// Number of flights of a person below which a comparison notes that there are few.
 const FEW: usize = 3;
 
-/// What is flown, as jobs have to know it.
+/// The vehicle, as needed by jobs.
 #[derive(Clone)]
 pub struct Flown {
-    /// As a command in any folder names it.
+    /// Its name as an argument, valid in any folder.
     pub vehicle: OsString,
-    /// The first digits of its hash.
+    /// First digits of its hash.
     pub hash: String,
-    /// For each axis whether a positive input leads forward.
+    /// For each axis, whether a positive input moves the vehicle forward.
     pub forward: Vec<bool>,
 }
 
-/// Jobs of a session.
+/// The jobs of a session.
 #[derive(Clone)]
 pub struct Jobs {
     flown: Flown,
@@ -46,7 +46,7 @@ pub struct Jobs {
 }
 
 impl Jobs {
-    /// On the flights of that folder; what they make goes to `made`.
+    /// Jobs on the flights in `folder`, with results in `made`.
     pub fn new(flown: Flown, folder: PathBuf, made: PathBuf) -> Self {
         Self {
             flown,
@@ -60,8 +60,8 @@ impl Jobs {
         self.made.join(format!("{subject}-pilot.toml"))
     }
 
-    /// Valid flights of a person with this vehicle and without disturbances, which a fit by the targets alone does not
-    /// know; and how many there are of other vehicles.
+    /// Valid flights of a person with this vehicle and without disturbances, which a fit from targets alone cannot
+    /// model, and the number of flights with other vehicles.
     fn flights(&self, subject: &str) -> (Vec<PathBuf>, usize) {
         let all = entries(&self.folder).into_iter();
         let all = all.filter(|path| is_of(path, subject));
@@ -71,12 +71,12 @@ impl Jobs {
         (own.collect(), others.len())
     }
 
-    /// Whether a flight that says this at its top is of this vehicle, or does not say of which.
+    /// Whether a flight with these header comments was flown with this vehicle, or names none.
     fn is_ours(&self, comments: &[String]) -> bool {
         flown::vehicle(comments).is_none_or(|hash| self.flown.hash == hash)
     }
 
-    /// How many flights of the folder are of other vehicles.
+    /// Number of flights in the folder with other vehicles.
     pub fn of_others(&self) -> usize {
         let all = entries(&self.folder).into_iter();
         let flights = all.filter(|path| path.extension().is_some_and(|own| own == "csv"));
@@ -85,7 +85,7 @@ impl Jobs {
             .count()
     }
 
-    /// Codes of all persons who have flights with this vehicle here, each with their number.
+    /// Codes of all persons with flights of this vehicle, each with the number of flights.
     fn subjects(&self) -> Vec<(String, usize)> {
         let mut counts = BTreeMap::<String, usize>::new();
         for path in entries(&self.folder) {
@@ -99,7 +99,7 @@ impl Jobs {
         counts.into_iter().collect()
     }
 
-    /// Does a job; what came of it, and the page or file that it made.
+    /// Runs a job; returns its result, and the page or file it has written.
     fn done(
         &self,
         kind: JobKind,
@@ -128,9 +128,10 @@ impl Jobs {
         }
     }
 
-    /// The fit of a person: to targets that move, where there are some, of a pilot who sees the error; to others of one who
-    /// sees marker and vehicle (docs/guidance.md, sections 1 and 2). Where the stick was at its stops, it goes on from there with a stick that saturates: a limit
-    /// that is a constraint would make the person slower than they are.
+    /// Fits the pilot of a person: a compensatory pilot, who sees the error, if there are flights with moving targets;
+    /// otherwise a pursuit pilot, who sees marker and vehicle (docs/guidance.md, sections 1 and 2). If the stick
+    /// reached its stops, the fit continues with a saturating stick: a limit as a constraint would make the pilot
+    /// slower than the person.
     fn identify(&self, subject: &str, say: &dyn Fn(String)) -> Result<Came, String> {
         let (flights, others) = self.flights(subject);
         if flights.is_empty() {
@@ -169,7 +170,7 @@ impl Jobs {
             ended = self.fit(subject, &flights, start.as_os_str(), true, say)?;
         }
         if ended.json["status"] != "converged" {
-            // Nobody is to fly against what is no result, or to export it.
+            // A pilot that is no result must not be flown against or exported.
             let _ = std::fs::remove_file(self.pilot(subject));
         }
         let mut came = Came::of(&ended);
@@ -185,7 +186,7 @@ impl Jobs {
         Ok(came)
     }
 
-    /// One fit, of a pilot that is built in or in a file.
+    /// One fit of a built-in pilot or a pilot file.
     fn fit(
         &self,
         subject: &str,
@@ -206,7 +207,7 @@ impl Jobs {
             true => text.replace("[fit]\n", "[fit]\nlimits = \"saturate\"\nstarts = 1\n"),
             false => self.turned(&text),
         };
-        // A loop that somebody flew is stable, and conditions on all of its states are in the way of the search.
+        // A loop that was flown is stable, and conditions on all its states hamper the search.
         let text = text.replace("closed_loop = true\n", "");
         std::fs::write(&problem, text).map_err(|error| error.to_string())?;
         let mut fit = vec![os("fit"), problem.into(), os("--force")];
@@ -217,7 +218,7 @@ impl Jobs {
         one(&fit, &self.folder, say)
     }
 
-    /// A problem whose gains start with the signs that lead forward.
+    /// Sets the signs of the initial gains such that the vehicle moves forward.
     fn turned(&self, problem: &str) -> String {
         let names = [
             "\"pilot.gain\" = { start = ",
@@ -229,7 +230,7 @@ impl Jobs {
         })
     }
 
-    /// Each person's fit, and a page that has them side by side.
+    /// Fits all persons and writes a page that shows the results side by side.
     fn compare(&self, say: &dyn Fn(String)) -> Result<Came, String> {
         let subjects = self.subjects();
         if subjects.len() < 2 {
@@ -264,7 +265,7 @@ impl Jobs {
     }
 }
 
-/// People side by side, and one below the other where there is no room.
+/// Page with the persons side by side, or stacked if space is short.
 const COMPARE: &str = r#"<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>Side by side</title><style>
 :root { color-scheme: light dark; font-family: system-ui, sans-serif }
@@ -280,14 +281,14 @@ fn os(word: &str) -> OsString {
     word.into()
 }
 
-/// Whether a file is a flight of a person, by its name.
+/// Whether a file is a flight of the person, by its name.
 fn is_of(path: &Path, subject: &str) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let rest = name.strip_prefix(subject);
     rest.is_some_and(|rest| rest.starts_with('-') && rest.ends_with(".csv"))
 }
 
-/// The files of a folder, in the order of their names.
+/// The files of a folder, sorted by name.
 fn entries(folder: &Path) -> Vec<PathBuf> {
     let all = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut all: Vec<PathBuf> = all.map(|entry| entry.path()).collect();
@@ -295,7 +296,7 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
     all
 }
 
-/// The lines at the top of a flight; of other files none.
+/// The comment lines at the top of a flight; none for other files.
 fn comments(path: &Path) -> Vec<String> {
     let is_flight = path.extension().is_some_and(|own| own == "csv");
     let Some(file) = File::open(path).ok().filter(|_| is_flight) else {
@@ -307,7 +308,7 @@ fn comments(path: &Path) -> Vec<String> {
         .collect()
 }
 
-/// Whether a target moves in a flight.
+/// Whether a flight has a moving target.
 fn moves(path: &Path) -> bool {
     let Ok(flight) = Series::read(path) else {
         return false;
@@ -398,29 +399,29 @@ impl Works for Jobs {
     }
 }
 
-/// Longest line of progress.
+/// Maximum length of a line of progress.
 const LINE: usize = 160;
 
-/// What a command printed.
+/// Output of a command.
 struct Ended {
-    /// All of it.
+    /// First line of stdout.
     text: String,
-    /// Of a fit: one JSON object.
+    /// The JSON object of a fit.
     json: Value,
-    /// Notes beside.
+    /// Notes on stderr.
     notes: Vec<String>,
 }
 
 impl Ended {
-    /// Codes and words of the doubts of a fit.
+    /// Codes and texts of the diagnostics of a fit.
     fn doubts(&self) -> impl Iterator<Item = (&str, &str)> {
         let doubts = self.json["doubts"].as_array().into_iter().flatten();
         doubts.filter_map(|own| Some((own["code"].as_str()?, own["words"].as_str()?)))
     }
 }
 
-/// Runs one command, telling the last line of its progress. A fit that has not converged, exit code 1, has a page that
-/// tells.
+/// Runs a command and reports the last line of its progress. Exit code 1 (fit not converged) is no error, since its
+/// page explains it.
 fn one(words: &[OsString], folder: &Path, say: &dyn Fn(String)) -> Result<Ended, String> {
     let program = std::env::current_exe().map_err(|error| error.to_string())?;
     let mut child = Command::new(program)
@@ -448,7 +449,7 @@ fn one(words: &[OsString], folder: &Path, say: &dyn Fn(String)) -> Result<Ended,
         }
         if told.elapsed() > BETWEEN {
             told = Instant::now();
-            // Numbers of the solver are for the terminal.
+            // The solver's numbers are only for the terminal.
             let words = line.split(':').next().unwrap_or_default();
             say(words.trim().chars().take(LINE).collect());
         }
@@ -475,15 +476,15 @@ fn one(words: &[OsString], folder: &Path, say: &dyn Fn(String)) -> Result<Ended,
     }
 }
 
-/// Between two words of progress.
+/// Minimum time between two progress reports.
 const BETWEEN: Duration = Duration::from_millis(200);
 
-/// What a command came to.
+/// Result of a command.
 #[derive(Debug, Default)]
 struct Came {
-    /// In a sentence.
+    /// One sentence.
     verdict: Option<String>,
-    /// In detail.
+    /// Details.
     words: String,
 }
 
@@ -495,7 +496,7 @@ impl Came {
         }
     }
 
-    /// Of a fit.
+    /// The result of a fit.
     fn of(fit: &Ended) -> Self {
         let doubts: Vec<&str> = fit.doubts().map(|(_, words)| words).collect();
         let status = fit.json["status"].as_str().unwrap_or("without an answer");
@@ -524,7 +525,7 @@ impl Came {
     }
 }
 
-/// What people ask for first, each with its interval; and whether the data tell all of it.
+/// The main figures with intervals, and whether the data determine all of them.
 fn figures(fit: &Value) -> (Vec<String>, bool) {
     const NAMES: [(&str, &str); 6] = [
         ("crossover_frequency", "crossover at"),

@@ -1,4 +1,4 @@
-//! `pilotage fly`: a person flies a vehicle, on a page in the browser, and is recorded.
+//! `pilotage fly`: a person flies a vehicle on a browser page and is recorded.
 
 mod jobs;
 
@@ -104,7 +104,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let is_open = args.bind.is_some_and(|address| !address.is_loopback());
     if let (Some(address), true, false) = (args.bind, is_open, args.insecure) {
         let message = format!(
-            "--bind {address} serves the page to other computers: nothing is encrypted, and whoever sees its address may fly and \
+            "--bind {address} serves the page to other computers: nothing is encrypted, and anyone who has its address may fly and \
              read what is recorded"
         );
         return Err(Failure::new(message).hint("if that is meant, add --insecure"));
@@ -207,7 +207,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             ended = serving => ended?,
             () = until => {}
         }
-        // A run that goes on ends, and is kept as one that does not count; the pages hear that it is over.
+        // A current run is stopped and recorded as one that does not count; the pages are notified of the end.
         let _ = quit.send(Command::Quit);
         let _ = tokio::task::spawn_blocking(move || session.join()).await;
         tokio::time::sleep(Duration::from_millis(100)).await;
@@ -249,7 +249,7 @@ impl Args {
                 Failure::new("--isolate is for FMUs, and the vehicle is none").hint("leave it out"),
             );
         }
-        // What is wrong with the file is told as every command does.
+        // Errors in the file are reported here, as by every command.
         drop(system::open_one(&name, is_isolated)?);
         let make: Maker = Box::new(move || {
             system::open_one(&name, is_isolated)
@@ -271,7 +271,7 @@ impl Args {
         })
     }
 
-    /// The vehicle as a command in another folder names it.
+    /// The vehicle as an argument for a command in another folder.
     fn vehicle_from_anywhere(&self) -> OsString {
         let path = Path::new(&self.vehicle);
         match path.exists() {
@@ -322,7 +322,7 @@ impl Args {
         Ok(())
     }
 
-    /// What sends to FlightGear.
+    /// The sender of FlightGear packets, if requested.
     fn picture(&self) -> Result<Option<flightgear::Sender>, Failure> {
         let Some(said) = &self.flightgear else {
             return Ok(None);
@@ -345,6 +345,11 @@ impl Args {
             .next()
             .ok_or_else(|| wrong("no such host".to_owned()))?;
         let runway = match self.runway.as_slice() {
+            numbers if numbers.iter().any(|number| !number.is_finite()) => {
+                return Err(Failure::new(
+                    "--runway: numbers alone, such as 37.6136,-122.3571,298,4",
+                ));
+            }
             &[latitude, longitude, ..] if latitude.abs() > 90.0 || longitude.abs() > 180.0 => {
                 return Err(Failure::new(format!(
                     "--runway: latitude {latitude} and longitude {longitude} are no place; -90 to 90 and -180 to 180"
@@ -356,11 +361,6 @@ impl Args {
                 heading,
                 elevation,
             },
-            numbers if numbers.iter().any(|number| !number.is_finite()) => {
-                return Err(Failure::new(
-                    "--runway: numbers alone, such as 37.6136,-122.3571,298,4",
-                ));
-            }
             [] => Runway::default(),
             _ => {
                 return Err(Failure::new(
@@ -380,7 +380,7 @@ impl Args {
 
     fn tell(&self, address: &str) {
         let opened = !self.no_browser && open(address);
-        // Every address of this computer is none that another one could open.
+        // The unspecified address cannot be opened from another computer.
         let every = self.bind.filter(IpAddr::is_unspecified);
         let address = match every.and_then(|_| own_address()) {
             Some(own) => &address.replacen(&every.map(host).unwrap_or_default(), &host(own), 1),
@@ -393,7 +393,7 @@ impl Args {
         };
         if self.bind.is_some_and(|address| !address.is_loopback()) {
             terminal::note(
-                "other computers may open the page: whoever has this address may fly and read what is recorded, and nothing is encrypted",
+                "other computers may open the page: anyone who has this address may fly and read the recordings, and nothing is encrypted",
             );
         }
         terminal::tell(&format!(
@@ -403,7 +403,7 @@ impl Args {
     }
 }
 
-/// As an address of the web has it.
+/// The address as the host of a URL.
 fn host(address: IpAddr) -> String {
     match address {
         IpAddr::V4(own) => own.to_string(),
@@ -411,9 +411,9 @@ fn host(address: IpAddr) -> String {
     }
 }
 
-/// This computer's address on its network, by which way packets to elsewhere would leave; none is sent.
+/// This computer's network address: that of the interface for outgoing packets. No packet is sent.
 fn own_address() -> Option<IpAddr> {
-    // An address for documentation (RFC 5737).
+    // A documentation address (RFC 5737).
     const ELSEWHERE: (Ipv4Addr, u16) = (Ipv4Addr::new(192, 0, 2, 1), 9);
     let socket = std::net::UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
     socket.connect(ELSEWHERE).ok()?;
@@ -421,7 +421,7 @@ fn own_address() -> Option<IpAddr> {
     (!own.is_unspecified()).then_some(own)
 }
 
-/// Shows where the vehicle is in FlightGear, until the end.
+/// Sends the vehicle's position to FlightGear until the end.
 async fn show(mut picture: flightgear::Sender, board: Arc<Board>) {
     let states = board.listen().states;
     let mut ticks = tokio::time::interval(Duration::from_secs_f64(1.0 / flightgear::RATE));
@@ -432,12 +432,12 @@ async fn show(mut picture: flightgear::Sender, board: Arc<Board>) {
             .duration_since(SystemTime::UNIX_EPOCH)
             .unwrap_or_default()
             .as_secs() as u32;
-        // Nobody has to be there yet.
+        // FlightGear may not be running yet.
         let _ = picture.send(&state, now);
     }
 }
 
-/// Opens the page, if the system has something for it.
+/// Opens the page in a browser, if the system provides a command for it.
 fn open(address: &str) -> bool {
     use std::process::{Command, Stdio};
     let (program, before): (&str, &[&str]) = match std::env::consts::OS {
@@ -455,7 +455,7 @@ fn open(address: &str) -> bool {
     command.spawn().is_ok()
 }
 
-/// What the vehicle was made of, for the record.
+/// Origin of the vehicle model for the record.
 fn origin(path: &Path) -> String {
     match std::fs::read(path) {
         Ok(bytes) => format!("{}, sha256 {}", path.display(), sha256(&bytes)),

@@ -1,5 +1,5 @@
-//! An FMU as one JSON object. Variables and unknowns are made one at a time, as they are written: an FMU may have
-//! 100,000 of them.
+//! An FMU as one JSON object. Variables and unknowns are serialised one at a time, since an FMU may have 100,000 of
+//! them.
 
 use super::{capabilities, name_at, start, structure};
 use crate::fmi::Fmu;
@@ -7,13 +7,13 @@ use crate::fmi::description::{ModelDescription, ScalarVariable, Unknown, Variabl
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::{Map, Value, json};
 
-/// The object, in lines.
+/// The object, pretty-printed.
 pub(super) fn of(fmu: &Fmu) -> String {
-    // Its keys are texts and nothing in it can fail.
+    // Cannot fail: all keys are strings.
     serde_json::to_string_pretty(&Info(fmu)).unwrap_or_default() + "\n"
 }
 
-/// The FMU as an object, its keys in alphabetical order.
+/// Serialises the FMU as an object with keys in alphabetical order.
 struct Info<'a>(&'a Fmu);
 
 impl Serialize for Info<'_> {
@@ -55,7 +55,7 @@ impl Serialize for Structure<'_> {
     }
 }
 
-/// Each unknown with the names of what it depends on; null where that is not declared.
+/// Each unknown with the names of its dependencies; null if they are not declared.
 struct Unknowns<'a>(&'a ModelDescription, &'a [Unknown]);
 
 impl Serialize for Unknowns<'_> {
@@ -64,7 +64,7 @@ impl Serialize for Unknowns<'_> {
     }
 }
 
-/// All but the long lists, which have a place in it.
+/// All entries; the long lists are placeholders.
 fn head(fmu: &Fmu) -> Map<String, Value> {
     let d = fmu.description();
     let capabilities = capabilities(d);

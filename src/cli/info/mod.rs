@@ -1,10 +1,10 @@
-//! `pilotage info`: what an FMU is, which variables it has, and what depends on what; what a system is made of.
+//! `pilotage info`: attributes, variables and dependencies of an FMU; components of a system.
 //!
 //! | module | what it prints |
 //! | --- | --- |
-//! | `text` | lines and tables for people |
-//! | `json` | one object for programs |
-//! | `system` | both of a system |
+//! | `text` | text and tables for people |
+//! | `json` | one JSON object for programs |
+//! | `system` | text and JSON for systems |
 
 mod json;
 mod system;
@@ -60,7 +60,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     Ok(Outcome::Done)
 }
 
-/// The kinds that an FMU can be used as, and for each the names of the capabilities that it has.
+/// The supported interface types, each with the names of its capabilities.
 fn capabilities(d: &ModelDescription) -> Vec<(InterfaceType, Vec<&'static str>)> {
     let version = d.fmi_version;
     let cs = d.co_simulation.as_ref().map(|e| e.flags(version));
@@ -80,7 +80,7 @@ fn capabilities(d: &ModelDescription) -> Vec<(InterfaceType, Vec<&'static str>)>
         .collect()
 }
 
-/// The start value as it would be given to `--set`; a list for an array.
+/// The start value as accepted by `--set`; a list for arrays.
 fn start(variable: &ScalarVariable) -> Value {
     let mut values: Vec<Value> = match &variable.kind {
         VariableKind::Real(real) => real.start.iter().map(|v| json!(v)).collect(),
@@ -98,7 +98,7 @@ fn start(variable: &ScalarVariable) -> Value {
     }
 }
 
-/// The lists of the model structure that have entries, by the names of their XML elements in FMI 2.0.
+/// The non-empty lists of the model structure, named as their XML elements in FMI 2.0.
 fn structure(d: &ModelDescription) -> Vec<(&'static str, &[Unknown])> {
     let s = &d.structure;
     let lists: [(&str, &[Unknown]); 5] = [
@@ -114,7 +114,7 @@ fn structure(d: &ModelDescription) -> Vec<(&'static str, &[Unknown])> {
         .collect()
 }
 
-/// Name of the variable with that index (from 1).
+/// Name of the variable with the given index (from 1).
 fn name_at(d: &ModelDescription, index: u32) -> &str {
     let position = (index as usize).checked_sub(1);
     let variable = position.and_then(|position| d.variables.get(position));

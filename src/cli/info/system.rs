@@ -9,7 +9,7 @@ use crate::cosim::{Conversion, System, Variable};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// The system of a file, for people or as one JSON object.
+/// The system of a file as text or JSON.
 pub(super) fn of(file: &Path, as_json: bool) -> Result<String, Failure> {
     let Built {
         system,
@@ -26,7 +26,7 @@ fn unit(variable: &Variable) -> &str {
     variable.unit.as_ref().map_or("", |unit| unit.name.as_str())
 }
 
-/// `model` or `table`, and which.
+/// `model` or `table`, and its name or path.
 fn source(instance: &InstanceDescription) -> (&'static str, String) {
     match &instance.source.value {
         InstanceSource::BuiltIn(name) => ("model", name.clone()),
@@ -109,7 +109,7 @@ fn to_text(file: &Path, system: &System, description: &SystemDescription) -> Str
     format!("{}\n\n{}", file.display(), tables.join("\n"))
 }
 
-/// A table below its header; nothing where it has no rows.
+/// A table with header; `None` if it has no rows.
 fn table<const N: usize>(
     header: [&str; N],
     rows: impl Iterator<Item = [String; N]>,

@@ -1,4 +1,4 @@
-//! An FMU as lines and tables.
+//! An FMU as text and tables.
 
 use super::super::format::aligned;
 use super::{capabilities, name_at, start, structure};
@@ -48,7 +48,7 @@ pub(super) fn of(fmu: &Fmu) -> String {
     text + "\n" + &variables(d) + &dependencies(d)
 }
 
-/// How many variables, states and event indicators there are.
+/// Number of variables, outputs, states and event indicators.
 fn contents(d: &ModelDescription) -> String {
     let indicators = match d.structure.event_indicators.len() {
         0 => d.number_of_event_indicators.unwrap_or(0) as usize,
@@ -69,7 +69,7 @@ fn contents(d: &ModelDescription) -> String {
 
 fn experiment(experiment: DefaultExperiment) -> String {
     let part = |name: &str, value: Option<f64>, unit: &str| {
-        // `{:?}` has an exponent where `{}` has many zeros.
+        // `{:?}` uses exponents, where `{}` prints many zeros.
         value.map(|value| {
             format!(
                 "{name} {}{unit}",
@@ -87,7 +87,7 @@ fn experiment(experiment: DefaultExperiment) -> String {
     parts.join(", ")
 }
 
-/// The variables and their other names, one a line, columns aligned.
+/// The variables and their aliases as an aligned table.
 fn variables(d: &ModelDescription) -> String {
     let header = [
         "variable",
@@ -135,7 +135,7 @@ fn alias_row(v: &ScalarVariable, alias: &Alias) -> [String; 7] {
     row
 }
 
-/// What outputs and derivatives depend on, where it is declared.
+/// Declared dependencies of outputs and derivatives.
 fn dependencies(d: &ModelDescription) -> String {
     let row = |unknown: &Unknown| {
         let names = unknown.dependencies.as_ref()?;

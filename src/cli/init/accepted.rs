@@ -1,11 +1,11 @@
-//! What `pilotage fit` refuses of a problem to be written stands in it as a comment, with the reason.
+//! Comments out the parts of a generated problem file that `pilotage fit` would refuse, with the reason.
 
 use crate::cli::Failure;
 use crate::document::Place;
 use crate::estimation::{Posed, ProblemError, ProblemFile, part};
 use std::path::Path;
 
-/// Sections of which each line stands for itself.
+/// Sections whose lines are independent of each other.
 const OF_LINES: [&str; 5] = [
     "[connect]",
     "[inputs]",
@@ -14,13 +14,13 @@ const OF_LINES: [&str; 5] = [
     "[stability]",
 ];
 
-/// The section of a signal and its column.
+/// The section of a measured signal and its column.
 const MEASURED: &str = "[[measured]]";
 
-/// A problem file at a path as `pilotage fit` takes it: lines that it refuses become comments.
+/// Comments out lines of a problem file at `path` until `pilotage fit` accepts it.
 ///
 /// # Errors
-/// Where nothing can be left out: a model that is no equations, a run that is no series, no signal that is measured.
+/// If nothing can be left out: a model without equations, a run that is no time series, no measured signal.
 pub fn accepted(mut text: String, path: &Path) -> Result<String, Failure> {
     loop {
         let refused = match refusal(&text, path) {
@@ -36,7 +36,7 @@ pub fn accepted(mut text: String, path: &Path) -> Result<String, Failure> {
     }
 }
 
-/// Why a problem is none.
+/// Why the text is no valid problem.
 fn refusal(text: &str, path: &Path) -> Option<ProblemError> {
     match ProblemFile::parse(text, path) {
         Ok(file) => Posed::new(&file, &part::open).err(),
@@ -44,7 +44,7 @@ fn refusal(text: &str, path: &Path) -> Option<ProblemError> {
     }
 }
 
-/// The text with what stands at a place as a comment; none where the problem needs it.
+/// The text with the refused part commented out; `None` if the problem requires it.
 fn without(text: &str, place: &Place, fault: &str) -> Option<String> {
     let lines: Vec<&str> = text.lines().collect();
     let at = place.line.checked_sub(1)?;

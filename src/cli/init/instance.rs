@@ -1,4 +1,4 @@
-//! An instance of a problem to be written: what is to be wired, measured and sought of it.
+//! An instance of a generated problem file: its variables for connections, measurements and estimation.
 
 use crate::cli::model::open;
 use crate::cli::{Failure, recognise};
@@ -12,28 +12,28 @@ use std::path::Path;
 /// An instance of the problem.
 pub struct Instance {
     pub name: String,
-    /// As it was given.
+    /// The model as given on the command line.
     pub given: String,
     pub inputs: Vec<String>,
-    /// Outputs and states.
+    /// Names of outputs and states.
     pub outputs: Vec<String>,
     pub states: Vec<String>,
     pub parameters: Vec<Parameter>,
-    /// Whether it is known that the parameters are what may be sought.
+    /// Whether the parameters are known to be suited for estimation.
     pub is_known: bool,
 }
 
-/// A parameter that may be sought.
+/// A parameter that may be estimated.
 pub struct Parameter {
     pub name: String,
     pub start: f64,
-    /// Name of its unit; empty where it has none.
+    /// Name of its unit; empty if it has none.
     pub unit: String,
     pub description: String,
 }
 
 impl Instance {
-    /// Of a built-in model, a model file or an FMU.
+    /// Opens a built-in model, a model file or an FMU.
     pub fn open(name: &str, given: &str) -> Result<Self, Failure> {
         let path = Path::new(given);
         let is_other = !path.exists() && path.extension().is_none();
@@ -131,13 +131,13 @@ impl Instance {
     }
 }
 
-/// Whether a variable is a single real of double precision, as a fit takes them.
+/// Whether a variable is a scalar real of double precision, as required by a fit.
 fn is_double(variable: &ScalarVariable) -> bool {
     let is_real = |kind: &VariableKind| matches!(kind, VariableKind::Real(real) if real.precision == Precision::Double);
     variable.dimensions.is_empty() && is_real(&variable.kind)
 }
 
-/// A text as a comment takes it.
+/// A text on one line, for a comment.
 fn in_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }

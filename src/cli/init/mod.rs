@@ -1,4 +1,4 @@
-//! `pilotage init`: a problem file for runs and models that are there.
+//! `pilotage init`: writes a problem file for existing runs and models.
 
 mod accepted;
 mod instance;
@@ -105,7 +105,7 @@ impl Args {
         }
     }
 
-    /// The problem file.
+    /// The text of the problem file.
     fn text(&self, instances: &[Instance], runs: &[Series]) -> Result<String, Failure> {
         let shared = |name: &str| runs.iter().all(|run| run.column(name).is_some());
         let columns: Vec<&str> = (runs[0].columns.iter())
@@ -146,7 +146,7 @@ impl Args {
         }
     }
 
-    /// A file as the problem file names it: from its own folder.
+    /// A file relative to the folder of the problem file.
     fn beside(&self, file: &Path) -> String {
         let folder = self.output.as_deref().and_then(Path::parent);
         let folder = folder.filter(|folder| !folder.as_os_str().is_empty());
@@ -158,7 +158,7 @@ impl Args {
             },
         };
         let text = named.to_string_lossy().into_owned();
-        // A file without an ending or a folder would be taken for a built-in model.
+        // A bare name would be taken for a built-in model.
         match pilotage_text::is_identifier(&text) {
             true => format!("./{text}"),
             false => text,
@@ -166,7 +166,7 @@ impl Args {
     }
 }
 
-/// What the vehicle calls the position that a pilot sees, along an axis.
+/// Name of the vehicle's position along an axis, as seen by the pilot.
 fn position(vehicle: &Instance, axis: &str) -> Option<String> {
     let own = &vehicle.outputs;
     let candidates = [
@@ -178,7 +178,7 @@ fn position(vehicle: &Instance, axis: &str) -> Option<String> {
     found.or_else(|| own.first().filter(|_| axis.is_empty()).cloned())
 }
 
-/// Wires of a pilot and a vehicle: sticks forward, positions back.
+/// Connections of pilot and vehicle: stick forward, position back.
 fn wires(instances: &[Instance]) -> Vec<(String, String)> {
     let [pilot, vehicle] = instances else {
         return Vec::new();
@@ -225,7 +225,7 @@ fn write_inputs(
     }
 }
 
-/// What columns measure: signals of their names, and the position.
+/// Measured signals: outputs with the names of columns, and the position.
 fn write_measured(
     text: &mut String,
     instances: &[Instance],

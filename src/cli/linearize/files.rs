@@ -1,4 +1,4 @@
-//! A linear system for other programs.
+//! Exports a linear system for other programs.
 
 use super::View;
 use crate::cosim::{Linearization, Loop};
@@ -6,7 +6,7 @@ use crate::linear::{Mode, StateSpace};
 use nalgebra::DMatrix;
 use serde_json::{Value, json};
 
-/// Everything as one JSON object; angles in radian.
+/// All results as one JSON object; angles in radians.
 pub fn json(
     time: f64,
     system: &StateSpace,
@@ -94,7 +94,7 @@ fn looped((connection, looped): &(String, Loop)) -> Value {
     })
 }
 
-/// A script that makes the matrices and, where there is a toolbox, the system.
+/// A script that defines the matrices, and the names of states, inputs and outputs.
 pub fn matlab(system: &StateSpace) -> String {
     let mut text = String::from("% dx/dt = A x + B u, y = C x + D u; made by pilotage linearize\n");
     for (name, matrix) in [
@@ -109,7 +109,7 @@ pub fn matlab(system: &StateSpace) -> String {
                 cells.join(" ")
             })
             .collect();
-        // An empty matrix still has a size.
+        // An empty matrix still has dimensions.
         text += &match matrix.is_empty() {
             true => format!("{name} = zeros({}, {});\n", matrix.nrows(), matrix.ncols()),
             false => format!("{name} = [\n{}\n];\n", rows.join("\n")),
@@ -128,7 +128,7 @@ pub fn matlab(system: &StateSpace) -> String {
     text
 }
 
-/// `[A B; C D]`: a row for each state's derivative and each output, a column for each state and input.
+/// The table `[A B; C D]`: a row for each state derivative and output, a column for each state and input.
 pub fn table(system: &StateSpace) -> String {
     let quoted = |name: &str| match name.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", name.replace('"', "\"\"")),

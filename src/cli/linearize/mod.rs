@@ -1,4 +1,4 @@
-//! `pilotage linearize`: the coupled system as a linear one, its poles, and the margins of its loops.
+//! `pilotage linearize`: the linearised coupled system, its poles, and the margins of its loops.
 
 pub mod files;
 mod text;
@@ -90,13 +90,13 @@ pub struct Args {
     overwrite: Overwrite,
 }
 
-/// What is told of the system, in continuous time or in steps.
+/// Results of the linearised system, in continuous time or in steps.
 pub struct View {
-    /// `None` in continuous time, else the communication step [s].
+    /// Communication step \[s\]; `None` in continuous time.
     pub step: Option<f64>,
     /// Modes of the coupled system.
     pub modes: Vec<Mode>,
-    /// Each asked-for loop by its connection.
+    /// Each requested loop with its connection.
     pub loops: Vec<(String, Loop)>,
 }
 
@@ -109,13 +109,13 @@ impl View {
         (self.step).map_or_else(String::new, |step| format!(", in steps of {step} s"))
     }
 
-    /// The verdict in a sentence.
+    /// The verdict as a sentence.
     fn words(&self) -> String {
         self.verdict().words(&self.modes, &self.in_steps())
     }
 }
 
-/// What is to be known of a linearization.
+/// Notes on a linearization.
 fn notes(linearization: &Linearization) -> Vec<String> {
     let constant = linearization.constant.iter();
     let constant = constant.map(|wire| format!("`{wire}` carries no real; it counts as constant"));
@@ -136,12 +136,12 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     for note in tables.iter().flat_map(|table| table.notes(&clock)) {
         terminal::note(&note);
     }
-    // Nothing is recorded: no row is ever the last of so many.
+    // Nothing is recorded: with this interval no row is ever due.
     let mut series = SeriesRecorder::default();
     let mut recorder = Thinned::new(&mut series, None, u64::MAX);
     let (run, linearization) = linearize(system, &clock, None, Algorithm::Jacobi, &mut recorder)
         .map_err(|error| system::explain(error, &description))?;
-    // An FMU may have left it.
+    // An FMU may have changed the working folder.
     crate::atomic_file::go_back();
     let Some(linearization) = linearization else {
         let ending = ending::Words::of(&run);
@@ -180,7 +180,7 @@ impl Args {
     fn clock(&self) -> Result<Clock, Failure> {
         let at = self.at.unwrap_or(self.start_time);
         match self.step {
-            // The step is then only what FMUs are told that they may be asked for.
+            // The step then only tells FMUs which step may be requested.
             step if at == self.start_time => Ok(Clock::standing(at, step.unwrap_or(1.0))?),
             Some(step) => Ok(Clock::new(self.start_time, at, step)?),
             None => Err(Failure::new(format!(
@@ -189,7 +189,7 @@ impl Args {
         }
     }
 
-    /// The files that are written.
+    /// The output files.
     fn outputs(&self) -> Vec<(&Path, OutputKind)> {
         [
             (&self.matlab, OutputKind::Matlab),
@@ -235,7 +235,7 @@ impl Args {
         self.loops.iter().map(one).collect()
     }
 
-    /// Writes the matrices.
+    /// Writes the matrices to the requested files.
     fn write(&self, coupled: &StateSpace) -> Result<(), Failure> {
         if let Some(path) = &self.matlab {
             overwrite::save(path, files::matlab(coupled))?;

@@ -1,4 +1,4 @@
-//! A linear system for people.
+//! A linear system as text for people.
 
 use super::View;
 use crate::cli::format;
@@ -7,7 +7,7 @@ use crate::linear::{Margins, Response, StateSpace};
 use crate::report::significant;
 use nalgebra::DMatrix;
 
-/// All that is told: the matrices first where they are asked for, the verdict last.
+/// The results as text: first the matrices if requested, last the verdicts.
 pub fn summary(
     time: f64,
     coupled: &StateSpace,

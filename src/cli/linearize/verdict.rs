@@ -1,25 +1,25 @@
-//! Whether a linear system is stable.
+//! The stability of a linear system.
 
 use crate::linear::Mode;
 use crate::report::significant;
 
-/// What grows or fades more slowly than this [1/s], by a factor e in twelve days, does neither: rounding moves
-/// the poles of integrators by less.
+/// Real parts below this magnitude \[1/s\] (a factor e in twelve days) count as zero: rounding moves the poles of
+/// integrators by less.
 const BORDER: f64 = 1e-6;
 
-/// Where the poles are.
+/// Location of the poles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// All left of the imaginary axis, or there are none.
+    /// All in the left half-plane, or none at all.
     Stable,
-    /// Some on it, none right of it.
+    /// Some on the imaginary axis, none to the right of it.
     Border,
-    /// Some right of it.
+    /// Some in the right half-plane.
     Unstable,
 }
 
 impl Verdict {
-    /// Of a system with those modes.
+    /// The verdict for a system with these modes.
     pub fn of(modes: &[Mode]) -> Self {
         match rightmost(modes) {
             None => Self::Stable,
@@ -29,7 +29,7 @@ impl Verdict {
         }
     }
 
-    /// For scripts and titles.
+    /// One word for scripts and titles.
     pub fn word(self) -> &'static str {
         match self {
             Self::Stable => "stable",
@@ -38,7 +38,7 @@ impl Verdict {
         }
     }
 
-    /// Its class on a page.
+    /// CSS class on a page.
     pub fn class(self) -> &'static str {
         match self {
             Self::Stable => "good",
@@ -79,7 +79,7 @@ fn rightmost(modes: &[Mode]) -> Option<f64> {
     modes.iter().map(|mode| mode.pole.re).reduce(f64::max)
 }
 
-/// How many poles have such a real part, in words; a pair counts as two.
+/// The number of poles whose real part satisfies `is_such`, in words; a pair counts as two.
 fn poles(modes: &[Mode], is_such: impl Fn(f64) -> bool) -> String {
     let such = modes.iter().filter(|mode| is_such(mode.pole.re));
     let count: usize = such.map(|mode| 1 + usize::from(mode.pole.im > 0.0)).sum();

@@ -1,4 +1,4 @@
-//! `pilotage model check`: what was understood of a model.
+//! `pilotage model check`: prints how a model file was interpreted.
 
 use super::super::linearize::files;
 use super::super::{Failure, Outcome, format, terminal};
@@ -9,18 +9,18 @@ use crate::report::significant;
 use pilotage_sdk::Simulation;
 use serde_json::{Value, json};
 
-/// Derivatives at the start values below this part of a state's typical magnitude count as rest.
+/// Relative to a state's nominal value, derivatives at the start values below this count as rest.
 const REST: f64 = 1e-9;
 
-/// A model and what is computed of it.
+/// A model and its computed properties.
 struct Checked {
     model: TextModel,
-    /// Linear at the start values.
+    /// Linearisation at the start values.
     linear: StateSpace,
     modes: Vec<Mode>,
     /// Derivatives at the start values.
     rates: Vec<f64>,
-    /// What is no finite number at the start values.
+    /// Expressions that are not finite at the start values.
     trouble: Option<String>,
 }
 
@@ -73,7 +73,7 @@ impl Checked {
         starts.iter().any(|start| start.name == name)
     }
 
-    /// States that move from the start on, with their rates and units.
+    /// States that are not at rest at the start, with their rates and units.
     fn moving(&self) -> Vec<(String, f64, String)> {
         let table = self.model.variables();
         let states = table.states().map(|index| &table.variables()[index]);
@@ -112,7 +112,7 @@ impl Checked {
         text + &self.at_start()
     }
 
-    /// The variables, one a line.
+    /// The variables as a table.
     fn table(&self) -> String {
         let rows: Vec<[String; 5]> = self
             .variables()
@@ -138,7 +138,7 @@ impl Checked {
         "\nVariables\n".to_owned() + &lines.collect::<String>()
     }
 
-    /// The states of delays, which no line of the file declares.
+    /// The states of delays, which are not declared in the file.
     fn limits(&self) -> String {
         let delays = &self.model.compiled().delays;
         match delays.len() {

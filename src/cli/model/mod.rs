@@ -1,11 +1,11 @@
-//! `pilotage model`: a first look at a model file.
+//! `pilotage model`: checks and simulates a model file.
 //!
 //! | module | what it does |
 //! | --- | --- |
-//! | `open` | a model file, or a built-in model by its name |
-//! | `check` | what was understood of a model |
-//! | `simulate` | a model alone, over time |
-//! | `step` | step responses |
+//! | `open` | opens a model file, or a built-in model by name |
+//! | `check` | prints how a model was interpreted |
+//! | `simulate` | simulates a single model |
+//! | `step` | computes step responses |
 
 pub mod check;
 pub mod open;

@@ -1,4 +1,4 @@
-//! From a word of the command line to a model: a model file, or a built-in model by its name.
+//! Opens a model from a command-line argument: a model file, or the name of a built-in model.
 
 use super::super::{Failure, recognise};
 use crate::models::TextModel;
@@ -19,14 +19,14 @@ pub struct ModelArgs {
 }
 
 impl ModelArgs {
-    /// The file, where it is one.
+    /// The path, if the argument is a file.
     pub fn file(&self) -> Option<PathBuf> {
         let path = Path::new(&self.model);
         let is_name = library::find(&self.model).is_some() && !path.is_file();
         (!is_name).then(|| path.to_owned())
     }
 
-    /// The model.
+    /// Opens the model.
     pub fn open(&self) -> Result<TextModel, Failure> {
         match self.file() {
             Some(file) if self.order.is_some() => {
@@ -39,7 +39,7 @@ impl ModelArgs {
     }
 }
 
-/// The model of a model file.
+/// Reads a model file.
 pub fn read(file: &Path) -> Result<TextModel, Failure> {
     recognise::expect(
         [&file.to_owned()],
@@ -49,13 +49,13 @@ pub fn read(file: &Path) -> Result<TextModel, Failure> {
     Ok(TextModel::read(file)?)
 }
 
-/// A built-in model.
+/// Opens a built-in model.
 pub fn named(name: &str, order: Option<usize>) -> Result<TextModel, Failure> {
     let text = text(built_in(name)?, order)?;
     Ok(TextModel::parse(&text, &format!("{name}.toml"))?)
 }
 
-/// The built-in model of a name.
+/// Finds a built-in model by name.
 pub fn built_in(name: &str) -> Result<&'static BuiltIn, Failure> {
     library::find(name).ok_or_else(|| {
         let names = library::all().iter().map(|model| model.name);
@@ -65,7 +65,7 @@ pub fn built_in(name: &str) -> Result<&'static BuiltIn, Failure> {
     })
 }
 
-/// The file of a built-in model.
+/// The model file of a built-in model.
 pub fn text(model: &BuiltIn, order: Option<usize>) -> Result<String, Failure> {
     match order {
         None => Ok(model.text.to_owned()),
@@ -81,7 +81,7 @@ pub fn text(model: &BuiltIn, order: Option<usize>) -> Result<String, Failure> {
     }
 }
 
-/// The name under which a value is set: of a state that of its start value.
+/// The name under which a value is set; for a state, that of its start value.
 pub fn settable<'a>(model: &TextModel, name: &'a str) -> Cow<'a, str> {
     let table = model.variables();
     let mut states = table.states().map(|index| &table.variables()[index].name);

@@ -1,4 +1,4 @@
-//! `pilotage model simulate`: a model alone, over time.
+//! `pilotage model simulate`: simulates a single model.
 
 use super::super::number::positive;
 use super::super::{Failure, Outcome, cosim};
@@ -35,7 +35,7 @@ pub struct RunArgs {
     more: Vec<OsString>,
 }
 
-/// Runs `pilotage model simulate`: a co-simulation of one instance, all of whose signals are recorded.
+/// Runs `pilotage model simulate`: a co-simulation with one instance, all of whose signals are recorded.
 pub fn run(model: &ModelArgs, args: &RunArgs) -> Result<Outcome, Failure> {
     let opened = model.open()?;
     let name = opened.compiled().file.name.clone();

@@ -15,16 +15,16 @@ use pilotage_sdk::Simulation;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// Points of a step response.
+/// Number of points of a step response.
 const POINTS: usize = 1000;
 
-/// Time constants of the slowest mode that a step response shows.
+/// Duration of a step response in time constants of the slowest mode.
 const TIME_CONSTANTS: f64 = 6.0;
 
-/// The time that a step response shows where no mode says one [s].
+/// Duration of a step response if no mode determines it \[s\].
 const SHOWN: f64 = 10.0;
 
-/// A response has settled where it stays within this part of its final value.
+/// Relative band around the final value within which a response counts as settled.
 const SETTLED: f64 = 0.02;
 
 /// Arguments of `pilotage model step`.
@@ -60,7 +60,7 @@ fn pair(text: &str) -> Result<(String, f64), String> {
     Ok((name, number(&value)?))
 }
 
-/// How an output answers to a step.
+/// The response of an output to a step.
 struct Response {
     input: String,
     output: String,
@@ -69,17 +69,17 @@ struct Response {
     values: Vec<f64>,
     /// Deviation at the end.
     end: f64,
-    /// Whether it stays near its value at the end from some time on, and what is known then.
+    /// Characteristics, if the response settles.
     settled: Option<Settled>,
 }
 
-/// What is known of a response that settles.
+/// Characteristics of a response that settles.
 struct Settled {
-    /// From a tenth to nine tenths of the final value [s].
+    /// Rise time from 10 % to 90 % of the final value \[s\].
     rise: f64,
-    /// Beyond the final value, as a part of it.
+    /// Overshoot relative to the final value.
     overshoot: f64,
-    /// From when on it stays within [`SETTLED`] [s].
+    /// Settling time into the band [`SETTLED`] \[s\].
     settling: f64,
 }
 
@@ -123,7 +123,7 @@ pub fn run(model: &ModelArgs, args: &StepArgs) -> Result<Outcome, Failure> {
     Ok(Outcome::Done)
 }
 
-/// The model, with the values of `--set`.
+/// The model with the values of `--set`.
 fn prepared(model: &TextModel, args: &StepArgs) -> Result<Simulation<TextModel>, Failure> {
     let mut simulation = Simulation::new(model.clone());
     for (name, value) in &args.set {
@@ -143,7 +143,7 @@ fn found(model: &TextModel, name: &str) -> Result<usize, Failure> {
     })
 }
 
-/// The inputs that make a step.
+/// Indices of the inputs to which steps are applied.
 fn steps(model: &TextModel, args: &StepArgs) -> Result<Vec<usize>, Failure> {
     let inputs = model.variables().inputs();
     if inputs.is_empty() {
@@ -164,7 +164,7 @@ fn steps(model: &TextModel, args: &StepArgs) -> Result<Vec<usize>, Failure> {
     args.input.iter().map(index).collect()
 }
 
-/// How long the responses are shown [s]: until the slowest mode that decays has done so.
+/// Duration of the responses \[s\]: until the slowest decaying mode has decayed.
 fn shown(model: &TextModel, args: &StepArgs) -> Result<f64, Failure> {
     let mut component = native_component::of_model(AnyModel::Text(model.clone()));
     for (name, value) in &args.set {
@@ -188,14 +188,14 @@ fn shown(model: &TextModel, args: &StepArgs) -> Result<f64, Failure> {
     })
 }
 
-/// The next larger of 1, 2, 5, 10, ...
+/// Rounds up to 1, 2 or 5 times a power of ten.
 fn rounded(time: f64) -> f64 {
     let decade = 10_f64.powf(time.log10().floor());
     let steps = [1.0, 2.0, 5.0, 10.0].map(|step| step * decade);
     steps.into_iter().find(|step| *step >= time).unwrap_or(time)
 }
 
-/// The outputs at each time, where an input makes a step.
+/// The outputs at each time, with a step in `input` if given.
 fn simulated(
     model: &TextModel,
     args: &StepArgs,
@@ -223,7 +223,7 @@ fn simulated(
     Ok(rows)
 }
 
-/// The answer of each output to a step.
+/// The response of each output to a step.
 fn compared(
     model: &TextModel,
     input: usize,
@@ -252,7 +252,7 @@ fn compared(
         .collect()
 }
 
-/// What is known of a response, where it stays near its end from nine tenths of the time on.
+/// Characteristics of a response, if it stays near its final value during the last tenth of the time.
 fn settled(values: &[f64], time: &[f64]) -> Option<Settled> {
     let end = *values.last()?;
     if end == 0.0 || !end.is_finite() {

@@ -1,11 +1,11 @@
-//! What to do about a wire or a value that does not fit.
+//! Hints for connections and values that do not fit.
 
 use super::super::Failure;
 use crate::cosim::description::EntryError;
 use crate::cosim::{SystemError, ValueKind};
 use crate::document;
 
-/// What is wrong with an entry, where it stands, and what to do.
+/// The failure for an entry, with its place and a hint.
 pub fn explain(entry: EntryError) -> Failure {
     let advice = advice(&entry.error);
     let failure = Failure::from(*entry.error).at(entry.place.as_ref());
@@ -21,7 +21,7 @@ fn advice(error: &SystemError) -> Option<String> {
             suggestion: None, ..
         } => "`pilotage info FILE` lists the variables of an FMU".into(),
         SystemError::NotAnOutput { swapped: false, .. } | SystemError::NotAnInput { .. } => {
-            "`pilotage info FILE` tells which variables are inputs and outputs".into()
+            "`pilotage info FILE` lists inputs and outputs".into()
         }
         SystemError::KindMismatch { .. } => {
             "Integers feed Reals and Enumerations, Booleans feed Integers and Reals, Enumerations and whole Reals \
@@ -41,7 +41,7 @@ fn advice(error: &SystemError) -> Option<String> {
     })
 }
 
-/// How a value of that type is written.
+/// How a value of this type is written.
 fn value(kind: ValueKind, text: &str) -> String {
     if let Some(number) = document::with_point(text) {
         return format!("write a decimal point: {number}");

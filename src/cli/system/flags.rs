@@ -1,4 +1,4 @@
-//! Arguments that say what is simulated.
+//! Command-line arguments that describe the simulated system.
 
 use super::super::Failure;
 use super::super::overwrite::{OutputKind, Overwrite};
@@ -66,7 +66,7 @@ impl From<KindName> for Interface {
     }
 }
 
-/// `a=b`, split at the first `=`.
+/// Parses `a=b`, split at the first `=`.
 pub fn pair(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((left, right)) if !left.is_empty() => Ok((left.to_owned(), right.to_owned())),
@@ -75,7 +75,7 @@ pub fn pair(text: &str) -> Result<(String, String), String> {
 }
 
 impl Wiring {
-    /// Opens everything and wires it, if no file is read and written too; saves the system where that is wanted.
+    /// Opens and connects everything, after checking that no input file is overwritten; saves the system if requested.
     /// `outputs` are the other files that the command writes.
     pub fn build(
         &self,
@@ -105,7 +105,7 @@ impl Wiring {
         Ok(built)
     }
 
-    /// Refuses files in the wrong place; those of models are looked at when they are opened.
+    /// Refuses files of the wrong kind; model files are checked when they are opened.
     fn expect(&self) -> Result<(), Failure> {
         let tables = self.input.iter().map(|argument| instance(argument).1);
         let tables: Vec<PathBuf> = tables.collect();
@@ -120,7 +120,7 @@ impl Wiring {
         files.filter(|file| recognise::is_system(file))
     }
 
-    /// What the system file says, with the instances of the arguments; and the wires of the arguments.
+    /// The system file merged with the instances of the arguments, and the connections of the arguments.
     fn describe(&self) -> Result<(SystemDescription, Vec<Wire>), Failure> {
         let files: Vec<PathBuf> = self.system_files().collect();
         let mut description = match files.as_slice() {
@@ -161,7 +161,7 @@ impl Wiring {
         Ok(SystemDescription::read(file)?)
     }
 
-    /// The values of the arguments.
+    /// The values given by arguments.
     fn settings(&self, system: &System) -> Result<Vec<Setting>, Failure> {
         let said = self.set.iter().map(|(name, value)| Setting {
             name: name.clone().into(),
@@ -178,7 +178,7 @@ impl Wiring {
     }
 }
 
-/// An instance as arguments say it.
+/// An instance described by an argument.
 pub fn described(name: String, source: InstanceSource) -> InstanceDescription {
     InstanceDescription {
         name,
@@ -188,7 +188,7 @@ pub fn described(name: String, source: InstanceSource) -> InstanceDescription {
     }
 }
 
-/// A file, or the name of a built-in model where no file has that name.
+/// A file, or a built-in model if no file has that name.
 pub fn model_source(file: PathBuf) -> InstanceSource {
     match file.to_str() {
         Some(name) if is_identifier(name) && !file.exists() => {
@@ -198,13 +198,13 @@ pub fn model_source(file: PathBuf) -> InstanceSource {
     }
 }
 
-/// Name and file of `NAME=FILE` or `FILE`; a file whose own name has a `=` is a file.
+/// Splits `NAME=FILE` or `FILE`; if a file of the whole name exists, it is the file.
 pub fn instance(argument: &OsStr) -> (String, PathBuf) {
     let path = Path::new(argument);
     match split(argument) {
         Some((name, file)) if !path.exists() => (name, file),
         _ => {
-            // `.` and `..` have a name too, that of their folder.
+            // For `.` and `..`, the name of the folder.
             let full = match path.file_stem() {
                 Some(_) => path.to_owned(),
                 None => path.canonicalize().unwrap_or_default(),
@@ -215,7 +215,7 @@ pub fn instance(argument: &OsStr) -> (String, PathBuf) {
     }
 }
 
-/// What stands before and behind the first `=`; a file may have bytes in its name that are not UTF-8.
+/// Splits at the first `=`; file names need not be UTF-8.
 #[cfg(unix)]
 fn split(argument: &OsStr) -> Option<(String, PathBuf)> {
     use std::os::unix::ffi::OsStrExt;

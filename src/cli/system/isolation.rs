@@ -1,4 +1,4 @@
-//! FMUs in processes of their own: which, and what they may use.
+//! FMUs in separate processes: which ones, and their limits.
 
 use super::super::Failure;
 use super::super::number::positive;
@@ -13,12 +13,12 @@ use std::error::Error;
 use std::path::Path;
 use std::time::Duration;
 
-/// The command that such a process runs.
+/// The command that runs in such a process.
 pub const COMMAND: &str = "isolated";
-/// Stands for all FMUs.
+/// Name that stands for all FMUs.
 const ALL: &str = "all";
 
-/// Whether an isolated FMU ended by itself, or had to be ended.
+/// Whether an error is due to an isolated FMU that ended by itself or had to be killed.
 pub fn is_gone(error: &(dyn Error + 'static)) -> bool {
     let mut next = Some(error);
     while let Some(error) = next {
@@ -46,7 +46,7 @@ pub struct Isolation {
 }
 
 impl Isolation {
-    /// Of all FMUs, or of none. A call that takes more than two seconds is taken for a hang: somebody sits there and flies.
+    /// Isolates all FMUs, or none. A call of more than two seconds counts as a hang, since a person is flying.
     pub fn of_all(is_isolated: bool) -> Self {
         let all = is_isolated.then(|| ALL.to_owned());
         Self {
@@ -56,7 +56,7 @@ impl Isolation {
         }
     }
 
-    /// Refuses names that are no FMU's.
+    /// Refuses names that are not instances of FMUs.
     pub fn check(&self, instances: &[InstanceDescription]) -> Result<(), Failure> {
         for name in self.isolate.iter().filter(|name| *name != ALL) {
             let known = instances.iter().map(|own| own.name.as_str());
@@ -86,7 +86,7 @@ impl Isolation {
         self.isolate.iter().any(|own| own == name || own == ALL)
     }
 
-    /// An FMU in a process of its own.
+    /// Opens an FMU in a separate process.
     pub fn open(
         &self,
         file: &Path,

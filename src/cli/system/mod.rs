@@ -1,14 +1,14 @@
-//! Systems: from arguments or a system file to instances that are wired.
+//! Systems: opens and connects the instances given by arguments or a system file.
 //!
 //! | module | what it does |
 //! | --- | --- |
-//! | `flags` | arguments that say what is simulated |
-//! | `isolation` | FMUs in processes of their own |
-//! | `resolve` | what `model = "..."` means |
+//! | `flags` | arguments that describe the system |
+//! | `isolation` | FMUs in separate processes |
+//! | `resolve` | resolves `model = "..."` |
 //! | `tables` | tables that feed inputs |
 //! | `parameters` | start values from a file |
-//! | `save` | systems as files |
-//! | `advice` | what to do about a wire or a value that does not fit |
+//! | `save` | saves systems as files |
+//! | `advice` | hints for connections and values that do not fit |
 
 mod advice;
 pub mod flags;
@@ -27,24 +27,24 @@ use crate::cosim::{Component, MasterError, System, SystemDescription};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-/// A wired system, what it was made of, and what to tell about the tables that feed it.
+/// A connected system, its sources, and the tables that feed it.
 pub struct Built {
-    /// Ready to run.
+    /// The system, ready to run.
     pub system: System,
-    /// The tables.
+    /// The tables that feed inputs.
     pub tables: Vec<InputTable>,
-    /// All that was said of it.
+    /// The complete description.
     pub description: SystemDescription,
-    /// The files that were read.
+    /// The input files.
     pub files: Vec<PathBuf>,
 }
 
-/// Opens all instances of a description and wires them.
+/// Opens all instances of a description and connects them.
 pub fn open(description: SystemDescription) -> Result<Built, Failure> {
     build(description, &Isolation::default(), |_, _| Ok(()))
 }
 
-/// Opens one model by its name or file: what one argument names.
+/// Opens a single model by the name or file of an argument.
 pub fn open_one(argument: &OsStr, is_isolated: bool) -> Result<Box<dyn Component>, Failure> {
     let (name, file) = flags::instance(argument);
     let instance = flags::described(name, flags::model_source(file));
@@ -54,7 +54,7 @@ pub fn open_one(argument: &OsStr, is_isolated: bool) -> Result<Box<dyn Component
     }
 }
 
-/// Opens all instances and wires them; `finish` may change wires and values when the instances are there.
+/// Opens all instances and connects them; `finish` may change connections and values once the instances exist.
 fn build(
     mut description: SystemDescription,
     isolation: &Isolation,
@@ -94,7 +94,7 @@ fn build(
     })
 }
 
-/// Why a run cannot begin, with the place of the variable that it is about.
+/// The failure of a run that cannot begin, with the place of the variable concerned.
 pub fn explain(error: MasterError, description: &SystemDescription) -> Failure {
     let names = match &error {
         MasterError::AlgebraicLoop { names, .. } | MasterError::Unsettled { names, .. } => {

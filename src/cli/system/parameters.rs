@@ -1,4 +1,4 @@
-//! Start values from a file.
+//! Reads start values from a file.
 
 use super::super::Failure;
 use crate::cosim::description::{Said, Setting};
@@ -7,17 +7,17 @@ use crate::document::{self, Document, DocumentError, Place, TomlTable};
 use crate::series::Lines;
 use std::path::Path;
 
-/// A value as a file gives it.
+/// An entry of the file.
 struct Entry {
     line: usize,
     /// `instance.variable`.
     name: String,
     value: String,
-    /// Unit of the value; that of the variable if empty.
+    /// Unit of the value; if empty, that of the variable.
     unit: String,
 }
 
-/// The values in a file, in the units of the variables.
+/// Reads the values, converted to the units of the variables.
 pub fn read(system: &System, file: &Path) -> Result<Vec<Setting>, Failure> {
     let (text, name) = (document::read(file)?, file.display().to_string());
     let entries = match file.extension().is_some_and(|extension| extension == "csv") {
@@ -45,7 +45,7 @@ pub fn read(system: &System, file: &Path) -> Result<Vec<Setting>, Failure> {
     entries.into_iter().map(setting).collect()
 }
 
-/// The value in the variable's unit.
+/// The value in the unit of the variable.
 fn in_its_unit(system: &System, entry: &Entry) -> Result<String, String> {
     if entry.unit.is_empty() {
         return Ok(entry.value.clone());
@@ -68,7 +68,7 @@ fn in_its_unit(system: &System, entry: &Entry) -> Result<String, String> {
     }
 }
 
-/// All fields of a TOML table and the tables in it, under `prefix`.
+/// Collects all fields of a TOML table and its subtables, with their names under `prefix`.
 fn fields(table: TomlTable, prefix: &str, entries: &mut Vec<Entry>) -> Result<(), DocumentError> {
     for field in table.names() {
         let name = format!("{prefix}{field}");
@@ -88,7 +88,7 @@ fn fields(table: TomlTable, prefix: &str, entries: &mut Vec<Entry>) -> Result<()
     Ok(())
 }
 
-/// The rows of a CSV file with columns `name`, `value` and perhaps `unit`.
+/// The rows of a CSV file with columns `name`, `value` and optionally `unit`.
 fn rows(text: &str, file: &str) -> Result<Vec<Entry>, Failure> {
     let mut reader = csv::ReaderBuilder::new()
         .has_headers(false)

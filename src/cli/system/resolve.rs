@@ -1,4 +1,4 @@
-//! What `model = "..."` means: a built-in model, an FMU, or a file of a model.
+//! Resolves `model = "..."`: a built-in model, an FMU, or a model, pilot or vehicle file.
 
 use super::super::Failure;
 use super::super::model::open;
@@ -15,15 +15,15 @@ use crate::suggestion::{did_you_mean, suggestion};
 use crate::vehicle;
 use std::path::{Path, PathBuf};
 
-/// What an instance is made of, opened.
+/// An opened instance.
 pub enum Resolved {
     /// A model, ready to run.
     Model(Box<dyn Component>),
-    /// The file of a table.
+    /// Path of a table.
     Table(PathBuf),
 }
 
-/// Opens what an instance is made of.
+/// Opens the source of an instance.
 pub fn resolve(instance: &InstanceDescription, isolation: &Isolation) -> Result<Resolved, Failure> {
     let place = instance.source.place.as_ref();
     let folder = place.and_then(|place| Path::new(&place.file).parent());
@@ -45,7 +45,7 @@ pub fn resolve(instance: &InstanceDescription, isolation: &Isolation) -> Result<
     resolved.map_err(|failure| failure.at(place))
 }
 
-/// A built-in model.
+/// Opens a built-in model.
 fn built_in(
     name: &str,
     instance: &InstanceDescription,
@@ -61,7 +61,7 @@ fn built_in(
     ))))
 }
 
-/// A name that is not that of a built-in model, with the model or the file that may be meant.
+/// The failure for an unknown built-in model, with a suggestion of a similar model or file.
 fn unknown(name: &str, folder: &Path) -> Failure {
     let built_in = library::all().iter().map(|model| model.name);
     let beside = beside(folder);
@@ -76,7 +76,7 @@ fn unknown(name: &str, folder: &Path) -> Failure {
     Failure::new(format!("there is no built-in model `{name}`; {meant}"))
 }
 
-/// Names of the files in a folder.
+/// Names of the files in a folder, sorted.
 fn beside(folder: &Path) -> Vec<String> {
     let folder = match folder.as_os_str().is_empty() {
         true => Path::new("."),
@@ -89,7 +89,7 @@ fn beside(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Refuses a file that is not there, with the nearest one in its folder.
+/// Refuses a missing file, with a suggestion of a similar one in its folder.
 fn expect_there(file: &Path) -> Result<(), Failure> {
     if file.exists() {
         return Ok(());
@@ -151,7 +151,7 @@ fn kind(interface: Interface) -> fmi::InterfaceType {
     }
 }
 
-/// The model that a pilot or a vehicle file describes: a pilot has θ.
+/// The model of a pilot or vehicle file; a pilot file has θ.
 fn native(file: &Path) -> Result<Model, Failure> {
     let (text, name) = (document::read(file)?, file.display().to_string());
     let document = Document::parse(&text, &name)?;

@@ -1,4 +1,4 @@
-//! Systems as files.
+//! Saves systems as files.
 
 use super::super::{Failure, overwrite};
 use crate::cosim::SystemDescription;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// A table that has been added to the system.
 pub struct InputTable {
-    /// Its name as an instance.
+    /// Name of its instance.
     pub name: String,
     file: PathBuf,
     unused: Vec<String>,
@@ -16,8 +16,8 @@ pub struct InputTable {
     end: f64,
 }
 
-/// Adds a table as an instance and wires its columns that are named like inputs: `instance.input`, or just
-/// `input` where there is only one instance.
+/// Adds a table as an instance and connects the columns named like inputs: `instance.input`, or `input` if there is
+/// only one instance.
 pub fn add(
     system: &mut System,
     name: &str,
@@ -43,7 +43,7 @@ pub fn add(
             (None, Some(wire)) => system.find(&wire.to.value).map_or(None, held),
             (None, None) => {
                 unused.push(column.name.clone());
-                // Results of a run may hold what nobody can use, and nobody needs to.
+                // Results of a run may have columns that cannot be used and are not needed.
                 if !is_usable(&column) {
                     continue;
                 }
@@ -78,27 +78,27 @@ pub fn add(
     })
 }
 
-/// The name of a column with that of the only instance before it, where that is one of its variables.
+/// The column name, prefixed with the only instance's name if that gives one of its variables.
 fn full_name(system: &System, column: &str, only: Option<&str>) -> String {
     let full = only.map(|instance| format!("{instance}.{column}"));
     full.filter(|name| system.find(name).is_ok())
         .unwrap_or_else(|| column.to_owned())
 }
 
-/// Whether a column can feed anything at all.
+/// Whether a column has values that can feed an input.
 fn is_usable(column: &Column) -> bool {
     let values = &column.values;
     values.iter().any(|value| !value.is_nan()) && !values.iter().any(|value| value.is_infinite())
 }
 
-/// The type of a variable between whose samples values are held and not interpolated.
+/// The type of a variable whose values are held between samples, not interpolated.
 fn held(variable: &Variable) -> Option<ValueKind> {
     variable.is_discrete.then_some(variable.kind)
 }
 
-/// How the input that a column is named after takes its values, if it is named after one. Columns that are
-/// named after nothing, or after an output (the results of another run), are none of our business; those of
-/// an instance that has no such variable are probably a mistake.
+/// How the input named like the column takes its values, if there is one. Columns named like no variable, or like an
+/// output (the results of another run), are ignored; unknown variables of an existing instance are errors, since they
+/// are probably a mistake.
 fn own_input(system: &System, column: &str) -> Result<Option<Option<ValueKind>>, SystemError> {
     match system.find(column) {
         Ok(variable) => Ok((variable.role == Role::Input).then(|| held(variable))),
@@ -108,7 +108,7 @@ fn own_input(system: &System, column: &str) -> Result<Option<Option<ValueKind>>,
 }
 
 impl InputTable {
-    /// What the user may not have meant.
+    /// Notes on what the user may not have intended.
     pub fn notes(&self, clock: &Clock) -> Vec<String> {
         let file = self.file.display();
         let mut notes = Vec::new();
@@ -122,7 +122,7 @@ impl InputTable {
                 self.begin
             ));
         }
-        // As exact as decimal times are.
+        // Tolerance for decimal times.
         if clock.stop() > self.end + 1e-9 * clock.step() {
             notes.push(format!(
                 "{file} ends at {} s; from then on its last values are held",

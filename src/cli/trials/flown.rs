@@ -1,4 +1,4 @@
-//! What the synthetic human flies with.
+//! The vehicle and the equalisation of the synthetic human.
 
 use super::super::model::open::ModelArgs;
 use super::super::recognise::{self, FileKind};
@@ -9,7 +9,7 @@ use crate::synthetic::{
 };
 use std::path::PathBuf;
 
-/// What `--vehicle` names.
+/// The vehicle given by `--vehicle`.
 pub enum Flown {
     /// The vehicle of a vehicle file, or the default one.
     Quadcopter(Box<Quadcopter>),
@@ -17,7 +17,7 @@ pub enum Flown {
     Model(Box<ModelVehicle>),
 }
 
-/// Gain, lead and lag of each axis, as they are given: none, one for all, or one each.
+/// Gain, lead and lag per axis as given: none, one for all axes, or one for each.
 pub struct Equalisation<'a> {
     pub gain: &'a [f64],
     pub lead: &'a [f64],
@@ -25,7 +25,7 @@ pub struct Equalisation<'a> {
 }
 
 impl Flown {
-    /// What `name` names; `measured` are the outputs that are the positions.
+    /// Opens the vehicle; `measured` names the outputs that are the positions.
     pub fn open(name: Option<&str>, measured: &[String]) -> Result<Self, Failure> {
         let file = file(name);
         let is_quadcopter = match (&file, name) {
@@ -68,7 +68,7 @@ impl Flown {
         }
     }
 
-    /// The human in each axis: for the quadcopter as given or by default, for a model what suits it.
+    /// The human in each axis: for the quadcopter as given or by default, for a model adapted to it.
     pub fn humans(&self, human: &Human, given: &Equalisation) -> Result<Vec<Human>, Failure> {
         let axes = 0..self.axes();
         let humans = axes.map(|axis| {
@@ -86,7 +86,7 @@ impl Flown {
         humans.collect()
     }
 
-    /// Lets them fly.
+    /// Simulates the flights.
     pub fn fly(&self, flights: &Flights, hands: &Hands) -> Result<Vec<Flight>, Failure> {
         let flown = match self {
             Self::Quadcopter(vehicle) => flights.fly_hands(hands, &**vehicle),
@@ -107,7 +107,7 @@ impl Equalisation<'_> {
     }
 }
 
-/// The file of `--vehicle`, if it is one.
+/// The file given by `--vehicle`, if it is a file.
 pub fn file(name: Option<&str>) -> Option<PathBuf> {
     let name = name?;
     let model = ModelArgs {
@@ -119,7 +119,7 @@ pub fn file(name: Option<&str>) -> Option<PathBuf> {
     (path.exists() || !is_named).then_some(path)
 }
 
-/// What is wrong, and what to do.
+/// The failure with a hint.
 fn explained(error: SyntheticError) -> Failure {
     let hint = match &error {
         SyntheticError::NoStick { .. } => {

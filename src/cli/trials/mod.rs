@@ -1,4 +1,4 @@
-//! `pilotage trials`: recorded flights, checked or made.
+//! `pilotage trials`: checks recorded flights, or generates synthetic ones.
 
 mod flown;
 mod synth;
@@ -48,7 +48,7 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// Whether columns have other names than ours.
+    /// Whether column names are given.
     pub fn is_given(&self) -> bool {
         !self.named.is_empty()
     }
@@ -68,7 +68,7 @@ impl Columns {
                 TrialError::Series(SeriesError::NoTime { expected, .. }) => expected.clone(),
                 _ => return Failure::from(error),
             };
-            // A name that was given and is not there needs no advice to give one.
+            // No hint if the missing name was given by the user.
             let is_given = self.named.iter().any(|(_, name)| *name == quantity);
             let failure = Failure::from(error);
             match is_given {
@@ -99,7 +99,7 @@ fn check(set: &TrialSet, json: bool) -> Result<Outcome, Failure> {
     Ok(Outcome::Done)
 }
 
-/// Each trial with its summary and what it is used for.
+/// Each trial with its summary and usage.
 fn uses(set: &TrialSet) -> Vec<(&crate::identification::Trial, Summary, &'static str)> {
     let fit = set.fit.iter().map(|trial| (trial, "fit"));
     let validation = set.validation.iter().map(|trial| (trial, "validation"));
@@ -183,7 +183,7 @@ fn to_table(set: &TrialSet) -> String {
     for (trial, summary, _) in &uses {
         if let Some(part) = summary.stick_at_stop.filter(|part| *part >= SATURATED) {
             text += &format!(
-                "note: {}: {:.0} % of the stick's samples are at its stops, where it tells little of the human; ease the task\n",
+                "note: {}: {:.0} % of the stick's samples are at its stops, where it says little about the human; ease the task\n",
                 trial.name,
                 100.0 * part
             );
@@ -192,7 +192,7 @@ fn to_table(set: &TrialSet) -> String {
     text + &excited(set).map_or(String::new(), |own| excitation::to_text(&own))
 }
 
-/// What the trials of the fit excite.
+/// The excitation by the trials of the fit.
 fn excited(set: &TrialSet) -> Option<Excitation> {
     Excitation::of(&flights(&set.fit))
 }

@@ -1,4 +1,4 @@
-//! `pilotage trials synth`: a synthetic human flies.
+//! `pilotage trials synth`: flights of a synthetic human.
 
 use super::super::made::{program, quoted};
 use super::super::number::{number, whole};
@@ -128,7 +128,7 @@ impl Kind {
         }
     }
 
-    /// So many where nobody says how many.
+    /// Default number.
     fn count(self) -> usize {
         match self {
             Self::Sines => 8,
@@ -158,7 +158,7 @@ impl Synth {
         Ok(Outcome::Done)
     }
 
-    /// What was written, and what to type next.
+    /// Written files and the suggested next command.
     fn told(&self, vehicle: &Flown, count: usize) -> String {
         let (folder, list) = (self.output.display(), self.output.join("trials.toml"));
         let (program, typed) = (program(), quoted(&list.to_string_lossy()));
@@ -172,12 +172,12 @@ impl Synth {
                 "{text}\nnext: {program} trials check {typed}\n      \
                  {program} fit {typed} -o pilot.toml\n"
             ),
-            // A fit of another vehicle needs a problem file.
+            // A fit with another vehicle requires a problem file.
             Flown::Model(_) => text,
         }
     }
 
-    /// Refuses what means nothing with this target or vehicle.
+    /// Refuses options that have no meaning with this target or vehicle.
     fn check(&self, vehicle: &Flown) -> Result<(), Failure> {
         if let (Some(_), Some(kind @ (Kind::Ramps | Kind::Steps))) = (self.bandwidth, self.target) {
             let failure = Failure::new(format!("{} have no bandwidth", kind.name()));
@@ -253,7 +253,7 @@ impl Synth {
         })
     }
 
-    /// The command that makes these flights again, whatever the defaults will be.
+    /// The command that reproduces these flights, independent of future defaults.
     fn command(&self, hands: &Hands) -> String {
         let target = match (self.target, self.moving()) {
             (Some(kind), Some(moving)) => {
@@ -266,7 +266,12 @@ impl Synth {
             }
             _ => format!("--targets {}", listed(&self.targets())),
         };
-        let each = |of: fn(&Human) -> f64| listed(&hands.axes.iter().map(of).collect::<Vec<_>>());
+        let each = |of: fn(&Human) -> f64| {
+            let mut axes: Vec<f64> = hands.axes.iter().map(of).collect();
+            // One value is for both axes.
+            axes.dedup();
+            listed(&axes)
+        };
         let (gain, lead, lag) = (
             each(|own| own.gain),
             each(|own| own.lead),
@@ -293,7 +298,7 @@ impl Synth {
         let rest = [
             ("stick-rate", self.stick_rate.map(|rate| rate.to_string())),
             ("coupling", self.coupling.map(|part| part.to_string())),
-            ("vehicle", self.vehicle.clone()),
+            ("vehicle", self.vehicle.as_deref().map(quoted)),
             (
                 "measure",
                 (!self.measure.is_empty()).then(|| self.measure.join(",")),
@@ -302,11 +307,11 @@ impl Synth {
         for (name, value) in rest {
             command += &value.map_or_else(String::new, |value| format!(" --{name} {value}"));
         }
-        // It goes into comments, which end with the line.
+        // The command is written into comments, which end with the line.
         command.replace(char::is_control, " ")
     }
 
-    /// Refuses to overwrite the vehicle that is flown; whatever else is in the folder has been looked at.
+    /// Refuses to overwrite the vehicle file; other files in the folder have been checked before.
     fn check_vehicle(&self, flights: &[Flight]) -> Result<(), Failure> {
         let inputs: Vec<PathBuf> = file(self.vehicle.as_deref()).into_iter().collect();
         let files = flights.iter().map(|flight| format!("{}.csv", flight.name));
@@ -320,12 +325,8 @@ impl Synth {
     }
 }
 
-/// Numbers with commas between them; one alone where all are the same.
+/// Numbers separated by commas.
 fn listed(numbers: &[f64]) -> String {
-    let numbers = match numbers {
-        [first, second] if first == second => &numbers[..1],
-        all => all,
-    };
     numbers
         .iter()
         .map(f64::to_string)
@@ -333,7 +334,7 @@ fn listed(numbers: &[f64]) -> String {
         .join(",")
 }
 
-/// A flight with its origin in the comments.
+/// A flight as CSV, with its origin in comments.
 fn to_csv(flight: &Flight, command: &str, unit: &str) -> String {
     let humans = flight.humans.iter().map(|human| {
         let lag = match human.lag {

@@ -1,9 +1,9 @@
-//! `pilotage validate`: FMUs against the standard, and a try of each.
+//! `pilotage validate`: checks FMUs against the standard and tests their binaries.
 //!
 //! | module | what it does |
 //! | --- | --- |
-//! | `probe` | tries a binary in processes of their own, so that one that crashes or hangs is a finding |
-//! | `text` | findings as lines, and as JSON |
+//! | `probe` | tests a binary in separate processes, so that a crash or hang becomes a finding |
+//! | `text` | findings as text and as JSON |
 
 mod probe;
 mod text;
@@ -46,26 +46,26 @@ pub struct Args {
     json: bool,
 }
 
-/// A positive number of seconds.
+/// Parses a positive number of seconds.
 fn seconds(text: &str) -> Result<Duration, String> {
     Duration::try_from_secs_f64(positive(text)?).map_err(|error| error.to_string())
 }
 
-/// What was found in one FMU.
+/// The findings in one FMU.
 pub(super) struct Report {
     path: PathBuf,
     findings: Vec<Finding>,
-    /// Whether its binary was tried.
+    /// Whether its binary was tested.
     is_tried: bool,
 }
 
 impl Report {
-    /// True when nothing was found that troubles any tool.
+    /// Whether there are neither errors nor warnings.
     pub(super) fn is_clean(&self) -> bool {
         self.is_valid() && self.count(Severity::Warning) == 0
     }
 
-    /// True when no error was found.
+    /// Whether there are no errors.
     pub(super) fn is_valid(&self) -> bool {
         self.count(Severity::Error) == 0
     }
@@ -115,7 +115,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     })
 }
 
-/// What a path means: itself, or a system that can be wired and its FMUs.
+/// Resolves a path: an FMU, or a system file, whose connections are checked and whose FMUs are listed.
 fn asked(path: &Path) -> Result<Asked, Failure> {
     if !recognise::may_be_system(path) {
         let fmus = vec![path.to_owned()];
@@ -133,17 +133,17 @@ fn asked(path: &Path) -> Result<Asked, Failure> {
     })
 }
 
-/// What is to be checked.
+/// The items to check.
 struct Asked {
-    /// A system, and how many connections it has that fit.
+    /// A system file and the number of its connections, all of which fit.
     system: Option<(PathBuf, usize)>,
     fmus: Vec<PathBuf>,
 }
 
-/// Longest time that each try of a binary takes unless the user says otherwise.
+/// Default time limit for each test of a binary.
 pub(super) const TIME_LIMIT: Duration = Duration::from_secs(20);
 
-/// Checks one FMU; tries its binary if a time limit for that is given.
+/// Checks one FMU; tests its binary if a time limit is given.
 pub(super) fn check(path: &Path, limit: Option<Duration>) -> Result<Report, Failure> {
     let checked = fmi_check::check(path)?;
     let mut findings = checked.findings;

@@ -1,4 +1,4 @@
-//! The binary, tried in processes of its own: one for each check, so that a crash costs one check.
+//! Tests of the binary in separate processes, one for each check, so that a crash affects only one check.
 
 use super::text::{finding_from_json, finding_to_json};
 use crate::cli::progress::Spinner;
@@ -31,11 +31,12 @@ pub struct ProbeArgs {
     unpacked: Option<PathBuf>,
 }
 
-/// An FMU of more files and folders is unpacked once for all checks; others for each, so that none finds what another has changed.
+/// FMUs with more entries than this are unpacked once for all checks; others for each check, so that no check sees
+/// changes made by another.
 const MANY: usize = 1000;
 
-/// Runs the hidden command: records each stage before it begins, since a binary may end the process, and each finding;
-/// one JSON object a line, in memory that no FMU closes or prints into.
+/// Runs the hidden command: records each stage before it begins, since a binary may end the process, and each finding.
+/// Records are JSON objects in shared memory, which an FMU cannot close or print into.
 pub fn probe(args: ProbeArgs) -> Result<Outcome, Failure> {
     let ours = behaviour::run(&args.fmu, args.unpacked, args.check, &mut |told| {
         tell(&match told {
@@ -49,7 +50,7 @@ pub fn probe(args: ProbeArgs) -> Result<Outcome, Failure> {
     Ok(Outcome::Done)
 }
 
-/// Hands a line to whoever watches; by hand, as under a debugger, it is printed.
+/// Passes a line to the supervising process, or prints it if there is none (manual use, as under a debugger).
 fn tell(line: &Value) {
     match pilotage_process::is_attached() {
         true => pilotage_process::record(&line.to_string()),
@@ -57,15 +58,15 @@ fn tell(line: &Value) {
     }
 }
 
-/// What came of trying a binary.
+/// Results of the tests of a binary.
 pub(super) struct Tried {
-    /// The findings, each once.
+    /// The findings without duplicates.
     pub findings: Vec<Finding>,
-    /// Whether it could be loaded here, so that the rest was tried.
+    /// Whether it could be loaded here, so that the other tests were run.
     pub is_loaded: bool,
 }
 
-/// Tries everything.
+/// Runs all tests.
 pub(super) fn try_all(
     path: &Path,
     description: &ModelDescription,
@@ -79,7 +80,7 @@ pub(super) fn try_all(
     for check in behaviour::all(description) {
         progress.show(format!("{}: {check}", path.display()));
         let found = try_one((path, unpacked.as_ref()), description, check, limit)?;
-        // A warning of that check is about a library that was loaded.
+        // Warnings of the load check concern a library that was loaded.
         let ends = |f: &Finding| f.severity != Severity::Warning;
         if check.what == What::Load && found.iter().any(ends) {
             is_loaded = false;
@@ -89,7 +90,7 @@ pub(super) fn try_all(
                 findings.push(finding);
             }
         }
-        // What cannot be loaded cannot be tried any further.
+        // A library that cannot be loaded cannot be tested further.
         if !is_loaded {
             break;
         }
@@ -101,10 +102,10 @@ pub(super) fn try_all(
     })
 }
 
-/// An FMU of many files, unpacked.
+/// Unpacks an FMU with many files; `None` for others.
 fn unpacked(path: &Path) -> Result<Option<Unpacked>, Failure> {
     let Ok(mut fmu) = Fmu::open(path) else {
-        // The first check says why.
+        // The first check reports why.
         return Ok(None);
     };
     match fmu.entries() > MANY {
@@ -119,7 +120,7 @@ fn unpacked(path: &Path) -> Result<Option<Unpacked>, Failure> {
     }
 }
 
-/// One check in a process of its own.
+/// Runs one check in a separate process.
 fn try_one(
     (path, unpacked): (&Path, Option<&Unpacked>),
     description: &ModelDescription,
@@ -145,7 +146,7 @@ fn try_one(
         .stdout(Stdio::null())
         .stderr(Stdio::piped());
     let mut child = Child::start(command, true).map_err(failed)?;
-    // Read while it runs: a chatty FMU must not fill the pipe and wait.
+    // Read concurrently: an FMU with much output must not block on a full pipe.
     let noise = child.process().stderr.take().map(Tail::of);
     let ended = child.wait(Some(limit), AFTERWARDS).map_err(failed)?;
     let (records, lost) = child.page().records();
@@ -179,17 +180,17 @@ fn try_one(
     Ok(findings)
 }
 
-/// How long a process may take to end when it has told everything.
+/// Maximum time for the process to end after its last record.
 const AFTERWARDS: Duration = Duration::from_secs(2);
 
-/// The last that a process wrote to a pipe.
+/// The last output of a process to a pipe.
 struct Tail {
     last: Arc<Mutex<Vec<u8>>>,
     reader: thread::JoinHandle<()>,
 }
 
 impl Tail {
-    /// So much is kept \[bytes\].
+    /// Number of bytes kept \[bytes\].
     const KEPT: usize = 4096;
 
     fn of(mut from: impl Read + Send + 'static) -> Self {
@@ -207,8 +208,7 @@ impl Tail {
         Self { last, reader }
     }
 
-    /// The last line that is not empty. A process that was not in the group may keep the pipe open: it is not waited
-    /// for long.
+    /// The last non-empty line. A process outside the group may keep the pipe open, so the wait is short.
     fn line(self) -> Option<String> {
         let begun = Instant::now();
         while !self.reader.is_finished() && begun.elapsed() < Duration::from_millis(200) {
@@ -221,7 +221,7 @@ impl Tail {
     }
 }
 
-/// Why the process ended, if it did not end by itself.
+/// Why the process ended, if it did not end normally.
 fn ended_badly(ended: Ended, limit: Duration, noise: Option<Tail>) -> Option<String> {
     let early = |status: ExitStatus| {
         let said = noise.and_then(Tail::line);

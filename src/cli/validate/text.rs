@@ -1,11 +1,11 @@
-//! Findings as lines, and as JSON.
+//! Findings as text and as JSON.
 
 use super::Report;
 use crate::fmi::description::{Place, Severity};
 use crate::fmi_check::Finding;
 use serde_json::{Value, json};
 
-/// The findings in words, the verdict first.
+/// The report as text: the verdict, then the findings.
 pub(in crate::cli) fn to_text(report: &Report) -> String {
     let count = |severity, one: &str| match report.count(severity) {
         0 => None,
@@ -46,7 +46,7 @@ pub(super) fn to_json(report: &Report) -> Value {
     })
 }
 
-/// A finding; where there is no file, place or variable, null.
+/// A finding as JSON; null for a missing file, place or variable.
 pub(super) fn finding_to_json(finding: &Finding) -> Value {
     let file = Some(&finding.file).filter(|file| !file.is_empty());
     json!({
@@ -60,7 +60,7 @@ pub(super) fn finding_to_json(finding: &Finding) -> Value {
     })
 }
 
-/// The finding that [`finding_to_json`] wrote.
+/// Reads a finding written by [`finding_to_json`].
 pub(super) fn finding_from_json(value: &Value) -> Option<Finding> {
     let text = |key: &str| value[key].as_str().map(str::to_owned);
     let number = |key: &str| value[key].as_u64().and_then(|n| u32::try_from(n).ok());

@@ -2,8 +2,10 @@
 
 use super::components::{Linear, simulate};
 use pilotage::cosim::{
-    Algorithm, Clock, Control, Coupling, SeriesRecorder, Source, Steps, System, run,
+    Algorithm, Clock, Control, Coupling, SeriesRecorder, Source, Steps, System, native_component,
+    run,
 };
+use pilotage::models::{AnyModel, TextModel};
 use pilotage::series::{Column, Series};
 
 /// `ẏ = u` from 0, with `u` from a table: `y(1)` and the steps that it took.
@@ -128,4 +130,20 @@ fn components_of_fixed_steps_make_ramps_of_jumps() {
     assert!((y.values[10] - 0.55).abs() < 1e-12, "{:?}", y.values);
     assert_eq!((run.report.steps.ramps, run.report.steps.jumps), (1, 0));
     assert_eq!(run.report.fixed, ["integrator"]);
+}
+
+/// A model that depends on time begins at the run's start.
+#[test]
+fn native_models_begin_at_the_start_time() {
+    let text = "[model]\nname = \"ramp\"\n[parameters]\ntau = { start = 1, unit = \"s\" }\n[states]\nx = { der = \"time / tau^2\" }\n[outputs]\ny = { value = \"x\" }\n";
+    let model = TextModel::parse(text, "ramp.toml").unwrap();
+    let mut system = System::new();
+    let component = native_component::of_model(AnyModel::Text(model));
+    system.add("ramp", component).unwrap();
+    let mut recorder = SeriesRecorder::default();
+    let clock = Clock::new(5.0, 7.0, 0.5).unwrap();
+    run(system, &clock, None, Algorithm::Jacobi, &mut recorder).unwrap();
+    let values = &recorder.series.column("ramp.y").unwrap().values;
+    // (7² - 5²)/2
+    assert!((values[values.len() - 1] - 12.0).abs() < 1e-6, "{values:?}");
 }

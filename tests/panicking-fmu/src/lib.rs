@@ -2,7 +2,7 @@
 
 use pilotage_sdk::{At, Equations, Scalar, Table};
 
-/// Integrates its input while it can.
+/// Integrates its input until it panics.
 #[derive(Default)]
 struct Panicking;
 

@@ -1,5 +1,5 @@
-//! A `#[test]` in place of the standard one, which says how long a test took on nightly compilers alone.
-//! `#[macro_use] extern crate pilotage_timed;` puts it before that of the prelude.
+//! A `#[test]` that replaces the standard one, which reports the duration of a test on nightly compilers only.
+//! `#[macro_use] extern crate pilotage_timed;` gives it precedence over that of the prelude.
 
 use proc_macro::{Group, TokenStream, TokenTree};
 

@@ -1,5 +1,5 @@
-//! The reduced QP with inequalities: exchanges find the active set where they settle, else a dual method;
-//! clarabel where the rows are inconsistent. The solution with that active set is exact.
+//! The reduced QP with inequalities. Exchanges of active rows find the active set if they settle, otherwise a dual
+//! method does; clarabel is used for inconsistent rows. The solution for the active set is exact.
 
 use super::arrow::{Arrow, ArrowFactor};
 use super::dense::{axpy, cholesky_solve, independent_cholesky};
@@ -8,17 +8,17 @@ use pilotage_sqp::QpFailure;
 use pilotage_sqp::convex::{ConvexQp, ConvexSolution};
 use pilotage_sqp::iterate::violation;
 
-/// Cost of violating a row when the rows are inconsistent, per unit.
+/// Cost of violating an inconsistent row, per unit.
 const RELAXATION: f64 = 1e6;
-/// Exchanges of active rows before another method is asked for them.
+/// Maximum number of exchanges of active rows before another method is used.
 const MAX_EXCHANGES: usize = 12;
-/// Rounding allowed to a polished solution.
+/// Permitted rounding error of a polished solution.
 const POLISH_TOLERANCE: f64 = 1e-10;
 
-/// Ladder of multiples of `aaᵀ`, relative to [`Row::weight`].
+/// Multiples of `aaᵀ` to try, relative to [`Row::weight`].
 const CONVEXIFICATION: [f64; 4] = [1.0, 1e2, 1e4, 1e6];
 
-/// Which inequality a row stands for.
+/// The inequality that a row represents.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum RowAt {
     /// An inequality of a run: a bounded output at a sample.
@@ -28,7 +28,7 @@ pub enum RowAt {
 }
 
 impl RowAt {
-    /// The run whose free initial states the row has entries for, beside the parameters.
+    /// The run whose free initial states the row depends on, in addition to the parameters.
     pub fn run(self) -> Option<usize> {
         match self {
             Self::Bounded { run, .. } => Some(run),
@@ -36,7 +36,7 @@ impl RowAt {
         }
     }
 
-    /// The constraint on the parameters that it is.
+    /// Index of the constraint on the parameters, if it is one.
     pub fn parameter(self) -> Option<usize> {
         match self {
             Self::Bounded { .. } => None,
@@ -48,11 +48,11 @@ impl RowAt {
 /// `lower ≤ Σ entries · ρ ≤ upper`.
 #[derive(Debug, Clone)]
 pub struct Row {
-    /// What it is.
+    /// The inequality that the row represents.
     pub at: RowAt,
-    /// Its place in `g`.
+    /// Index in `g`.
     pub index: usize,
-    /// Column and coefficient.
+    /// Pairs of column and coefficient.
     pub entries: Vec<(usize, f64)>,
     /// Lower limit of the linear part.
     pub lower: f64,
@@ -61,25 +61,24 @@ pub struct Row {
 }
 
 impl Row {
-    /// The limit at a side, +1 upper, -1 lower.
+    /// The limit at a side: +1 upper, -1 lower.
     pub fn limit(&self, side: f64) -> f64 {
         if side > 0.0 { self.upper } else { self.lower }
     }
 
-    /// Multiple of `aaᵀ` that is as large as the matrix with this diagonal is along `a`.
+    /// Multiple of `aaᵀ` whose curvature along `a` equals that of a matrix with this diagonal.
     fn weight(&self, diagonal: &[f64]) -> f64 {
         let along = self.entries.iter().map(|&(i, v)| v * v * diagonal[i].abs());
         let squares: f64 = self.entries.iter().map(|(_, v)| v * v).sum();
         along.sum::<f64>() / (squares * squares).max(f64::MIN_POSITIVE)
     }
 
-    /// True where both limits are one: the multiplier may have any sign.
+    /// True if both limits are equal; the multiplier may then have any sign.
     pub fn is_equation(&self) -> bool {
         self.lower == self.upper
     }
 
-    /// How far a value of the row lies above its upper limit, or, negative, below its lower one: zero within
-    /// rounding.
+    /// Distance of a value above the upper limit, or, negative, below the lower one; zero within rounding.
     pub fn excess(&self, value: f64) -> f64 {
         let scale = 1.0 + self.lower.abs().min(self.upper.abs());
         match violation(value, self.lower, self.upper) <= POLISH_TOLERANCE * scale {
@@ -94,22 +93,22 @@ impl Row {
     }
 }
 
-/// A reduced Hessian that is convex, if need be by multiples of `aaᵀ` for rows `a` that are active: where
-/// they are so in the solution too, that changes neither it nor the multipliers, and for multiples large
-/// enough the whole matrix is positive definite exactly when it is so in the rows' null space (Finsler;
-/// Nocedal & Wright, 2nd ed., section 17.3).
+/// A convex reduced Hessian, if necessary made convex by multiples of `aaᵀ` for active rows `a`. If these rows are
+/// active in the solution too, that changes neither it nor the multipliers. For multiples large enough the whole matrix
+/// is positive definite exactly if it is so in the null space of the rows (Finsler; Nocedal & Wright, 2nd ed., section
+/// 17.3).
 #[derive(Debug, Clone)]
 pub struct Convex {
-    /// With the multiples.
+    /// The matrix including the multiples.
     pub matrix: Arrow,
-    /// Its factors.
+    /// Its Cholesky factors.
     pub factor: ArrowFactor,
     /// Multiple for each of the first rows.
     weights: Vec<f64>,
 }
 
 impl Convex {
-    /// A matrix that is convex itself.
+    /// From a convex matrix.
     pub fn new(matrix: Arrow, factor: ArrowFactor) -> Self {
         let weights = Vec::new();
         Self {
@@ -119,7 +118,7 @@ impl Convex {
         }
     }
 
-    /// A matrix that is convex in the null space of the rows. None where it is not.
+    /// From a matrix that is convex in the null space of the rows. None if it is not.
     pub fn held(matrix: Arrow, rows: &[Row]) -> Option<Self> {
         let diagonal = matrix.diagonal();
         CONVEXIFICATION.iter().find_map(|relative| {
@@ -138,12 +137,12 @@ impl Convex {
         })
     }
 
-    /// True when it is so only where rows are active.
+    /// True if the matrix is only convex where rows are active.
     pub fn holds(&self) -> bool {
         !self.weights.is_empty()
     }
 
-    /// The linear term that goes with the multiples, for the rows at these sides.
+    /// Adds the linear term that belongs to the multiples, for rows active at these sides.
     pub fn shift(&self, rows: &[Row], sides: &[f64], q: &mut [f64]) {
         for ((row, side), weight) in rows.iter().zip(sides).zip(&self.weights) {
             let pull = weight * row.limit(*side);
@@ -152,13 +151,13 @@ impl Convex {
     }
 }
 
-/// True when the first rows are active at these sides.
+/// True if the first rows are active at these sides.
 pub fn held(rows: &[Row], sides: &[f64], solution: &ConvexSolution) -> bool {
     let mut first = rows.iter().zip(sides).zip(&solution.y);
     solution.violation == 0.0 && first.all(|((row, side), y)| row.is_equation() || side * y > 0.0)
 }
 
-/// Minimises `½ ρᵀ H ρ + qᵀ ρ` within the rows; `guess` says which are active, as [`exchanged`].
+/// Minimises `½ ρᵀ H ρ + qᵀ ρ` subject to the rows; `guess` is the assumed active set, as in [`exchanged`].
 pub fn solve(
     convex: &Convex,
     q: &[f64],
@@ -197,8 +196,8 @@ pub fn solve(
     }
 }
 
-/// The exact solution near an interior-point one; that one where it is not found, without the multipliers
-/// of rows that are not active.
+/// The exact solution near an interior-point one. If it is not found, the interior-point solution without the
+/// multipliers of inactive rows.
 fn polished(
     factor: &ArrowFactor,
     q: &[f64],
@@ -214,12 +213,12 @@ fn polished(
     rough
 }
 
-/// The side that a number's sign stands for; zero for zero.
+/// Sign of a value; zero for zero.
 pub fn sign(value: f64) -> f64 {
     if value == 0.0 { 0.0 } else { value.signum() }
 }
 
-/// The solution without rows.
+/// The unconstrained solution.
 pub fn free(factor: &ArrowFactor, q: &[f64]) -> ConvexSolution {
     let mut x: Vec<f64> = q.iter().map(|v| -v).collect();
     factor.solve(&mut x);
@@ -230,8 +229,8 @@ pub fn free(factor: &ArrowFactor, q: &[f64]) -> ConvexSolution {
     }
 }
 
-/// The side at which each row is active in an interior-point solution, as the sign of its multiplier;
-/// zero where it is not.
+/// The side at which each row is active in an interior-point solution, as the sign of its multiplier; zero for inactive
+/// rows.
 fn sides(rows: &[Row], rough: &ConvexSolution) -> Vec<f64> {
     let side = |(row, y): (&Row, &f64)| {
         let active = y.abs() > (row.limit(*y) - row.value(&rough.x)).abs();
@@ -243,8 +242,8 @@ fn sides(rows: &[Row], rough: &ConvexSolution) -> Vec<f64> {
 /// The exact solution by exchanging active rows (primal-dual active set: Hintermüller, Ito & Kunisch,
 /// SIAM J. Optim. 13, 2002): rows whose multiplier has the wrong sign leave, violated ones enter.
 ///
-/// `guess` holds the side at which each row is active, +1 upper, -1 lower, 0 neither. None when the
-/// exchange does not settle.
+/// `guess` holds the side at which each row is active: +1 upper, -1 lower, 0 neither. None if the exchanges do not
+/// settle.
 pub fn exchanged(
     factor: &ArrowFactor,
     q: &[f64],
@@ -272,8 +271,8 @@ pub fn exchanged(
     None
 }
 
-/// The solution with the rows active at these sides as equations. Rows that depend on others, as where two
-/// runs are the same, are left out: their sides become zero.
+/// The solution with the rows active at these sides as equations. Linearly dependent rows, as of two identical runs,
+/// are dropped: their sides become zero.
 fn with_active(factor: &ArrowFactor, q: &[f64], rows: &[Row], sides: &mut [f64]) -> ConvexSolution {
     let mut solution = free(factor, q);
     let all: Vec<usize> = (0..rows.len()).filter(|&i| sides[i] != 0.0).collect();
@@ -282,7 +281,7 @@ fn with_active(factor: &ArrowFactor, q: &[f64], rows: &[Row], sides: &mut [f64])
         .iter()
         .map(|&i| factor.solved(&rows[i].entries, q.len()))
         .collect();
-    // Of the Schur complement aᵢᵀ H⁻¹ aⱼ
+    // Schur complement aᵢᵀ H⁻¹ aⱼ
     let (kept, schur) = independent_cholesky(all.len(), |i, j| rows[all[i]].value(&columns[j]));
     let outside = |k: &usize| {
         let (row, side) = (&rows[all[*k]], sides[all[*k]]);
@@ -324,7 +323,7 @@ pub mod tests {
         arrow
     }
 
-    /// Nothing is above 1 with parts below 1/4 and 1/2: the row that costs least is violated, by 1/4.
+    /// No point with a sum above 1 has parts below 1/4 and 1/2: the row with the least cost is violated, by 1/4.
     #[test]
     fn inconsistent_rows_are_violated_as_little_as_can_be() {
         let arrow = matrix(&[2.0, 4.0]);
@@ -339,7 +338,7 @@ pub mod tests {
         assert!((solution.x[0] - 0.25).abs() < 1e-3 && (solution.x[1] - 0.5).abs() < 1e-3);
     }
 
-    /// Three runs that are the same have the same row.
+    /// Three identical runs have the same row.
     #[test]
     fn equal_rows_are_one() {
         let arrow = matrix(&[2.0, 4.0]);
@@ -365,7 +364,7 @@ pub mod tests {
         assert!((solution.x[0] - 1.0).abs() < 1e-14 && (solution.x[1] - 1.0).abs() < 1e-14);
         assert!((solution.y[0] - 3.0).abs() < 1e-13, "{solution:?}");
         assert!(held(&rows, &sides, &solution));
-        // Not along the other row, and not where the row is left: with y's pull turned round.
+        // Not along the other row, and not if the row becomes inactive, with the linear term of y reversed.
         assert!(Convex::held(arrow, &[row(&[1.0, 0.0], -INF, 1.0)]).is_none());
         let mut q = [-2.0, 3.0];
         convex.shift(&rows, &sides, &mut q);

@@ -1,4 +1,4 @@
-//! The reduced Hessian: an arrowhead of shared parameters and each run's free initial states.
+//! The reduced Hessian: an arrowhead matrix of shared parameters and the free initial states of each run.
 //!
 //! ```text
 //! | Θ    C_1  C_2 ... |   θ: p
@@ -15,7 +15,7 @@ pub struct Arrow {
     pub p: usize,
     /// `Θ`, p × p.
     pub theta: Vec<f64>,
-    /// One block pair for each run.
+    /// The blocks of each run.
     pub runs: Vec<ArrowRun>,
 }
 
@@ -45,7 +45,7 @@ impl Arrow {
         }
     }
 
-    /// Sets run `j`'s blocks, and adds to `Θ`, from the run's local matrix over `[θ; free states]`.
+    /// Sets the blocks of run `j`, and adds to `Θ`, from the run's local matrix over `[θ; free states]`.
     pub fn set_run(&mut self, j: usize, local: &[f64]) {
         let (p, run) = (self.p, &mut self.runs[j]);
         let r = p + run.n;
@@ -76,7 +76,7 @@ impl Arrow {
         }
     }
 
-    /// Adds `factor aaᵀ`, where `a` has entries for θ and the free initial states of one run at most.
+    /// Adds `factor aaᵀ`, where `a` has entries for θ and the free initial states of at most one run.
     pub fn add_square(&mut self, run: Option<usize>, entries: &[(usize, f64)], factor: f64) {
         let p = self.p;
         let mut theta = vec![0.0; p];
@@ -100,7 +100,7 @@ impl Arrow {
         of(&self.theta, self.p).into_iter().chain(runs).collect()
     }
 
-    /// Cholesky by the Schur complement on θ; None when not positive definite.
+    /// Cholesky factorisation by the Schur complement on θ; None if not positive definite.
     pub fn factor(&self) -> Option<ArrowFactor> {
         let p = self.p;
         let mut schur = self.theta.clone();
@@ -174,7 +174,7 @@ impl ArrowFactor {
     /// Solves in place.
     pub fn solve(&self, b: &mut [f64]) {
         let (theta, rest) = b.split_at_mut(self.p);
-        // Runs without free initial states have no part; there may be hundreds.
+        // Runs without free initial states contribute nothing; there may be hundreds of them.
         let with_states = || self.runs.iter().filter(|(n, ..)| *n > 0);
         if rest.is_empty() {
             cholesky_solve(&self.schur, self.p, theta);

@@ -1,5 +1,5 @@
-//! Sweeps along several runs at once, one in each lane: a step from element to element has to wait for the
-//! one before, and is too short for vectors of its own.
+//! Sweeps along several runs at once, one in each SIMD lane: the step from one element to the next depends on the
+//! previous one and is too short for vectorisation.
 
 use super::elements::ElementJacobians;
 use super::run::RunSweep;
@@ -9,20 +9,20 @@ use crate::Collocation;
 use crate::simd::{self, Kernel, LANES, Task, side_by_side};
 use std::ops::Range;
 
-/// Some runs with the same kinds of elements, [`LANES`] at most.
+/// Up to [`LANES`] runs with the same kinds of elements.
 #[derive(Debug)]
 pub struct Batch<'a> {
     /// The problem.
     pub problem: &'a Collocation,
-    /// What its elements share.
+    /// The element Jacobians.
     pub jacobians: &'a ElementJacobians,
-    /// The first run's number.
+    /// Index of the first run.
     pub first: usize,
     /// The runs.
     pub runs: &'a mut [RunSweep],
 }
 
-/// Batchs of a problem's runs, each with the items of its own runs.
+/// The batches of a problem's runs, each with the items that belong to its runs.
 pub fn with_items<'a, T>(
     batches: Vec<Batch<'a>>,
     mut rest: &'a mut [T],
@@ -35,8 +35,8 @@ pub fn with_items<'a, T>(
 }
 
 impl Batch<'_> {
-    /// Forward sweep for the sensitivities `S`, whose last column holds the offsets that remove the
-    /// constraint values `c` (of all runs). Of two runs at once.
+    /// Forward sweep for the sensitivities `S`, two runs at a time. The last column of `S` holds the offsets that
+    /// remove the constraint values `c` (of all runs).
     pub fn sensitivities(&mut self, c: &[f64]) {
         for part in self.parts() {
             for first in part.clone().step_by(2) {
@@ -50,8 +50,8 @@ impl Batch<'_> {
         }
     }
 
-    /// Forward sweep that adds to the step `d` of each run's unknowns what removes the constraint values `c`
-    /// (of all runs).
+    /// Forward sweep that adds to the step `d` of each run's unknowns the correction that removes the constraint values
+    /// `c` (of all runs).
     pub fn correct(&mut self, c: &[f64], d: &mut [&mut [f64]]) {
         for part in self.parts() {
             simd::vectorised(Correct {
@@ -62,8 +62,8 @@ impl Batch<'_> {
         }
     }
 
-    /// Backward over the elements: the multipliers `lambda` of each run's equalities from the derivatives
-    /// `right` of the rest of the Lagrangian's model by the unknowns.
+    /// Backward sweep: the multipliers `lambda` of the equalities of each run, from the derivatives `right` of the
+    /// remaining model of the Lagrangian with respect to the unknowns.
     pub fn multipliers(&mut self, lambda: &mut [&mut [f64]]) {
         for part in self.parts() {
             simd::vectorised(Multipliers {
@@ -73,7 +73,7 @@ impl Batch<'_> {
         }
     }
 
-    /// Elements with an order of their own stand beside no others.
+    /// Ranges of runs that are processed together; a run with special elimination orders is processed alone.
     fn parts(&self) -> impl Iterator<Item = Range<usize>> + use<> {
         let count = self.runs.len();
         let together = self.runs.iter().all(|run| run.special.is_empty());
@@ -90,7 +90,7 @@ impl Batch<'_> {
         }
     }
 
-    /// The run in each lane; those beyond repeat the last.
+    /// The run in each lane; excess lanes repeat the last run.
     #[inline(always)]
     fn members(&self) -> [usize; LANES] {
         simd::group(0, LANES, self.runs.len()).0
@@ -115,7 +115,7 @@ impl Batch<'_> {
     }
 }
 
-/// [`Batch::sensitivities`] of `B` runs.
+/// The task of [`Batch::sensitivities`] for `B` runs.
 struct Sensitivities<'a, const B: usize> {
     own: Batch<'a>,
     c: &'a [f64],
@@ -129,7 +129,7 @@ impl<const B: usize> Kernel for Sensitivities<'_, B> {
         let Self { own, c } = self;
         let (n, p, r) = (own.runs[0].n, own.runs[0].p, own.runs[0].r());
         let members: [usize; B] = std::array::from_fn(|k| k);
-        // The element's rows, and those of the one before: their last are where it begins.
+        // Rows of the element and of the previous one, whose last rows are the start of this element.
         let size = own.runs[0].work.lanes.len().max(n);
         let (mut work, mut before) = (vec![[[0.0; W]; B]; size], vec![[[0.0; W]; B]; size]);
         let at = &mut before[..n];
@@ -198,7 +198,7 @@ impl<const B: usize> Kernel for Sensitivities<'_, B> {
 #[derive(Debug, Clone, Copy)]
 struct Extent<const W: usize> {
     largest: [f64; W],
-    /// Zero times infinity or NaN is NaN.
+    /// Sum of zeros, or NaN: zero times infinity or NaN is NaN.
     zeros: [f64; W],
 }
 
@@ -225,14 +225,14 @@ impl<const W: usize> Extent<W> {
         }
     }
 
-    /// The largest in the first `r` columns, and whether all are finite.
+    /// The largest magnitude in the first `r` columns, and whether all values are finite.
     fn of(&self, r: usize) -> (f64, bool) {
         let growth = self.largest[..r].iter().copied().fold(0.0, f64::max);
         (growth, self.zeros.iter().all(|zero| *zero == 0.0))
     }
 }
 
-/// [`Batch::correct`].
+/// The task of [`Batch::correct`].
 struct Correct<'a, 'b> {
     own: Batch<'a>,
     c: &'a [f64],
@@ -276,7 +276,7 @@ impl Task for Correct<'_, '_> {
     }
 }
 
-/// [`Batch::multipliers`].
+/// The task of [`Batch::multipliers`].
 struct Multipliers<'a, 'b> {
     own: Batch<'a>,
     lambda: &'a mut [&'b mut [f64]],
@@ -290,7 +290,7 @@ impl Task for Multipliers<'_, '_> {
         let Self { own, lambda } = self;
         let (n, members) = (own.runs[0].n, own.members());
         let right = members.map(|k| own.runs[k].right.as_slice());
-        // By the states where the elements that are done begin.
+        // Derivatives with respect to the states at the start of the elements processed so far.
         let mut at = vec![[0.0; LANES]; n];
         side_by_side(right.map(|right| &right[right.len() - n..]), &mut at[..n]);
         let size = own.runs[0].work.lanes.len();

@@ -1,10 +1,10 @@
 //! The second-order condition on the reduced variables: parameters and free initial states.
 //!
-//! Where they are many (hundreds of runs with free initial states), the arrowhead is kept: with a large
-//! multiple of `aaᵀ` for every active row `a`, which lies within the arrowhead, it has a Cholesky factor
-//! exactly when it is positive definite in the null space of the rows (Finsler), and inverse iteration
-//! with that factor finds the smallest eigenvalue (Golub & Van Loan, *Matrix Computations*, 4th ed.,
-//! section 8.2). Weakly active rows count as active ones there.
+//! With many reduced variables (hundreds of runs with free initial states), the arrowhead structure is kept. A large
+//! multiple of `aaᵀ` is added for every active row `a`, which preserves the structure. The resulting matrix has a
+//! Cholesky factor exactly if it is positive definite in the null space of the rows (Finsler), and inverse iteration
+//! with that factor finds the smallest eigenvalue (Golub & Van Loan, *Matrix Computations*, 4th ed., section 8.2).
+//! Weakly active rows are then treated as strongly active.
 
 use super::Condensed;
 use super::active::RowAt;
@@ -16,7 +16,7 @@ use pilotage_sqp::convex::ConvexSolution;
 use pilotage_sqp::curvature::{Activity, Cone, Curvature, activities, unit};
 use pilotage_sqp::{Iterate, Problem, Step};
 
-/// Reduced variables up to which all eigenvalues are computed.
+/// Maximum number of reduced variables for which all eigenvalues are computed.
 const FEW: usize = 200;
 
 impl Condensed {
@@ -61,7 +61,7 @@ impl Condensed {
             .collect()
     }
 
-    /// A direction in all variables that keeps the linearised defects, from one in the reduced ones.
+    /// A direction in all variables that satisfies the linearised defects, from one in the reduced variables.
     fn all_variables(&mut self, problem: &Collocation, rho: &[f64]) -> Vec<f64> {
         self.expand(problem, rho, 0.0);
         let mut step = Step::default();
@@ -78,21 +78,21 @@ impl Condensed {
 /// An active inequality.
 #[derive(Debug, Clone)]
 pub(super) struct ActiveRow {
-    /// Which inequality.
+    /// The inequality that is active.
     pub at: RowAt,
     activity: Activity,
-    /// Column and coefficient.
+    /// Pairs of column and coefficient.
     pub entries: Vec<(usize, f64)>,
 }
 
 impl ActiveRow {
-    /// Whether its value must not change.
+    /// True if its value must not change.
     pub fn is_held(&self) -> bool {
         self.activity == Activity::Strong
     }
 }
 
-/// By the eigenvalues of the dense matrix.
+/// Smallest curvature from the eigenvalues of the dense matrix.
 fn among_few(arrow: &Arrow, rows: &[ActiveRow]) -> Option<Curvature> {
     let n = arrow.size();
     let mut hessian = DMatrix::zeros(n, n);
@@ -111,12 +111,12 @@ fn among_few(arrow: &Arrow, rows: &[ActiveRow]) -> Option<Curvature> {
 
 /// Multiple of `aaᵀ`, relative to the matrix.
 const PENALTY: f64 = 1e6;
-/// First shift of a matrix that is not positive definite, relative to it: within rounding.
+/// Initial shift of a matrix that is not positive definite, relative to the matrix: within rounding.
 const FIRST_SHIFT: f64 = 1e-10;
-/// Steps of inverse iteration.
+/// Number of steps of inverse iteration.
 const STEPS: usize = 60;
 
-/// By factors of the arrowhead.
+/// Smallest curvature from factors of the arrowhead.
 fn among_many(arrow: &Arrow, rows: &[ActiveRow]) -> Option<Curvature> {
     let (mut held, units) = with_unit_diagonal(arrow);
     let square = |(i, j, v): (usize, usize, f64)| if i == j { v * v } else { 2.0 * v * v };
@@ -226,7 +226,7 @@ mod tests {
             prop_assume!(!few.direction.is_empty());
             let many = among_many(&arrow, &rows).unwrap();
             prop_assert_eq!(few.is_negative(), many.is_negative());
-            // The eigenvalue is met closely where it stands apart from the next; always from above.
+            // The eigenvalue is accurate if it is well separated from the next one; the error is always from above.
             prop_assert!(many.along >= few.along - 1e-4, "{:?} {:?}", few, many);
             prop_assert!(many.along <= few.along + 0.2 * (1.0 + lift), "{:?} {:?}", few, many);
         }

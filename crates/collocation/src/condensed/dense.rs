@@ -1,6 +1,6 @@
-//! Small dense kernels on row-major slices, sized at run time and free of allocation.
+//! Small dense kernels on row-major slices, sized at run time and without allocation.
 
-/// Pivots that are smaller than this, relative to their diagonal, are rounding: those of equal rows are.
+/// Relative size below which pivots count as rounding, as for equal rows.
 const RANK: f64 = 1e-14;
 
 /// `y += a x`.
@@ -17,9 +17,9 @@ pub fn dot(x: &[f64], y: &[f64]) -> f64 {
     x.iter().zip(y).map(|(x, y)| x * y).sum()
 }
 
-/// Cholesky factorisation in place, lower triangle, `n × n`; false when not positive definite.
+/// In-place Cholesky factorisation of the lower triangle, `n × n`; false if not positive definite.
 pub fn cholesky(a: &mut [f64], n: usize) -> bool {
-    // A pivot that is rounding beside the diagonal it came from is not positive.
+    // A pivot within rounding of the original diagonal does not count as positive.
     let largest = (0..n).fold(0.0_f64, |m, i| m.max(a[i * n + i].abs()));
     for k in 0..n {
         let mut pivot = a[k * n + k];
@@ -40,9 +40,8 @@ pub fn cholesky(a: &mut [f64], n: usize) -> bool {
     true
 }
 
-/// Cholesky factorisation of the rows and columns of a positive semidefinite `n × n` matrix that do not
-/// depend on those before them: which these are, and their factor.
-/// Few entries of a matrix of low rank are asked for.
+/// Cholesky factorisation of the linearly independent rows and columns of a positive semidefinite `n × n` matrix.
+/// Returns their indices and their factor. For a matrix of low rank, few entries are evaluated.
 pub fn independent_cholesky(
     n: usize,
     entry: impl Fn(usize, usize) -> f64,

@@ -1,23 +1,21 @@
-//! The active set of the reduced QP by a dual method, which begins without rows and takes the most violated one
-//! at a time (Goldfarb & Idnani, *A numerically stable dual method for solving strictly convex quadratic
-//! programs*, Math. Program. 27, 1983).
+//! The active set of the reduced QP by a dual method, which starts without rows and adds the most violated row in each
+//! step (Goldfarb & Idnani, *A numerically stable dual method for solving strictly convex quadratic programs*, Math.
+//! Program. 27, 1983).
 
 use super::active::{Row, free};
 use super::arrow::ArrowFactor;
 use super::dense::{axpy, cholesky_solve, independent_cholesky};
 use pilotage_sqp::QpFailure;
 
-/// Steps for each row before the method gives up.
+/// Maximum number of steps per row.
 const MAX_STEPS: usize = 10;
-/// A row whose part that does not depend on the active ones is smaller than this, squared and relative, depends
-/// on them.
+/// A row counts as dependent on the active ones if its independent part, squared and relative, is smaller than this.
 const DEPENDENT: f64 = 1e-12;
 
 /// The sides at which rows are active: +1 upper, -1 lower, 0 neither.
 ///
 /// # Errors
-/// [`QpFailure::Infeasible`] where the rows are inconsistent, [`QpFailure::NoSolution`] where the method
-/// gives up.
+/// [`QpFailure::Infeasible`] if the rows are inconsistent, [`QpFailure::NoSolution`] if the method does not finish.
 pub fn active_set(factor: &ArrowFactor, q: &[f64], rows: &[Row]) -> Result<Vec<f64>, QpFailure> {
     let mut state = State {
         factor,
@@ -38,31 +36,31 @@ pub fn active_set(factor: &ArrowFactor, q: &[f64], rows: &[Row]) -> Result<Vec<f
     Err(QpFailure::NoSolution)
 }
 
-/// A row that is active, or on its way to be.
+/// A row that is active or being added.
 #[derive(Debug, Clone, Copy)]
 struct Active {
     row: usize,
     side: f64,
-    /// Not negative.
+    /// Nonnegative.
     multiplier: f64,
 }
 
-/// The minimum with the active rows as equations, but for the one that enters.
+/// The minimum with the active rows as equations, except for the row being added.
 struct State<'a> {
     factor: &'a ArrowFactor,
     rows: &'a [Row],
     x: Vec<f64>,
-    /// `H⁻¹ a` of the rows that were needed.
+    /// `H⁻¹ a` of the rows used so far.
     columns: Vec<Vec<f64>>,
     active: Vec<Active>,
 }
 
 impl State<'_> {
-    /// Raises the new row's multiplier until the row holds, or until another row must leave first: then the
-    /// new one is returned and enters further.
+    /// Raises the multiplier of the new row until the row holds, or until another row must leave first. In the latter
+    /// case, the new row is returned, to be continued.
     ///
     /// # Errors
-    /// [`QpFailure::Infeasible`] where neither happens; as [`Self::directions`].
+    /// [`QpFailure::Infeasible`] if neither happens; otherwise as [`Self::directions`].
     fn step(&mut self, new: Active) -> Result<Option<Active>, QpFailure> {
         let (fall, back) = self.directions(new)?;
         let may_leave = |own: &Active| !self.rows[own.row].is_equation();
@@ -96,11 +94,11 @@ impl State<'_> {
         }
     }
 
-    /// How fast the active rows' multipliers fall as the new one's grows, and how fast the variables move back
-    /// from its limit.
+    /// Rates at which the multipliers of the active rows decrease as the new one grows, and at which the variables move
+    /// back from its limit.
     ///
     /// # Errors
-    /// [`QpFailure::NoSolution`] where the active rows depend on each other.
+    /// [`QpFailure::NoSolution`] if the active rows are linearly dependent.
     fn directions(&mut self, new: Active) -> Result<(Vec<f64>, Vec<f64>), QpFailure> {
         let Self {
             factor,
@@ -125,13 +123,13 @@ impl State<'_> {
         let mut back: Vec<f64> = columns[new.row].iter().map(|v| new.side * v).collect();
         for (own, fall) in active.iter().zip(&mut fall) {
             axpy(-*fall, &columns[own.row], &mut back);
-            // That was the multiplier's fall in the row's own direction.
+            // So far this was the decrease of the multiplier in the direction of the row itself.
             *fall *= own.side;
         }
         Ok((fall, back))
     }
 
-    /// Length at which the new row holds; infinite where it depends on the active ones.
+    /// Step length at which the new row holds; infinite if it depends on the active ones.
     fn full_length(&self, new: Active, back: &[f64]) -> f64 {
         let row = &self.rows[new.row];
         let slope = new.side * row.value(back);
@@ -142,7 +140,7 @@ impl State<'_> {
         }
     }
 
-    /// The row that is not active and violated most beyond rounding.
+    /// The inactive row with the largest violation beyond rounding.
     fn most_violated(&self) -> Option<Active> {
         let outside = self.rows.iter().enumerate().filter_map(|(k, row)| {
             let excess = row.excess(row.value(&self.x));
@@ -167,7 +165,7 @@ mod tests {
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
 
-    /// Rows on both sides that exclude each other.
+    /// Mutually exclusive rows.
     #[test]
     fn inconsistent_rows_have_no_active_set() {
         let factor = matrix(&[2.0, 4.0]).factor().unwrap();
@@ -188,7 +186,7 @@ mod tests {
             ..ProptestConfig::default()
         })]
 
-        /// The dual method's active set has the solution that clarabel finds; one row in five is an equation.
+        /// The active set of the dual method gives the solution of clarabel; one row in five is an equation.
         #[test]
         fn the_dual_method_agrees_with_clarabel(
             n in 1_usize..7,

@@ -1,5 +1,5 @@
-//! The linearised defects of an element as sparse matrices, whose patterns are found once for all elements
-//! with one tableau.
+//! The linearised defects of an element as sparse matrices. Their patterns are determined once for all elements with
+//! the same tableau.
 //!
 //! With `δY_i = Σ_j P_ij δV_j` the defects of an element of length `h` are
 //!
@@ -8,7 +8,7 @@
 //! K_0 = E_0 ⊗ I - h Σ_i A_i P_i0 J_i,   M likewise,   B = -h Σ_i A_i ∂f/∂θ(Y_i)
 //! ```
 //!
-//! Every entry is a constant, less `h` times a sum of entries of the points' Jacobians.
+//! Every entry is a constant minus `h` times a sum of entries of the Jacobians at the points.
 
 use super::sparse_lu::{Symbolic, gathered, take};
 use crate::grid::{Element, Grid};
@@ -22,9 +22,9 @@ use std::sync::Arc;
 pub struct Shape<'a> {
     /// Number of states.
     pub n: usize,
-    /// Entries `(row, column)` of `J`, then of `∂f/∂θ` with columns from `n`.
+    /// Entries `(row, column)` of `J`, then of `∂f/∂θ` with columns starting at `n`.
     pub entries: &'a [(usize, usize)],
-    /// For each entry, whether it has one value at all points.
+    /// True for entries with the same value at all points.
     pub shared: &'a [bool],
 }
 
@@ -37,12 +37,12 @@ pub struct ElementJacobian {
     m: Pattern,
     k0: Pattern,
     b: Pattern,
-    /// `K_0` and `B` of the elements.
+    /// Assembly of `K_0` and `B`.
     pub start: Assembly,
     pub parameters: Assembly,
 }
 
-/// Places of a matrix that may be other than zero, row by row, and what adds up there.
+/// Structurally nonzero positions of a matrix, row by row, and the terms of their values.
 #[derive(Debug, Clone, Default)]
 struct Pattern {
     places: Vec<Place>,
@@ -53,10 +53,10 @@ struct Pattern {
 /// Row and column.
 type Place = (u32, u32);
 
-/// Point, entry of its Jacobian and factor, at a place.
+/// Position, and the point, Jacobian entry and factor of its term.
 type Stamped = (Place, (usize, usize, f64));
 
-/// `-h · factor · J(point)` of one entry of the Jacobian, at a place.
+/// The term `-h · factor · J(point)` of one Jacobian entry at a position.
 #[derive(Debug, Clone, Copy)]
 struct Stamp {
     target: u32,
@@ -65,8 +65,8 @@ struct Stamp {
     factor: f64,
 }
 
-/// How the entries of a matrix are formed for a group of elements: `constant + h · slope` with what all
-/// points share, and stamps of the rest.
+/// Assembly of a matrix for a group of elements: `constant + h · slope` for the entries that all points share, and
+/// stamps for the others.
 #[derive(Debug, Clone, Default)]
 pub struct Assembly {
     constant: Vec<f64>,
@@ -75,18 +75,18 @@ pub struct Assembly {
     own: Vec<Stamp>,
 }
 
-/// The order in which a [`ElementJacobian`]'s `M` is factored.
+/// Elimination order for the `M` of an [`ElementJacobian`].
 #[derive(Debug, Clone, Default)]
 pub struct Order {
-    /// Order and pattern of the factors.
+    /// Elimination order and pattern of the factors.
     pub symbolic: Symbolic,
-    /// Places of the pattern of `M` in the factors.
+    /// Positions of the pattern of `M` in the factors.
     places: Vec<u32>,
     assembly: Assembly,
 }
 
 impl Pattern {
-    /// From constants and Jacobian entries, each with its place: point, entry, factor.
+    /// From constants and Jacobian entries (point, entry, factor), each with its position.
     fn new(constants: &[(Place, f64)], stamps: &[Stamped]) -> Self {
         let all = constants.iter().map(|c| c.0);
         let mut places: Vec<Place> = all.chain(stamps.iter().map(|s| s.0)).collect();
@@ -108,8 +108,8 @@ impl Pattern {
         }
     }
 
-    /// The same with the places of a row apart from each other: operations on them one after the other
-    /// then need not wait for each other.
+    /// The same pattern with the positions of a row separated, so that consecutive operations do not depend on each
+    /// other.
     fn spread(mut self) -> Self {
         let mut met = BTreeMap::new();
         let mut turn = |row: u32| {
@@ -131,7 +131,7 @@ impl Pattern {
         self
     }
 
-    /// The assembly with the pattern's places in this order among `size`; None for their own.
+    /// The assembly with the positions of the pattern mapped to `order` among `size`; None keeps their own.
     fn assembly(&self, shared: &[bool], order: Option<(&[u32], usize)>) -> Assembly {
         let at = |k: usize| order.map_or(k, |(places, _)| places[k] as usize);
         let size = order.map_or(self.places.len(), |(_, size)| size);
@@ -153,7 +153,7 @@ impl Pattern {
 }
 
 impl Assembly {
-    /// Takes the shared entries from the Jacobian at any point.
+    /// Updates the shared entries from the Jacobian at any point.
     fn refresh(&mut self, jacobian: &[f64]) {
         self.slope.fill(0.0);
         for stamp in &self.shared {
@@ -167,7 +167,7 @@ impl Assembly {
         self.constant.len()
     }
 
-    /// Forms the entries for a group of elements.
+    /// Computes the entries for a group of elements.
     #[inline(always)]
     fn fill(&self, at: &Group<'_>, out: &mut [Lanes]) {
         let values = self.constant.iter().zip(&self.slope);
@@ -208,14 +208,14 @@ impl ElementJacobian {
         self.n * self.tableau.unknowns()
     }
 
-    /// Takes the Jacobian's entries that all points share, for the matrices and for `order`.
+    /// Updates the entries that all points share, for the matrices and for `order`.
     pub fn refresh(&mut self, order: &mut Order, jacobian: &[f64]) {
         self.start.refresh(jacobian);
         self.parameters.refresh(jacobian);
         order.assembly.refresh(jacobian);
     }
 
-    /// The values of `M` at its pattern, for one element of a group.
+    /// The values of `M` on its pattern, for one element of a group.
     fn matrix(&self, at: &Group<'_>, lane: usize, shared: &[bool]) -> Vec<f64> {
         let mut assembly = self.m.assembly(shared, None);
         assembly.refresh(&at.jacobian(lane));
@@ -224,7 +224,7 @@ impl ElementJacobian {
         out.iter().map(|v| v[lane]).collect()
     }
 
-    /// The order of elimination for an element of a group; None when its `M` is singular.
+    /// The elimination order for an element of a group; None if its `M` is singular.
     pub fn order(&self, at: &Group<'_>, lane: usize, shared: &[bool]) -> Option<Order> {
         let values = self.matrix(at, lane, shared);
         let entries = self.m.places.iter().zip(&values);
@@ -241,8 +241,8 @@ impl ElementJacobian {
         })
     }
 
-    /// Factors one element's `M` in an order of its own; the factors stand in the first lane. None when
-    /// it is singular.
+    /// Factors the `M` of one element with a separate elimination order; the factors are in the first lane. None if it
+    /// is singular.
     pub fn factor_alone(
         &self,
         at: &Group<'_>,
@@ -259,7 +259,7 @@ impl ElementJacobian {
         regular[0].then_some((order.symbolic, lu))
     }
 
-    /// Forms `M` in the order's places, `K_0` and `B` for a group of elements.
+    /// Computes `M` in the positions of the order, `K_0` and `B` for a group of elements.
     #[inline(always)]
     pub fn fill(
         &self,
@@ -272,8 +272,7 @@ impl ElementJacobian {
         self.parameters.fill(at, b);
     }
 
-    /// Adds `-K_0 from` to right-hand sides of `B` runs whose rows are at these slots, with one lane of
-    /// their `K_0`.
+    /// Adds `-K_0 from` to right-hand sides of `B` runs, whose rows are at these slots, using one lane of their `K_0`.
     #[inline(always)]
     pub fn start<const B: usize, const W: usize>(
         &self,
@@ -292,7 +291,7 @@ impl ElementJacobian {
         }
     }
 
-    /// The same for one right-hand side of several runs, with their `K_0`.
+    /// The same for one right-hand side of several runs.
     #[inline(always)]
     pub fn start_together(
         &self,
@@ -306,7 +305,7 @@ impl ElementJacobian {
         }
     }
 
-    /// `out += K_0ᵀ λ` of several runs.
+    /// `out += K_0ᵀ λ` for several runs.
     #[inline(always)]
     pub fn start_transposed(
         &self,
@@ -320,7 +319,7 @@ impl ElementJacobian {
         }
     }
 
-    /// Adds `-B`, whose columns are the first `p`, to right-hand sides whose rows are at these slots.
+    /// Adds `-B`, which occupies the first `p` columns, to right-hand sides whose rows are at these slots.
     #[inline(always)]
     pub fn parameters<const B: usize, const W: usize>(
         &self,
@@ -373,7 +372,7 @@ fn patterns(tableau: &Tableau, shape: Shape<'_>) -> [Pattern; 3] {
     ]
 }
 
-/// Which matrix an element's unknown belongs to (0: `M`, 1: `K_0`), and its first column there.
+/// The matrix to which an element's unknown belongs (0: `M`, 1: `K_0`), and its first column there.
 fn block(unknown: usize, n: usize) -> (usize, usize) {
     match unknown.checked_sub(1) {
         Some(k) => (0, k * n),
@@ -381,7 +380,7 @@ fn block(unknown: usize, n: usize) -> (usize, usize) {
     }
 }
 
-/// Weights of a point over the element's unknowns.
+/// Weights of the element's unknowns at a point.
 fn weights(value: &Value) -> Vec<(usize, f64)> {
     match value {
         Value::Unknown(j) => vec![(*j, 1.0)],
@@ -389,17 +388,17 @@ fn weights(value: &Value) -> Vec<(usize, f64)> {
     }
 }
 
-/// A group of elements of one run: lengths, and where the Jacobians at their points begin.
+/// A group of elements of one run: their lengths, and the positions of the Jacobians at their points.
 #[derive(Debug)]
 pub struct Group<'a> {
     h: Lanes,
-    /// Where the Jacobian of each point of the tableau begins.
+    /// Start of the Jacobian at each point of the tableau.
     points: &'a [[usize; LANES]],
     jacobians: &'a Grouped,
 }
 
 impl<'a> Group<'a> {
-    /// Of these elements, from the Jacobians at all points of the run; `points` is scratch.
+    /// The group of these elements, with the Jacobians at all points of the run; `points` is scratch space.
     pub fn new(
         grid: &Grid,
         elements: [&Element; LANES],

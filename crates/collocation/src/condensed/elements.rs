@@ -1,4 +1,4 @@
-//! The kinds of elements of a problem, and the runs that have the same.
+//! The kinds of elements of a problem, and batches of runs with the same kinds.
 
 use super::batch::Batch;
 use super::element::{ElementJacobian, Order, Shape};
@@ -6,7 +6,7 @@ use super::run::RunSweep;
 use crate::Collocation;
 use std::sync::Arc;
 
-/// The elements' operations and orders of elimination: one for each different tableau.
+/// The element Jacobians and elimination orders, one for each distinct tableau.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ElementJacobians {
     pub kinds: Vec<(ElementJacobian, Order)>,
@@ -44,8 +44,8 @@ impl ElementJacobians {
         out
     }
 
-    /// The runs in batches of this size at most: neighbours with the same elements and the same number of
-    /// free initial states.
+    /// The runs in batches of at most this size: adjacent runs with the same elements and the same number of free
+    /// initial states.
     pub fn batches<'a>(
         &'a self,
         problem: &'a Collocation,
@@ -71,8 +71,8 @@ impl ElementJacobians {
         batches
     }
 
-    /// Chooses the order of elimination of each kind where there is none, on its first element, and takes
-    /// what its elements share. False when that element is singular.
+    /// Chooses the missing elimination order of each kind, based on its first element, and updates the shared entries.
+    /// False if that element is singular.
     pub fn order(&mut self, problem: &Collocation, runs: &[RunSweep]) -> bool {
         let mut done = vec![false; self.kinds.len()];
         let mut points = Vec::new();

@@ -1,4 +1,4 @@
-//! Sweeps over a run's points: derivatives, and gradients of the Lagrangian and of its model.
+//! Sweeps over the points of a run: derivatives, and gradients of the Lagrangian and of its quadratic model.
 
 use super::points::{Points, add_at, along, zeros};
 use super::run::{Place, RunSweep};
@@ -9,8 +9,8 @@ use crate::simd::{self, LANES, Lanes, Task, plus, select, side_by_side, times};
 use pilotage_sqp::Hessian;
 
 impl RunSweep {
-    /// Derivatives and residuals at the points, in a reverse sweep that adds their part of `∇L` to
-    /// `lagrangian` and `theta_lagrangian`.
+    /// Derivatives and residuals at the points, in a reverse sweep that adds their contribution to `∇L` to `lagrangian`
+    /// and `theta_lagrangian`.
     pub(super) fn differentiate(
         &mut self,
         at: Place<'_>,
@@ -31,8 +31,9 @@ impl RunSweep {
         });
     }
 
-    /// Takes the residuals of a group of points with these outputs; replaces the outputs by their derivatives of
-    /// the Lagrangian: pulled by the residuals, pushed by the multipliers `eta`.
+    /// Computes the residuals of a group of points from these outputs. Replaces the outputs by the derivatives of the
+    /// Lagrangian with respect to them: from the residuals for measured outputs, from the multipliers `eta` for bounded
+    /// ones.
     #[inline(always)]
     fn weigh(&mut self, at: Place<'_>, points: &Points<'_>, eta: &[f64], outputs: &mut [Lanes]) {
         let count = at.problem.layout.runs[at.j].samples;
@@ -62,14 +63,14 @@ impl RunSweep {
         }
     }
 
-    /// Slope and curvature of a group's losses of a measured output beyond those of squares.
+    /// Difference of slope and curvature between the losses of a measured output and squares, for a group.
     #[inline(always)]
     pub(super) fn beyond(&self, group: usize, k: usize) -> Option<(Lanes, Lanes)> {
         let own = &self.beyond.as_ref()?.group(group)[2 * k..];
         Some((own[0], own[1]))
     }
 
-    /// Derivatives of the objective by a measured output at a group of points.
+    /// Derivatives of the objective with respect to a measured output at a group of points.
     #[inline(always)]
     pub(super) fn pull(&self, group: usize, k: usize) -> Lanes {
         let (weight, residual) = (self.weight.group(group)[k], self.residual.group(group)[k]);
@@ -89,7 +90,7 @@ impl RunSweep {
         pull_back(entries, jacobian, |l| weights.map(|w| w[l]), out);
     }
 
-    /// Writes a group of points' `g + W [δx; δθ]` into `out` (the first n + p).
+    /// Writes `g + W [δx; δθ]` of a group of points into `out` (the first n + p).
     #[inline(always)]
     pub(super) fn model_gradient(
         &self,
@@ -127,8 +128,8 @@ impl RunSweep {
         }
     }
 
-    /// Writes the derivatives of the Lagrangian's model at the last expanded step, but for the defects'
-    /// part, into `right`; returns the parts of `∇fᵀd` and `dᵀHd`.
+    /// Writes the derivatives of the model of the Lagrangian at the last expanded step, without the contribution of the
+    /// defects, into `right`. Returns the contributions to `∇fᵀd` and `dᵀHd`.
     pub fn step_gradient(
         &mut self,
         at: Place<'_>,
@@ -157,7 +158,7 @@ impl RunSweep {
     }
 }
 
-/// [`RunSweep::differentiate`], given the states of combinations.
+/// The task of [`RunSweep::differentiate`], given the states of combinations.
 struct Differentiate<'a> {
     own: &'a mut RunSweep,
     at: Place<'a>,
@@ -223,7 +224,7 @@ impl Task for Differentiate<'_> {
     }
 }
 
-/// [`RunSweep::step_gradient`], added to zeros.
+/// The task of [`RunSweep::step_gradient`], added to zeros.
 struct StepGradient<'a> {
     own: &'a mut RunSweep,
     at: Place<'a>,
@@ -270,7 +271,7 @@ impl Task for StepGradient<'_> {
             }
             for lane in 0..points.count {
                 slope += along_gradient[lane];
-                // The objective's gradient is among them, and no part of the Hessian.
+                // These include the gradient of the objective, which is not part of the Hessian.
                 curvature += sum[lane] - along_gradient[lane];
             }
             for (k, eta) in eta.chunks_exact(samples).enumerate() {

@@ -1,13 +1,13 @@
-//! The QP of a collocation problem by elimination of its states: the fast path of the SQP.
+//! Condensing of the QP of a collocation problem: the states are eliminated. This is the fast path of the SQP.
 //!
-//! Forward, each run's defects give every node's step as `δX_k = S_k ρ + e_k`, with `ρ` the shared
-//! parameters and the run's free initial states. What remains is a QP of a few dozen variables whose
-//! Hessian is an arrowhead ([`arrow`]); of the inequalities only those that the step would violate
-//! enter it, and active set methods solve it; clarabel does where the rows are inconsistent. Where it is not
-//! convex, it may be so where the rows of the last QP are active; a solution counts if they are active in it too.
-//! Backward, an adjoint sweep gives the multipliers of all defects. The step and the multipliers are those
-//! of the full QP: same iterates as [`SparseQp`](pilotage_sqp::SparseQp), at a cost linear in the number of
-//! nodes. A correction of a step is one forward sweep more: ρ stays, and the states follow.
+//! In a forward sweep, the defects of each run express the step of every node as `δX_k = S_k ρ + e_k`, with `ρ` the
+//! shared parameters and the free initial states of the run. The remaining QP has a few dozen variables, and its
+//! Hessian is an arrowhead ([`arrow`]). Only those inequalities enter it that the step would violate. Active set
+//! methods solve it, or clarabel if the rows are inconsistent. A QP that is not convex may still be convex in the null
+//! space of the rows active in the last QP; its solution is valid if they are active in it too. A backward adjoint
+//! sweep gives the multipliers of all defects. The step and the multipliers are those of the full QP: the iterates
+//! equal those of [`SparseQp`](pilotage_sqp::SparseQp), at a cost linear in the number of nodes. A second-order
+//! correction of a step takes one more forward sweep: ρ is kept, and the states follow.
 
 mod active;
 pub mod arrow;
@@ -41,9 +41,9 @@ use run::{Place, RunSweep};
 pub use sensitivity::{Sensitivities, Sensitivity};
 use std::collections::HashSet;
 
-/// Tolerance on a linearised inequality before it enters the QP.
+/// Violation above which a linearised inequality enters the QP.
 const ROW_TOLERANCE: f64 = 1e-12;
-/// Limit on rounds of adding violated inequalities.
+/// Maximum number of rounds of adding violated inequalities.
 const MAX_ROUNDS: usize = 50;
 
 /// Workspace of the condensed QP.
@@ -54,9 +54,9 @@ pub struct Condensed {
     lagrangian: Vec<f64>,
     /// Values of the inequalities.
     g: Vec<f64>,
-    /// The reduced linear terms: with Gauss–Newton, with the exact Hessian.
+    /// The reduced linear terms for the Gauss–Newton and the exact Hessian.
     linear: [Vec<f64>; 2],
-    /// Jacobian of the parameter constraints, one row each, and the Hessian of their sum with η.
+    /// Jacobian of the parameter constraints, one row each, and their Hessians summed with the weights η.
     parameter_rows: Vec<Vec<f64>>,
     parameter_hessian: Vec<f64>,
     gauss_newton: Arrow,
@@ -128,18 +128,18 @@ impl QpSolver<Collocation> for Condensed {
 }
 
 impl Condensed {
-    /// Whether it takes a problem: the parameters and the free initial states of no run are more than its
-    /// rows are wide, 127. [`SparseQp`](pilotage_sqp::SparseQp) takes any.
+    /// True if the problem is supported: the number of parameters and free initial states of each run fits into the
+    /// widest row, at most 127. [`SparseQp`](pilotage_sqp::SparseQp) supports any problem.
     pub fn takes(problem: &Collocation) -> bool {
         let free = |run: &Run| run.initial.iter().filter(|known| known.is_none()).count();
         let most = problem.runs.iter().map(free).max().unwrap_or(0);
         width(problem.n_parameters() + most + 1).is_some()
     }
 
-    /// Eliminates the states, with the values `c` of the equalities, and forms the reduced Hessians. False when
-    /// an element is singular.
+    /// Eliminates the states, with the values `c` of the equalities, and computes the reduced Hessians. False if an
+    /// element is singular.
     fn sweep(&mut self, problem: &Collocation, c: &[f64], exact: bool) -> bool {
-        // Two runs at once, but no thread without work.
+        // Two runs at once, unless that would leave threads without work.
         let threads = rayon::current_num_threads();
         let size = if threads == 1 || self.runs.len() > 4 * threads {
             2
@@ -203,7 +203,7 @@ impl Condensed {
         regular
     }
 
-    /// Step and active inequalities.
+    /// Computes the step and the active inequalities.
     fn solve_reduced(
         &mut self,
         problem: &Collocation,
@@ -279,7 +279,7 @@ impl Condensed {
         self.lagrangian[theta..].fill(0.0);
     }
 
-    /// Jacobian and weighted Hessian of the constraints on θ, and their part of `∇L`.
+    /// Jacobian and weighted Hessian of the constraints on θ, and their contribution to `∇L`.
     fn linearise_parameters(&mut self, problem: &Collocation, at: &Iterate) {
         let (p, theta) = (problem.n_parameters(), problem.theta(&at.z));
         let eta = &at.eta[problem.layout.parameter_constraints..];
@@ -299,7 +299,7 @@ impl Condensed {
         }
     }
 
-    /// Each run with its part of the reduced variables.
+    /// Each run with its reduced variables.
     fn with_local<'a>(&'a mut self, rho: &[f64], p: usize) -> Vec<(&'a mut RunSweep, Vec<f64>)> {
         let mut first = p;
         let local = self.runs.iter_mut().map(|run| {
@@ -316,8 +316,8 @@ impl Condensed {
         parallel::each(&mut work, |_, (run, local)| run.expand(local, offsets));
     }
 
-    /// The inequalities beside `rows` that a step in the reduced variables violates: of each stretch of
-    /// samples at which a bounded output of a run lies outside, the worst.
+    /// The inequalities not in `rows` that a step in the reduced variables violates: for each contiguous range of
+    /// samples at which a bounded output of a run is outside its limits, the one violated most.
     fn violated(&mut self, problem: &Collocation, rho: &[f64], rows: &[Row]) -> Vec<RowAt> {
         let p = problem.n_parameters();
         let (lower, upper) = problem.limits();
@@ -397,8 +397,7 @@ impl Condensed {
         }
     }
 
-    /// The full step from the reduced solution and the expanded unknowns, with the inequalities'
-    /// multipliers.
+    /// The full step from the reduced solution and the expanded unknowns, with the multipliers of the inequalities.
     fn write_primal(
         &self,
         problem: &Collocation,
@@ -422,7 +421,7 @@ impl Condensed {
         step.residual.clear();
     }
 
-    /// Multipliers of the equalities, and curvature, that go with it.
+    /// Computes the multipliers of the equalities and the curvature of the step.
     fn write_dual(
         &mut self,
         problem: &Collocation,
@@ -467,7 +466,7 @@ impl Condensed {
     }
 }
 
-/// The bounded outputs whose limits are equal at some sample: active from the first QP on.
+/// The bounded outputs with equal limits at a sample: active from the first QP on.
 fn equations(problem: &Collocation) -> impl Iterator<Item = RowAt> {
     let (lower, upper) = problem.limits();
     let runs = problem.layout.runs.iter().enumerate();
@@ -479,8 +478,8 @@ fn equations(problem: &Collocation) -> impl Iterator<Item = RowAt> {
         })
 }
 
-/// A vector over all reduced variables from those over each run's: the sum over the `p` parameters, and the
-/// free initial states one run after the other.
+/// A vector over all reduced variables from those of each run: the sum over the `p` parameters, then the free initial
+/// states run by run.
 fn joined<'a>(runs: impl Iterator<Item = &'a [f64]>, p: usize) -> Vec<f64> {
     let mut out = vec![0.0; p];
     for own in runs {

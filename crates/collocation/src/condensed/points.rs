@@ -1,4 +1,4 @@
-//! A run's points, a group of them at once.
+//! The points of a run, in groups that are processed together.
 
 use super::run::RunSweep;
 use crate::grid::{Combination, Grid, PointState, Samples};
@@ -8,7 +8,7 @@ use std::ops::Range;
 /// Gradients over `[x̄; θ̄]`, or steps, at a group of points.
 pub(super) type Gradients = Vec<Lanes>;
 
-/// Gradients that are zero, over `[x̄; θ̄]`.
+/// Zero gradients over `[x̄; θ̄]`.
 pub(super) fn zeros(own: &RunSweep) -> Gradients {
     vec![[0.0; LANES]; own.n + own.p]
 }
@@ -17,9 +17,9 @@ pub(super) fn zeros(own: &RunSweep) -> Gradients {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Points<'a> {
     grid: &'a Grid,
-    /// Which group.
+    /// Index of the group.
     pub number: usize,
-    /// Points; those beyond `count` repeat the last.
+    /// Indices of the points; those beyond `count` repeat the last one.
     pub members: [usize; LANES],
     pub count: usize,
 }
@@ -40,27 +40,27 @@ impl<'a> Points<'a> {
         })
     }
 
-    /// What the points' states are.
+    /// The states of the points.
     #[inline(always)]
     pub fn states_of(&self) -> [&'a PointState; LANES] {
         let grid = self.grid;
         self.members.map(|i| &grid.points[i].state)
     }
 
-    /// The sample of each.
+    /// The sample of each point.
     #[inline(always)]
     pub fn samples_of(&self) -> Samples {
         self.grid.samples(self.members, self.count)
     }
 
-    /// The sample of each, with its lane.
+    /// The sample of each point, with its lane.
     #[inline(always)]
     pub fn samples(&self) -> impl Iterator<Item = (usize, usize)> {
         let own = self.members[..self.count].iter().enumerate();
         own.filter_map(|(lane, i)| Some((lane, self.grid.points[*i].sample? as usize)))
     }
 
-    /// What stands at the points' samples in a list with a number for each sample; zero where there is none.
+    /// The values at the points' samples, from a list with one value per sample; zero if a point has no sample.
     #[inline(always)]
     pub fn of_samples(&self, values: &[f64]) -> Lanes {
         let mut out = [0.0; LANES];
@@ -77,8 +77,8 @@ impl<'a> Points<'a> {
         side_by_side(rows, &mut out[..n]);
     }
 
-    /// Lanes that can be worked on at the same time, in reverse order: all, or one after the other where
-    /// points take derivatives of those before.
+    /// Ranges of lanes that can be processed together, in reverse order: all at once, or one by one if points use
+    /// derivatives of previous points.
     #[inline(always)]
     pub fn turns(&self, nested: bool) -> impl Iterator<Item = Range<usize>> + use<> {
         let (count, step) = (self.count, if nested { 1 } else { LANES });
@@ -86,8 +86,8 @@ impl<'a> Points<'a> {
         starts.map(move |lane| lane..count.min(lane + step))
     }
 
-    /// Adds derivatives by the points' states to those by the unknowns, and, for combinations, to the
-    /// weights `omega` of other points' derivatives.
+    /// Adds derivatives with respect to the points' states to those with respect to the unknowns and, for combinations,
+    /// to the weights `omega` of the derivatives at other points.
     #[inline(always)]
     pub fn distribute(
         &self,
@@ -105,7 +105,7 @@ impl<'a> Points<'a> {
         }
     }
 
-    /// Adds what the points that count have of gradients by θ.
+    /// Adds the derivatives with respect to θ at the points in these lanes.
     #[inline(always)]
     pub fn add_parameters(&self, lanes: Range<usize>, gradients: &[Lanes], out: &mut [f64]) {
         for (out, gradients) in out.iter_mut().zip(gradients) {
@@ -114,7 +114,7 @@ impl<'a> Points<'a> {
     }
 }
 
-/// Adds the derivative by a combination to those by its parts.
+/// Adds the derivative with respect to a combination to those with respect to its terms.
 #[inline(never)]
 fn combination(
     of: &Combination,
@@ -140,7 +140,7 @@ fn add(factor: f64, gradients: &[Lanes], lane: usize, out: &mut [f64]) {
     }
 }
 
-/// `out += factor gradient` for an output's gradient at these columns.
+/// `out += factor gradient` for the gradient of an output, stored at these columns.
 #[inline(always)]
 pub(super) fn add_at(columns: &[usize], factor: Lanes, gradient: &[Lanes], out: &mut [Lanes]) {
     for (value, &c) in gradient.iter().zip(columns) {
@@ -148,7 +148,7 @@ pub(super) fn add_at(columns: &[usize], factor: Lanes, gradient: &[Lanes], out: 
     }
 }
 
-/// Product of an output's gradient at these columns and a step.
+/// Scalar product of a step and the gradient of an output, stored at these columns.
 #[inline(always)]
 pub(super) fn along(columns: &[usize], gradient: &[Lanes], step: &[Lanes]) -> Lanes {
     let own = gradient.iter().zip(columns);

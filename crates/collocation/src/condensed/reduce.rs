@@ -1,12 +1,11 @@
-//! What a run's derivatives make of the reduced variables: its parts of the reduced Hessians and of the
-//! linear term.
+//! Contributions of a run to the reduced Hessians and the linear term.
 
 use super::dense::axpy;
 use super::points::Points;
 use super::run::{Place, RunSweep};
 use crate::simd::{self, Kernel, LANES, Lanes};
 
-/// A quadratic model over a run's reduced variables.
+/// A quadratic model over the reduced variables of a run.
 #[derive(Debug, Clone, Default)]
 pub struct Reduced {
     /// `Σ Zᵀ W Z`, r × r, row-major.
@@ -16,8 +15,8 @@ pub struct Reduced {
 }
 
 impl RunSweep {
-    /// The model with `δ[Y; θ] = Z ρ + [e; 0]`: of Gauss–Newton, and, if wanted, of the exact Hessian.
-    /// Forms the rows of the bounded outputs, too.
+    /// The model with `δ[Y; θ] = Z ρ + [e; 0]`: with Gauss–Newton and, on request, with the exact Hessian. Also
+    /// computes the rows of the bounded outputs.
     pub fn reduce(&mut self, at: Place<'_>, exact: bool) -> [Reduced; 2] {
         let w = self.w;
         simd::run(
@@ -36,8 +35,8 @@ impl RunSweep {
         let grid = &at.problem.grids[at.j];
         let (measured, samples) = (at.problem.measured, at.problem.layout.runs[at.j].samples);
         let pairs = Pairs::of(&model.pairs, self.n);
-        // Halves of the symmetric sums, over the reduced variables and 1, whose row of `S` are the offsets;
-        // their transposes are added at the end.
+        // Halves of the symmetric sums, over the reduced variables and 1, whose column in `S` holds the offsets. The
+        // transposes are added at the end.
         let (mut squares, mut curved) = ([[0.0; W]; W], [[0.0; W]; W]);
         let mut slope = [0.0; W];
         let mut rows = std::mem::take(&mut self.bounded);
@@ -105,7 +104,7 @@ impl Kernel for Reduce<'_> {
     }
 }
 
-/// `y += a x`, of known length.
+/// `y += a x` with a constant length.
 #[inline(always)]
 fn add<const W: usize>(a: f64, x: &[f64; W], y: &mut [f64; W]) {
     for (y, x) in y.iter_mut().zip(x) {
@@ -113,7 +112,7 @@ fn add<const W: usize>(a: f64, x: &[f64; W], y: &mut [f64; W]) {
     }
 }
 
-/// `gradientᵀ Z` over the reduced variables, with `Z = [S; I 0]`, for a gradient at these columns.
+/// `gradientᵀ Z` over the reduced variables, with `Z = [S; I 0]`, for a gradient stored at these columns.
 #[inline(always)]
 fn project<const W: usize>(
     gradient: &[Lanes],
@@ -147,7 +146,7 @@ fn add_products<const W: usize>(
     }
 }
 
-/// Matrix and vector from halves of symmetric sums over the reduced variables and 1.
+/// Matrix and vector from halves of the symmetric sums over the reduced variables and 1.
 fn symmetric<const W: usize>(halves: &[[f64; W]; W], slope: &[f64; W], r: usize) -> Reduced {
     let entry = |i: usize, l: usize| halves[i][l] + halves[l][i];
     Reduced {
@@ -156,18 +155,18 @@ fn symmetric<const W: usize>(halves: &[[f64; W]; W], slope: &[f64; W], r: usize)
     }
 }
 
-/// The pairs of variables that have second derivatives, by what they add to the reduced Hessian: their
-/// places among the pairs, and their variables.
+/// The pairs of variables with second derivatives, grouped by their contribution to the reduced Hessian: their indices
+/// among all pairs, and their variables.
 struct Pairs {
-    /// Of states: the first one, and what it goes with.
+    /// Pairs of states: the first state, and its partners.
     states: Vec<(usize, Vec<OfStates>)>,
-    /// Of a state and a parameter.
+    /// Pairs of a state and a parameter.
     mixed: Vec<(usize, usize, usize)>,
-    /// Of parameters.
+    /// Pairs of parameters.
     parameters: Vec<(usize, usize, usize, f64)>,
 }
 
-/// Place, second state, and a half for a square.
+/// Index of the pair, second state, and the factor ½ for a square.
 type OfStates = (usize, usize, f64);
 
 impl Pairs {
@@ -192,8 +191,8 @@ impl Pairs {
         out
     }
 
-    /// Adds `Σ w z_a z_bᵀ` of a group of points, with `z_a` row `a` of `Z = [S; I]`: half of it for a square,
-    /// and of a pair of state and parameter only the order whose row is the parameter's.
+    /// Adds `Σ w z_a z_bᵀ` of a group of points, with `z_a` row `a` of `Z = [S; I]`: half of it for a square, and for a
+    /// pair of state and parameter only the term in the row of the parameter.
     #[inline(always)]
     fn add<const W: usize>(
         &self,

@@ -1,4 +1,4 @@
-//! One run: its workspace, and its rows over the reduced variables.
+//! The workspace of one run, and its rows over the reduced variables.
 
 use super::dense::axpy;
 use super::sparse_lu::Symbolic;
@@ -9,36 +9,36 @@ use crate::simd::{self, Grouped, Kernel, LANES, Lanes, Task, width};
 use pilotage_sqp::Iterate;
 use std::collections::BTreeMap;
 
-/// Workspace of one run; everything is allocated once.
+/// Workspace of one run, allocated once.
 ///
-/// The reduced variables of a run are `ρ = [δθ; its free initial states]`, `r` of them. The sweeps
-/// ([`super::sweep`]) write the step of every unknown and point as `S ρ + e`.
+/// The reduced variables of a run are `ρ = [δθ; its free initial states]`; their number is `r`. The sweeps
+/// ([`super::sweep`]) express the step of every unknown and point as `S ρ + e`.
 #[derive(Debug, Clone)]
 pub struct RunSweep {
     pub(super) n: usize,
     pub(super) p: usize,
-    /// Width of the rows `S`: `r + 1`, padded. Column `r` holds the offsets at the iterate.
+    /// Width of the rows of `S`: `r + 1`, padded. Column `r` holds the offsets at the iterate.
     pub(super) w: usize,
     /// Indices of the free initial states.
     pub free: Vec<usize>,
     /// Jacobian entries at all points.
     pub(super) jacobian: Grouped,
-    /// Gradients of the outputs at all points, at their columns.
+    /// Gradients of the outputs at all points, stored at their columns.
     pub(super) gradients: Vec<Grouped>,
-    /// Recorded minus modelled outputs at the points, and weights of the squares that stand for their losses, `2 w` of
-    /// a square; both zero where none is recorded.
+    /// Recorded minus modelled outputs at the points, and the weights of the squares that approximate their losses,
+    /// `2 w` for a square loss; both zero if nothing is recorded.
     pub(super) residual: Grouped,
     pub(super) weight: Grouped,
-    /// Slope and curvature of each loss beyond its square; None where all are squares.
+    /// Slope and curvature of each loss minus those of its square; None if all losses are squares.
     pub(super) beyond: Option<Grouped>,
     /// Second derivatives at all points.
     pub(super) second: Grouped,
-    /// Rows `S` and steps of the unknowns, and of the points that are combinations.
+    /// Rows of `S` and steps, for the unknowns and for the points that are combinations.
     pub(super) nodes: Rows,
     pub(super) combined: Rows,
-    /// The bounded outputs at the samples.
+    /// Rows of the bounded outputs at the samples.
     pub(super) bounded: Rows,
-    /// Groups of elements, their factors, `K_0` and `B`, and the elements factored in an order of their own.
+    /// Groups of elements; their factors, `K_0` and `B`; and the elements with special elimination orders.
     pub(super) spans: Vec<Span>,
     pub(super) lu: Vec<Lanes>,
     pub(super) k0: Vec<Lanes>,
@@ -49,9 +49,9 @@ pub struct RunSweep {
     pub(super) growth: f64,
     /// Whether all sensitivities are finite.
     pub(super) is_finite: bool,
-    /// This run's part of the Lagrangian's gradient with respect to θ.
+    /// Contribution of this run to the gradient of the Lagrangian with respect to θ.
     pub theta_lagrangian: Vec<f64>,
-    /// Scratch: weights of the points' derivatives, and derivatives by the unknowns.
+    /// Scratch space: weights of the derivatives at the points, and derivatives with respect to the unknowns.
     pub(super) omega: Vec<f64>,
     pub(super) right: Vec<f64>,
 }
@@ -59,13 +59,13 @@ pub struct RunSweep {
 /// Sensitivities and steps of a list of quantities.
 #[derive(Debug, Clone, Default)]
 pub struct Rows {
-    /// `[S e]`, `w` columns of which the first `r + 1` count.
+    /// `[S e]`, with `w` columns, of which the first `r + 1` are used.
     pub s: Vec<f64>,
     /// `S ρ + e`.
     pub dx: Vec<f64>,
 }
 
-/// Scratch of the sweeps, as large as the largest element needs.
+/// Scratch space of the sweeps, large enough for the largest element.
 #[derive(Debug, Clone, Default)]
 pub struct Work {
     pub lanes: Vec<Lanes>,
@@ -81,12 +81,12 @@ impl Rows {
     }
 }
 
-/// What a run's linearisation reads besides the problem and the iterate.
+/// A run of a problem, as an argument of its linearisation.
 #[derive(Debug)]
 pub struct Place<'a> {
     /// The problem.
     pub problem: &'a Collocation,
-    /// Number of the run.
+    /// Index of the run.
     pub j: usize,
 }
 
@@ -151,8 +151,8 @@ impl RunSweep {
         self.p + self.free.len()
     }
 
-    /// Derivatives at every point; writes the run's parts of `∇f` and `∇L` into `gradient` and
-    /// `lagrangian`, over the run's own variables.
+    /// Computes the derivatives at every point, and writes the run's contribution to `∇L` over its own variables into
+    /// `lagrangian`.
     pub fn linearise(
         &mut self,
         at: Place<'_>,
@@ -167,8 +167,8 @@ impl RunSweep {
         self.differentiate(at, &iterate.z, eta, exact, lagrangian);
     }
 
-    /// Writes `Eᵀ λ` and the known states' multipliers into `out`, and the weights `-h Σ_r A_ri λ_r` of
-    /// the points' derivatives into `omega`.
+    /// Writes `Eᵀ λ` and the multipliers of the known states into `out`, and the weights `-h Σ_r A_ri λ_r` of the
+    /// derivatives at the points into `omega`.
     fn defects_transposed(&mut self, at: Place<'_>, lambda: &[f64], out: &mut [f64]) {
         let (n, grid) = (self.n, &at.problem.grids[at.j]);
         out.fill(0.0);
@@ -187,35 +187,35 @@ impl RunSweep {
         });
     }
 
-    /// Rows `S` of a point.
+    /// Rows of `S` for a point.
     #[inline]
     pub(super) fn s_of(&self, state: &PointState) -> &[f64] {
         state.of(&self.nodes.s, &self.combined.s, self.n * self.w)
     }
 
-    /// Row of an inequality: its coefficients over the reduced variables, and its change by the offsets alone.
+    /// Row of an inequality: its coefficients over the reduced variables, and its change due to the offsets.
     #[inline]
     pub fn bounded_row(&self, row: usize) -> (&[f64], f64) {
         let row = &self.bounded.s[row * self.w..][..=self.r()];
         (&row[..self.r()], row[self.r()])
     }
 
-    /// Writes the linear changes of the bounded outputs at all samples for these reduced variables into
-    /// `bounded.dx`, and returns them.
+    /// Writes the linear changes of the bounded outputs at all samples for these reduced variables into `bounded.dx`,
+    /// and returns them.
     pub fn bounded_changes(&mut self, rho: &[f64]) -> &[f64] {
         let padded = self.padded(rho, 1.0);
         simd::run(self.w, Expand(&mut self.bounded, &padded));
         &self.bounded.dx
     }
 
-    /// All steps from the reduced variables, with this multiple of the offsets, into the rows' `dx`.
+    /// Computes all steps from the reduced variables, with this multiple of the offsets, and stores them in `dx`.
     pub fn expand(&mut self, rho: &[f64], offsets: f64) {
         let padded = self.padded(rho, offsets);
         simd::run(self.w, Expand(&mut self.nodes, &padded));
         simd::run(self.w, Expand(&mut self.combined, &padded));
     }
 
-    /// The reduced variables and the offsets' multiple, in a row's width.
+    /// The reduced variables and the multiple of the offsets, padded to the width of a row.
     fn padded(&self, rho: &[f64], offsets: f64) -> Vec<f64> {
         let mut padded = [rho, &[offsets]].concat();
         padded.resize(self.w, 0.0);
@@ -223,7 +223,7 @@ impl RunSweep {
     }
 }
 
-/// The elements' part of `Eᵀ λ`, added to `out`, and the weights `omega` of the points' derivatives.
+/// Contribution of the elements to `Eᵀ λ`, added to `out`, and the weights `omega` of the derivatives at the points.
 struct DefectsTransposed<'a> {
     grid: &'a Grid,
     n: usize,
@@ -273,7 +273,7 @@ impl Kernel for Expand<'_> {
         let rho = rho.first_chunk::<W>().expect("padded");
         let (s, _) = rows.s.as_chunks::<W>();
         for (dx, s) in rows.dx.iter_mut().zip(s) {
-            // Four sums at once: a product of rows is otherwise one chain of additions.
+            // Four sums at once: otherwise a product of rows is a single chain of additions.
             let mut sums = [0.0; LANES];
             for (s, rho) in s.chunks_exact(LANES).zip(rho.chunks_exact(LANES)) {
                 for ((sum, s), rho) in sums.iter_mut().zip(s).zip(rho) {

@@ -1,4 +1,4 @@
-//! Derivatives of the outputs by what is free: parameters and free initial states, through the linearised equations.
+//! Derivatives of the outputs with respect to parameters and free initial states, from the linearised equations.
 
 use super::Condensed;
 use super::active::RowAt;
@@ -7,33 +7,33 @@ use crate::Collocation;
 use nalgebra::{DMatrix, RowDVector};
 use pilotage_sqp::{Iterate, QpSolver};
 
-/// Derivatives of a run's outputs at its samples, in units.
+/// Derivatives of the outputs of a run at its samples, in physical units.
 #[derive(Debug, Clone)]
 pub struct Sensitivity {
-    /// The states whose initial values are free.
+    /// The states with free initial values.
     pub free: Vec<usize>,
-    /// For each measured output, samples × (parameters and free initial states): `∂y(t_k)/∂[θ; x(0)]`, where the states
-    /// follow by the collocation equations.
+    /// For each measured output, `∂y(t_k)/∂[θ; x(0)]` with the states determined by the collocation equations; samples
+    /// × (parameters and free initial states).
     pub outputs: Vec<DMatrix<f64>>,
-    /// Gradients of the active bounds over the same, one each row, towards what they allow.
+    /// Gradients of the active bounds over the same variables, one per row, pointing into the permitted range.
     pub active: DMatrix<f64>,
 }
 
 /// Derivatives at a solution.
 #[derive(Debug, Clone)]
 pub struct Sensitivities {
-    /// Of the runs.
+    /// One entry per run.
     pub runs: Vec<Sensitivity>,
-    /// Gradients of the active constraints on the parameters, one each row, towards what they allow.
+    /// Gradients of the active constraints on the parameters, one per row, pointing into the permitted range.
     pub parameters: DMatrix<f64>,
-    /// Which of the constraints those are.
+    /// Indices of the active constraints.
     pub active: Vec<usize>,
 }
 
 impl Sensitivities {
-    /// At a solution, by the factors that its QP has: one linearisation, no iteration. A constraint counts as active where
-    /// it has a multiplier. None where the QP does not [take](Condensed::takes) the problem, or where the linearised
-    /// equations are singular.
+    /// The derivatives at a solution, from the factors of its QP: one linearisation, no iteration. A constraint counts
+    /// as active if it has a multiplier. None if the QP does not [support](Condensed::takes) the problem, or the
+    /// linearised equations are singular.
     pub fn new(problem: &Collocation, at: &Iterate) -> Option<Self> {
         if !Condensed::takes(problem) {
             return None;
@@ -124,16 +124,16 @@ impl RunSweep {
     }
 }
 
-/// In which direction of its value a bound allows changes.
+/// Sign of the changes of its value that an active bound permits.
 fn inward(problem: &Collocation, at: &Iterate, row: RowAt) -> f64 {
     match row {
         RowAt::Bounded { run, row } => -at.eta[problem.layout.runs[run].g + row].signum(),
-        // These have lower limits alone.
+        // Constraints on the parameters have only lower limits.
         RowAt::Parameter(_) => 1.0,
     }
 }
 
-/// Rows of this width as a matrix.
+/// A matrix from rows of this width.
 fn rows(all: Vec<RowDVector<f64>>, width: usize) -> DMatrix<f64> {
     match all.is_empty() {
         true => DMatrix::zeros(0, width),

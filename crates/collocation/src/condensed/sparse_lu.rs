@@ -1,33 +1,31 @@
-//! LU factors of many small sparse matrices with one pattern, four at once: the order of the pivots is
-//! chosen once.
+//! LU factors of many small sparse matrices with the same pattern, four at a time. The pivot order is chosen once.
 //!
-//! The order is Markowitz's with threshold pivoting (Duff, Erisman & Reid, *Direct Methods for Sparse
-//! Matrices*, 2nd ed. 2017, sections 7.2 and 7.8), on the values of one of them. Each refactorisation
-//! checks its pivots; where one has become too small, the caller orders that matrix anew.
+//! It is Markowitz's order with threshold pivoting (Duff, Erisman & Reid, *Direct Methods for Sparse Matrices*, 2nd ed.
+//! 2017, sections 7.2 and 7.8), based on the values of one of the matrices. Each refactorisation checks its pivots; if
+//! one has become too small, the caller determines a new order for that matrix.
 
 use crate::simd::{LANES, Lanes, less, times};
 use std::cmp::Ordering;
 use std::ops::Range;
 
-/// Smallest pivot beside the largest entry of its row when the order is chosen.
+/// Smallest pivot relative to the largest entry of its row when the order is chosen.
 const THRESHOLD: f64 = 0.1;
-/// Smallest pivot beside the largest entry of its row in a refactorisation.
+/// Smallest pivot relative to the largest entry of its row in a refactorisation.
 const SMALLEST: f64 = 1e-6;
-/// Rows of lowest count among which the next pivot is sought.
+/// Number of rows of lowest count among which the next pivot is searched.
 const CANDIDATES: usize = 4;
 
-/// Order of elimination and pattern of the factors `L D U` of a square matrix, `L` and `U` with unit
-/// diagonals.
+/// Elimination order and pattern of the factors `L D U` of a square matrix, with unit diagonals of `L` and `U`.
 ///
-/// The factors' entries stand in one list: those of `L` by ascending columns, those of `U` by descending
-/// columns, the inverse pivots `D⁻¹`; so a solution takes them in the order in which they stand, and
-/// operations that follow each other change different rows.
+/// The entries of the factors are stored in one list: those of `L` by ascending columns, those of `U` by descending
+/// columns, then the inverse pivots `D⁻¹`. A solution thus reads them in storage order, and consecutive operations
+/// change different rows.
 #[derive(Debug, Clone, Default)]
 pub struct Symbolic {
     /// Original row and column of each pivot.
     rows: Vec<usize>,
     columns: Vec<usize>,
-    /// Original column of the pivot of each original row: where a right-hand side's row begins.
+    /// Original column of the pivot of each original row: the position of that row of a right-hand side.
     slots: Vec<u32>,
     lower: Triangle,
     upper: Triangle,
@@ -36,17 +34,17 @@ pub struct Symbolic {
 /// The entries of `L` or `U`.
 #[derive(Debug, Clone, Default)]
 struct Triangle {
-    /// Part of `entries` that belongs to each row, in the pivots' order.
+    /// Range of `entries` that belongs to each row, in pivot order.
     rows: Vec<Range<usize>>,
-    /// Column, in the pivots' order, and place of each entry, row by row.
+    /// Column, in pivot order, and position of each entry, row by row.
     entries: Vec<(u32, u32)>,
-    /// The entries in their places, as operations on a solution in the original columns: row, column.
+    /// The entries in storage order, as operations on a solution in the original columns: row, column.
     operations: Vec<(u32, u32)>,
 }
 
 impl Symbolic {
-    /// Chooses the order for a matrix given as `(row, column, value)`, each place once. The pattern of
-    /// the factors holds every given place, those with the value zero too. None when it is singular.
+    /// Chooses the order for a matrix given as `(row, column, value)`, each position once. The pattern of the factors
+    /// contains every given position, including those with the value zero. None if the matrix is singular.
     pub fn new(size: usize, entries: &[(usize, usize, f64)]) -> Option<Self> {
         let mut active: Vec<Vec<(usize, f64)>> = vec![Vec::new(); size];
         let mut counts = vec![0_usize; size];
@@ -55,7 +53,7 @@ impl Symbolic {
             counts[j] += 1;
         }
         active.iter_mut().for_each(|row| row.sort_by_key(|e| e.0));
-        // Entries of each original row left of its pivot: the columns it was eliminated with.
+        // Entries of each original row left of its pivot: the pivots by which it was eliminated.
         let mut lower: Vec<Vec<usize>> = vec![Vec::new(); size];
         let mut upper: Vec<Vec<usize>> = Vec::with_capacity(size);
         let (mut rows, mut columns) = (Vec::with_capacity(size), Vec::with_capacity(size));
@@ -119,7 +117,7 @@ impl Symbolic {
         self.lower.entries.len() + self.upper.entries.len() + self.size()
     }
 
-    /// Places in the factors of entries given as `(row, column)`.
+    /// Positions in the factors of entries given as `(row, column)`.
     pub fn places(&self, entries: impl Iterator<Item = (usize, usize)>) -> Vec<u32> {
         let (row, column) = (inverse(&self.rows), inverse(&self.columns));
         let first = self.lower.entries.len();
@@ -134,9 +132,9 @@ impl Symbolic {
         entries.map(|at| place(at) as u32).collect()
     }
 
-    /// Factors four matrices in place; `lu` holds them at their [`places`](Self::places) and zeros
-    /// elsewhere. Returns which of them have no pivot that is too small; the factors of the others mean
-    /// nothing. `work` has [`size`](Self::size) entries.
+    /// Factors four matrices in place; `lu` holds them at their [`places`](Self::places) and zeros elsewhere. Returns
+    /// false for matrices with a pivot that is too small; their factors are invalid. `work` has [`size`](Self::size)
+    /// entries.
     #[inline(always)]
     pub fn factor(&self, lu: &mut [Lanes], work: &mut [Lanes]) -> [bool; LANES] {
         let (lower, rest) = lu.split_at_mut(self.lower.entries.len());
@@ -170,7 +168,7 @@ impl Symbolic {
                 upper[*at as usize] = times(value, inverse);
             }
             for ((pivot, largest), regular) in pivot.iter().zip(largest).zip(&mut regular) {
-                // A NaN fails too.
+                // NaN fails too.
                 *regular &=
                     pivot.abs() >= SMALLEST * largest && *pivot != 0.0 && largest.is_finite();
             }
@@ -180,7 +178,7 @@ impl Symbolic {
 }
 
 impl Triangle {
-    /// From each row's columns, all in the pivots' order, with the columns in the order of solution.
+    /// From the columns of each row, in pivot order, and the order of the columns in a solution.
     fn new(columns: &[usize], rows: &[Vec<usize>], order: impl Iterator<Item = usize>) -> Self {
         let mut out = Self::default();
         let mut places: Vec<Vec<(u32, u32)>> = vec![Vec::new(); rows.len()];
@@ -199,13 +197,13 @@ impl Triangle {
         out
     }
 
-    /// Columns and places of a row's entries.
+    /// Columns and positions of the entries of a row.
     #[inline(always)]
     fn row(&self, k: usize) -> &[(u32, u32)] {
         &self.entries[self.rows[k].clone()]
     }
 
-    /// Place of an entry.
+    /// Position of an entry.
     fn place(&self, row: usize, column: usize) -> usize {
         let own = self.row(row);
         own[own.partition_point(|(c, _)| (*c as usize) < column)].1 as usize
@@ -218,7 +216,7 @@ fn inverse(order: &[usize]) -> Vec<usize> {
     out
 }
 
-/// The factors of a matrix of each of `B` groups, for rows of right-hand sides.
+/// The factors of one matrix of each of `B` groups, for solutions with several right-hand sides.
 #[derive(Debug, Clone, Copy)]
 pub struct Factors<'a, const B: usize> {
     symbolic: &'a Symbolic,
@@ -227,13 +225,13 @@ pub struct Factors<'a, const B: usize> {
 }
 
 impl<'a, const B: usize> Factors<'a, B> {
-    /// Of the matrix in this lane of each group.
+    /// The factors of the matrix in this lane of each group.
     #[inline(always)]
     pub fn new(symbolic: &'a Symbolic, lu: [&'a [Lanes]; B], lane: usize) -> Self {
         Self { symbolic, lu, lane }
     }
 
-    /// Where each row of a right-hand side has its place.
+    /// Position of each row of a right-hand side.
     #[inline(always)]
     pub fn slots(&self) -> &'a [u32] {
         &self.symbolic.slots
@@ -260,7 +258,7 @@ impl<'a, const B: usize> Factors<'a, B> {
     }
 }
 
-/// `x_to -= value x_from` for each place, with one lane of each group's values.
+/// `x_to -= value x_from` for each position, with one lane of the values of each group.
 #[inline(always)]
 fn subtract<const B: usize, const W: usize>(
     places: impl ExactSizeIterator<Item = (u32, u32)>,
@@ -278,7 +276,7 @@ fn subtract<const B: usize, const W: usize>(
     }
 }
 
-/// The factors of one of the matrices of each of several groups.
+/// The factors of one matrix of each of several groups.
 #[derive(Debug, Clone, Copy)]
 pub struct Together<'a> {
     symbolic: &'a Symbolic,
@@ -289,7 +287,7 @@ pub struct Together<'a> {
 }
 
 impl<'a> Together<'a> {
-    /// Of the matrix in this lane of each group.
+    /// The factors of the matrix in this lane of each group.
     #[inline(always)]
     pub fn new(symbolic: &'a Symbolic, lu: [&'a [Lanes]; LANES], lane: usize) -> Self {
         let (lower, upper) = (symbolic.lower.entries.len(), symbolic.upper.entries.len());
@@ -302,7 +300,7 @@ impl<'a> Together<'a> {
         }
     }
 
-    /// Where each row of a right-hand side has its place.
+    /// Position of each row of a right-hand side.
     #[inline(always)]
     pub fn slots(&self) -> &'a [u32] {
         &self.symbolic.slots
@@ -325,7 +323,7 @@ impl<'a> Together<'a> {
         }
     }
 
-    /// Solves `Aᵀ x = b`; what stands in `b` is lost.
+    /// Solves `Aᵀ x = b`; `b` is overwritten.
     #[inline(always)]
     pub fn solve_transposed(&self, b: &mut [Lanes], x: &mut [Lanes]) {
         let (order, lane) = (self.symbolic, self.lane);
@@ -346,13 +344,13 @@ impl<'a> Together<'a> {
     }
 }
 
-/// One lane of each group's numbers.
+/// One lane of the values of each group.
 #[inline(always)]
 pub fn gathered(
     groups: [&[Lanes]; LANES],
     lane: usize,
 ) -> impl DoubleEndedIterator<Item = Lanes> + ExactSizeIterator {
-    // Within the group, as the compiler can see.
+    // The modulo lets the compiler omit bounds checks.
     let lane = lane % LANES;
     let [a, b, c, d] = groups;
     let all = a.iter().zip(b).zip(c).zip(d);
@@ -367,7 +365,7 @@ pub fn take<const W: usize>(a: f64, x: &[f64; W], y: &mut [f64; W]) {
     }
 }
 
-/// The pivot of least Markowitz cost among the rows of lowest count; takes its row out of `open`.
+/// The pivot of lowest Markowitz cost among the rows of lowest count; removes its row from `open`.
 fn pivot(
     open: &mut Vec<usize>,
     active: &[Vec<(usize, f64)>],
@@ -434,7 +432,7 @@ mod tests {
         out
     }
 
-    /// Factors of four matrices of one pattern in the order of `symbolic`, and which are regular.
+    /// Factors of four matrices with the same pattern in the order of `symbolic`, and which are regular.
     fn factored(
         symbolic: &Symbolic,
         matrices: [&[(usize, usize, f64)]; LANES],
@@ -456,8 +454,8 @@ mod tests {
             ..ProptestConfig::default()
         })]
 
-        /// Solutions agree with nalgebra's, for the matrix that the order was chosen on and for one
-        /// of the same pattern.
+        /// Solutions agree with nalgebra, for the matrix from which the order was chosen and for another with the same
+        /// pattern.
         #[test]
         fn solves_agree_with_nalgebra(
             size in 1_usize..9,
@@ -498,7 +496,7 @@ mod tests {
                 let x = DMatrix::from_fn(size, 3, |i, j| x[i][1][j]);
                 let right = DMatrix::from_row_slice(size, 3, &b[..3 * size]);
                 prop_assert!((&a * x - right).amax() < 1e-9 * scale);
-                // The same of all groups, for one right-hand side in each lane.
+                // The same for all groups, with one right-hand side in each lane.
                 let together = Together::new(&symbolic, [&lu; LANES], lane);
                 let right = DMatrix::from_fn(size, LANES, |i, l| b[(i + 3 * l) % b.len()]);
                 let of_row = |i: usize| -> Lanes { std::array::from_fn(|l| right[(i, l)]) };

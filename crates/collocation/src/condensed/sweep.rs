@@ -1,5 +1,5 @@
-//! The elimination of one run's states: the elements' matrices, and what follows from the sweeps over them
-//! ([`super::batch`]).
+//! Elimination of the states of one run: the matrices of the elements, and computations that follow the sweeps over
+//! them ([`super::batch`]).
 
 use super::dense::axpy;
 use super::element::{ElementJacobian, Group, Order};
@@ -9,22 +9,22 @@ use crate::grid::{Grid, PointState};
 use crate::simd::{self, Grouped, LANES, Task};
 use std::ops::Range;
 
-/// A group of elements of one kind that follow each other: their matrices stand side by side.
+/// A group of consecutive elements of one kind, whose matrices are stored side by side.
 #[derive(Debug, Clone, Copy)]
 pub struct Span {
     pub kind: usize,
     /// First element.
     pub first: usize,
-    /// Number of elements; the lanes beyond repeat the last one.
+    /// Number of elements; excess lanes repeat the last one.
     count: usize,
-    /// First entries of its factors, of its `K_0` and of its `B`.
+    /// Start of its factors, of its `K_0` and of its `B`.
     lu: usize,
     k0: usize,
     b: usize,
 }
 
 impl RunSweep {
-    /// Forms and factors every element's matrices. False when an element is singular.
+    /// Computes and factors the matrices of all elements. False if an element is singular.
     pub fn factor(&mut self, at: Place<'_>, jacobians: &ElementJacobians) -> bool {
         let grid = &at.problem.grids[at.j];
         self.divide(grid, jacobians, at.j);
@@ -46,7 +46,7 @@ impl RunSweep {
         }
     }
 
-    /// Divides the elements into groups at the first use: the orders of their kinds never change.
+    /// Divides the elements into groups at the first use; the elimination orders of their kinds never change.
     fn divide(&mut self, grid: &Grid, jacobians: &ElementJacobians, j: usize) {
         if !self.spans.is_empty() {
             return;
@@ -79,14 +79,14 @@ impl RunSweep {
         self.b.resize(b, [0.0; LANES]);
     }
 
-    /// All elements in time order: group and lane.
+    /// All elements in time order, as group and lane.
     #[inline(always)]
     pub(super) fn elements(&self) -> impl DoubleEndedIterator<Item = (&Span, usize)> {
         let spans = self.spans.iter();
         spans.flat_map(|span| (0..span.count).map(move |lane| (span, lane)))
     }
 
-    /// The states whose initial values are known.
+    /// The states with known initial values.
     #[inline(always)]
     pub(super) fn known(&self) -> impl Iterator<Item = usize> {
         (0..self.n).filter(|i| !self.free.contains(i))
@@ -123,7 +123,7 @@ impl RunSweep {
     }
 }
 
-/// [`RunSweep::factor`] in groups.
+/// The task of [`RunSweep::factor`], in groups.
 struct Factor<'a> {
     own: &'a mut RunSweep,
     grid: &'a Grid,
@@ -168,25 +168,25 @@ impl Task for Factor<'_> {
 }
 
 impl Span {
-    /// Places of its factors.
+    /// Range of its factors.
     #[inline]
     pub fn lu(&self, order: &Order) -> Range<usize> {
         self.lu..self.lu + order.symbolic.entries()
     }
 
-    /// Places of its `K_0`.
+    /// Range of its `K_0`.
     #[inline]
     pub fn k0(&self, pattern: &ElementJacobian) -> Range<usize> {
         self.k0..self.k0 + pattern.start.len()
     }
 
-    /// Places of its `B`.
+    /// Range of its `B`.
     #[inline]
     pub fn b(&self, pattern: &ElementJacobian) -> Range<usize> {
         self.b..self.b + pattern.parameters.len()
     }
 
-    /// The elements with their Jacobians; `points` is scratch.
+    /// The elements with their Jacobians; `points` is scratch space.
     fn group<'a>(
         &self,
         grid: &Grid,

@@ -1,14 +1,14 @@
 //! Bernstein polynomials: the unknowns are coefficients, not states.
 //!
-//! Cichella, Kaminer, Walton, Hovakimyan & Pascoal ask for the derivative of the polynomial of degree `d`
-//! at the equidistant times `k/d`, `k = 0..=d`, up to a tolerance that shrinks with `d`: `d + 1` conditions
-//! for `d` unknown coefficients. Here they hold exactly, and the one at the start goes. That makes the
-//! polynomial the collocation polynomial of the implicit Runge–Kutta method with stages at `1/d .. 1`, order
-//! `d`, backward Euler for `d = 1`; the Bernstein basis changes which numbers are unknown, not the result.
+//! Cichella, Kaminer, Walton, Hovakimyan & Pascoal require the derivative of the polynomial of degree `d` to satisfy
+//! the ODE at the equidistant times `k/d`, `k = 0..=d`, up to a tolerance that decreases with `d`: `d + 1` conditions
+//! for `d` unknown coefficients. Here the conditions hold exactly, and the one at the start is omitted. The polynomial
+//! is then the collocation polynomial of the implicit Runge–Kutta method with stages at `1/d .. 1`, of order `d`, which
+//! is backward Euler for `d = 1`. The Bernstein basis changes which numbers are unknown, not the result.
 //!
-//! Stiff modes are damped fully by every degree, but only those of `d` = 1 and 2 are stable in the whole left
-//! half-plane. From `d` = 3 on, oscillations too fast for the element and hardly damped may grow: by 2.7 % an
-//! element at `λh = ±2i` for `d` = 3, by 180 % at `±6.3i` for `d` = 5. Gauss and Radau have no such gap.
+//! Stiff modes are fully damped for every degree, but only `d` = 1 and 2 are stable in the whole left half-plane. From
+//! `d` = 3 on, weakly damped oscillations that are too fast for the element may grow: by 2.7 % per element at
+//! `λh = ±2i` for `d` = 3, by 180 % at `±6.3i` for `d` = 5. Gauss and Radau have no such region.
 
 use super::{Defect, Interpolant, Point, Tableau, Value, row};
 
@@ -34,7 +34,7 @@ pub(super) fn bernstein(d: usize) -> Tableau {
     }
 }
 
-/// The `d + 1` Bernstein polynomials of degree `d` at `c`, by raising the degree one by one.
+/// The `d + 1` Bernstein polynomials of degree `d` at `c`, by successive degree elevation.
 pub(super) fn basis(d: usize, c: f64) -> Vec<f64> {
     let mut b = vec![1.0];
     for _ in 0..d {
@@ -45,7 +45,7 @@ pub(super) fn basis(d: usize, c: f64) -> Vec<f64> {
     b
 }
 
-/// Their derivatives: `d (B_(j-1) - B_j)` with those of degree `d - 1` (Farouki, *The Bernstein polynomial
+/// Their derivatives `d (B_(j-1) - B_j)`, from the polynomials of degree `d - 1` (Farouki, *The Bernstein polynomial
 /// basis: a centennial retrospective*, CAGD 29, 2012).
 fn derivative(d: usize, c: f64) -> Vec<f64> {
     let lower = basis(d - 1, c);

@@ -1,20 +1,19 @@
 //! Higher-order finite differences: the paper's differentiation matrix D with wide stencils, on any mesh.
 //!
-//! One element spans the whole run; its nodes are the mesh. Row `i` says that the derivative at node `i` of
-//! the polynomial through `p + 1` nodes around it is `f` there (weights: Fornberg, *Generation of finite
-//! difference formulas on arbitrarily spaced grids*, Math. Comp. 51, 1988).
+//! One element spans the whole run, and its nodes are the mesh. Row `i` states that the polynomial through `p + 1`
+//! nodes around node `i` has the derivative `f` there (weights: Fornberg, *Generation of finite difference formulas on
+//! arbitrarily spaced grids*, Math. Comp. 51, 1988).
 //!
-//! Which nodes is a question of stability. The run is an initial value problem, so these rows are a boundary
-//! value method (Brugnano & Trigiante, *Solving Differential Problems by Multistep Initial and Boundary Value
-//! Methods*, 1998): a stencil with ν nodes before `i` must have, for every `λh` in the left half-plane, just
-//! ν roots inside the unit circle, or parasitic modes grow from an end into the run. With the symmetric
-//! stencil of even p the boundary of that region is the imaginary axis itself: it is the leapfrog scheme,
-//! whose sawtooth of period two steps satisfies the equations of a slow mode with no damping at all. One
-//! node more of the past than of the future (odd p), or two (even p), keeps that boundary in the right
-//! half-plane: these are the generalised backward differentiation formulas (chapter 5 there), ν = ⌊(p+2)/2⌋,
-//! stable in the whole left half-plane and damping `λh → -∞` fully. p = 1 is backward Euler, p = 2 BDF2.
-//! The first rows and the last use the `p + 1` nodes at their end of the run, as the book's additional
-//! methods do; a run with fewer nodes than the stencil uses all.
+//! The choice of the nodes determines stability. The run is an initial value problem, so these rows form a boundary
+//! value method (Brugnano & Trigiante, *Solving Differential Problems by Multistep Initial and Boundary Value Methods*,
+//! 1998): a stencil with ν nodes before `i` must have exactly ν roots inside the unit circle for every `λh` in the left
+//! half-plane, otherwise parasitic modes grow from an end into the run. With the symmetric stencil of even p the
+//! boundary of that region is the imaginary axis itself: it is the leapfrog scheme, whose sawtooth with a period of two
+//! steps satisfies the equations of a slow mode without any damping. With one more past than future node (odd p), or
+//! two more (even p), that boundary is in the right half-plane: these are the generalised backward differentiation
+//! formulas (chapter 5 there), ν = ⌊(p+2)/2⌋, stable in the whole left half-plane and with full damping for `λh → -∞`.
+//! p = 1 is backward Euler, p = 2 BDF2. The first and last rows use the `p + 1` nodes at their end of the run, like the
+//! book's additional methods; a run with fewer nodes than the stencil uses all of them.
 
 use super::{Defect, Interpolant, Point, Row, Tableau, Value};
 
@@ -44,7 +43,7 @@ pub(super) fn finite_difference(p: usize, mesh: &[f64]) -> Tableau {
     }
 }
 
-/// Weights over the nodes of the polynomial through the `degree + 1` around `c`.
+/// Weights of the nodes for the polynomial through the `degree + 1` nodes around `c`.
 pub(super) fn interpolate(nodes: &[f64], degree: usize, c: f64) -> Row {
     let last = nodes.len() - 1;
     let interval = nodes.partition_point(|a| *a <= c).saturating_sub(1);
@@ -53,19 +52,19 @@ pub(super) fn interpolate(nodes: &[f64], degree: usize, c: f64) -> Row {
     stencil(first, weights.iter().map(|w| w[0]))
 }
 
-/// First of `width + 1` nodes that begin `before` nodes ahead of node `i`, moved into `0..=last`.
+/// First of `width + 1` nodes, starting `before` nodes ahead of node `i`, shifted into `0..=last`.
 fn first_node(i: usize, before: usize, width: usize, last: usize) -> usize {
     i.saturating_sub(before).min(last - width)
 }
 
-/// A row of weights on neighbouring nodes.
+/// A row of weights on consecutive nodes.
 fn stencil(first: usize, weights: impl Iterator<Item = f64>) -> Row {
     let indexed = weights.enumerate().map(|(k, w)| (first + k, w));
     indexed.filter(|(_, w)| *w != 0.0).collect()
 }
 
-/// For each node its weight in the value and in the derivative at `z` of the polynomial through all nodes:
-/// Fornberg's recursion over the nodes, for derivatives of order 0 and 1.
+/// The weights of each node in the value and in the derivative at `z` of the polynomial through all nodes: Fornberg's
+/// recursion over the nodes, for derivatives of order 0 and 1.
 fn fornberg(z: f64, nodes: &[f64]) -> Vec<[f64; 2]> {
     let mut weights = vec![[1.0, 0.0]];
     let mut product = 1.0;

@@ -1,6 +1,6 @@
 //! Legendre polynomials: the nodes of Gauss, Radau and Lobatto, and integrals of Lagrange polynomials.
 //!
-//! Polynomials are kept as Legendre series, never as monomials, so that all is accurate to rounding for
+//! Polynomials are represented as Legendre series, never as monomials, so that results are accurate to rounding for
 //! degrees in the hundreds.
 
 use std::f64::consts::PI;
@@ -26,7 +26,7 @@ pub(super) fn gauss_nodes(s: usize) -> Vec<f64> {
     symmetric((0..s).map(|i| root(guess(i), |x| legendre(s, x)[s])))
 }
 
-/// Radau nodes in (0, 1], ascending: the roots of `P_s - P_(s-1)`, of which the last is 1.
+/// Radau nodes in (0, 1], ascending: the roots of `P_s - P_(s-1)`, the last of which is 1.
 pub(super) fn radau_nodes(s: usize) -> Vec<f64> {
     let difference = |x: f64| {
         let p = legendre(s, x);
@@ -52,7 +52,7 @@ pub(super) fn lobatto_nodes(n: usize) -> Vec<f64> {
 /// Newton's method on a polynomial that yields (value, slope), from a guess near a simple root.
 fn root(guess: f64, polynomial: impl Fn(f64) -> (f64, f64)) -> f64 {
     let mut x = guess;
-    // Quadratic convergence: from guesses as good as these, five steps are enough.
+    // Convergence is quadratic: five steps suffice from guesses this good.
     for _ in 0..20 {
         let (value, slope) = polynomial(x);
         let step = value / slope;
@@ -64,7 +64,7 @@ fn root(guess: f64, polynomial: impl Fn(f64) -> (f64, f64)) -> f64 {
     x
 }
 
-/// From [-1, 1] to [0, 1], with the symmetry about the middle exact.
+/// Maps [-1, 1] to [0, 1], with exact symmetry about the middle.
 fn symmetric(x: impl Iterator<Item = f64>) -> Vec<f64> {
     let x: Vec<f64> = x.collect();
     let mirrored = x.iter().rev();
@@ -77,12 +77,12 @@ fn symmetric(x: impl Iterator<Item = f64>) -> Vec<f64> {
 /// The Lagrange polynomials `l_i` of some nodes, as Legendre series on [0, 1].
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Lagrange {
-    /// Column `i` has the Legendre coefficients of `l_i`.
+    /// Column `i` holds the Legendre coefficients of `l_i`.
     series: DMatrix<f64>,
 }
 
 impl Lagrange {
-    /// Of distinct nodes in [0, 1].
+    /// The polynomials of distinct nodes in [0, 1].
     pub(super) fn new(nodes: &[f64]) -> Self {
         let n = nodes.len();
         let rows: Vec<_> = nodes
@@ -96,11 +96,11 @@ impl Lagrange {
         Self { series }
     }
 
-    /// `∫_0^c l_i` of every node.
+    /// `∫_0^c l_i` for every node.
     pub(super) fn integrals(&self, c: f64) -> Vec<f64> {
         let n = self.series.nrows();
         let p = legendre(n, 2.0 * c - 1.0);
-        // ∫ P_k = (P_(k+1) - P_(k-1)) / (2k + 1), which vanishes at the left end; [0, 1] halves it.
+        // ∫ P_k = (P_(k+1) - P_(k-1)) / (2k + 1), which vanishes at the left end; mapping to [0, 1] halves it.
         let integral = |k: usize| match k {
             0 => c,
             _ => 0.5 * (p[k + 1].0 - p[k - 1].0) / (2 * k + 1) as f64,

@@ -1,17 +1,17 @@
 //! Collocation schemes as data.
 //!
-//! A run is cut into elements. An element of length `h` that starts at `t_0` has coefficient vectors
-//! `V_0 .. V_s`: `V_0` is the state at its start and belongs to the element before too, `V_s` is the state
-//! at its end. A scheme says at which points `i = 0..m` of the element the ODE `ẋ = f(x, t)` is evaluated,
-//! and which defects `r = 0..s` vanish at the solution:
+//! A run is divided into elements. An element of length `h` that starts at `t_0` has coefficient vectors `V_0 .. V_s`:
+//! `V_0` is the state at its start, shared with the previous element, and `V_s` is the state at its end. A scheme
+//! defines the points `i = 0..m` of the element at which the ODE `ẋ = f(x, t)` is evaluated, and the defects `r = 0..s`
+//! that vanish at the solution:
 //!
 //! ```text
 //! Y_i = Σ_j P_ij V_j
 //! 0   = Σ_j E_rj V_j - h Σ_i A_ri f(Y_i, t_0 + c_i h)
 //! ```
 //!
-//! Implicit Runge–Kutta methods in nodal form, Bernstein polynomials and wide finite differences all are
-//! such a [`Tableau`]; [`Scheme`] names them and makes them. Whoever evaluates one needs to know nothing else of the scheme.
+//! Implicit Runge–Kutta methods in nodal form, Bernstein polynomials and wide finite differences can all be written as
+//! such a [`Tableau`]; [`Scheme`] names and creates them. The tableau is sufficient to evaluate a scheme.
 
 mod bernstein;
 mod finite_difference;
@@ -30,29 +30,29 @@ pub use scheme::{Scheme, UnknownScheme};
 /// Sparse row: (index, coefficient), indices ascending, no zeros.
 pub type Row = Vec<(usize, f64)>;
 
-/// Abscissae this close are one place [-]: sample times carry the rounding of clocks and of sums.
+/// Distance below which abscissae count as equal [-]: sample times have rounding errors of clocks and sums.
 const SAME: f64 = 1e-10;
 
-/// Coefficients of one element; no units, its length enters apart.
+/// Dimensionless coefficients of one element; its length is a separate factor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tableau {
-    /// Where along the element, from 0 to 1, each coefficient `V_j` stands: the node of a nodal basis,
-    /// the Greville abscissa `j/d` of a Bernstein coefficient. The first is 0, the last is 1.
+    /// Position of each coefficient `V_j` along the element, from 0 to 1: the node of a nodal basis, the Greville
+    /// abscissa `j/d` of a Bernstein coefficient. The first is 0, the last is 1.
     pub abscissae: Vec<f64>,
-    /// Where `f` is evaluated.
+    /// Points at which `f` is evaluated.
     pub points: Vec<Point>,
-    /// What vanishes at the solution: `s` rows, as many as unknowns.
+    /// Defects that vanish at the solution: `s` rows, one per unknown.
     pub defects: Vec<Defect>,
-    /// The scheme's own polynomial.
+    /// The polynomial of the scheme.
     interpolant: Interpolant,
 }
 
 /// A point of an element at which the ODE is evaluated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
-    /// Where along the element, from 0 to 1.
+    /// Position along the element, from 0 to 1.
     pub c: f64,
-    /// The state there.
+    /// The state at the point.
     pub value: Value,
 }
 
@@ -61,31 +61,31 @@ pub struct Point {
 pub enum Value {
     /// `Y_i = V_j`.
     Unknown(usize),
-    /// `Y_i = Σ_j p_j V_j`, over the coefficients `V`.
+    /// `Y_i = Σ_j p_j V_j`, with coefficients of the `V`.
     Combination(Row),
 }
 
 /// A defect `Σ_j e_j V_j - h Σ_i a_i f(Y_i)`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Defect {
-    /// Over the coefficients `V`.
+    /// Coefficients of the `V`.
     pub e: Row,
-    /// Over `f` at the points.
+    /// Coefficients of `f` at the points.
     pub a: Row,
 }
 
 /// One element of a run's mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Element {
-    /// Index in the mesh of the boundary at which it starts.
+    /// Index in the mesh of its start.
     pub first: usize,
-    /// Intervals of the mesh that it spans: 1 but for finite differences, which span all.
+    /// Number of mesh intervals that it spans: 1, except for finite differences, which span all.
     pub intervals: usize,
-    /// Its coefficients, shared by all elements that have the same.
+    /// Its coefficients, shared by all elements with the same ones.
     pub tableau: Arc<Tableau>,
 }
 
-/// The polynomial that a scheme draws through an element.
+/// The polynomial of a scheme on an element.
 #[derive(Debug, Clone, PartialEq)]
 enum Interpolant {
     /// `V_0` plus the integral of the polynomial through `f` at the points: the collocation polynomial
@@ -93,12 +93,12 @@ enum Interpolant {
     Integral(Lagrange),
     /// The Bernstein polynomial whose coefficients are the `V_j`.
     Bernstein,
-    /// The polynomial of this degree through the nodes around.
+    /// The polynomial of this degree through the nearest nodes.
     Nodes(usize),
 }
 
 impl Tableau {
-    /// Number of unknown coefficient vectors, `s`; the element's first belongs to the element before.
+    /// Number of unknown coefficient vectors, `s`; the first of the element belongs to the previous one.
     #[inline]
     pub fn unknowns(&self) -> usize {
         self.abscissae.len() - 1
@@ -107,8 +107,8 @@ impl Tableau {
     /// Dense output: `x(t_0 + c h) = Σ_j p_j V_j + h Σ_i q_i f(Y_i)` as the rows `(p, q)`, for `c` from 0
     /// to 1.
     ///
-    /// It is the scheme's own interpolant, whose order [`Scheme::interpolant_order`] gives. At 0 and 1 it is
-    /// `V_0` and `V_s` alone, and at a node that is an unknown of the scheme that unknown alone.
+    /// It is the interpolant of the scheme, whose order is [`Scheme::interpolant_order`]. At 0 and 1 it is exactly
+    /// `V_0` and `V_s`, and at a node that is an unknown of the scheme it is exactly that unknown.
     pub fn interpolate(&self, c: f64) -> (Row, Row) {
         if let Some(j) = self.coefficient_at(c) {
             return (vec![(j, 1.0)], Row::new());
@@ -123,7 +123,7 @@ impl Tableau {
         }
     }
 
-    /// The coefficients of an element whose states at the [abscissae](Self::abscissae) are these.
+    /// The coefficients of an element with these states at the [abscissae](Self::abscissae).
     pub fn through(&self, states: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
         let (rows, n) = (states.len(), states[0].len());
         let mut basis = DMatrix::zeros(rows, rows);
@@ -142,7 +142,7 @@ impl Tableau {
         states
     }
 
-    /// The coefficient that is the state at `c`, where there is one.
+    /// Index of the coefficient that is the state at `c`, if there is one.
     fn coefficient_at(&self, c: f64) -> Option<usize> {
         let last = self.unknowns();
         let after = self.abscissae.partition_point(|a| *a <= c);

@@ -17,7 +17,7 @@ pub(super) fn trapezoid() -> Tableau {
     nodal(&[0.0, 1.0], &[0, 1], |_| vec![0.5, 0.5])
 }
 
-/// Hermite–Simpson with the state in the middle an unknown.
+/// Hermite–Simpson with the midpoint state as an unknown.
 pub(super) fn hermite_simpson() -> Tableau {
     nodal(&[0.0, 0.5, 1.0], &[0, 1, 2], |c| match c {
         0.5 => vec![5.0 / 24.0, 8.0 / 24.0, -1.0 / 24.0],
@@ -25,7 +25,7 @@ pub(super) fn hermite_simpson() -> Tableau {
     })
 }
 
-/// Gauss–Legendre with `s` stages; the end is one unknown more.
+/// Gauss–Legendre with `s` stages; the end is an additional unknown.
 pub(super) fn gauss(s: usize) -> Tableau {
     let abscissae: Vec<f64> = [0.0]
         .into_iter()
@@ -36,34 +36,34 @@ pub(super) fn gauss(s: usize) -> Tableau {
     collocation(&abscissae, &stages)
 }
 
-/// Radau IIA with `s` stages, of which the last is the end.
+/// Radau IIA with `s` stages, the last of which is the end.
 pub(super) fn radau(s: usize) -> Tableau {
     let abscissae: Vec<f64> = [0.0].into_iter().chain(radau_nodes(s)).collect();
     let stages: Vec<usize> = (1..=s).collect();
     collocation(&abscissae, &stages)
 }
 
-/// Legendre pseudospectral: the `n + 1` Lobatto nodes, the integral form.
+/// Legendre pseudospectral on the `n + 1` Lobatto nodes, in integral form.
 ///
-/// A pseudospectral method is usually written with a differentiation matrix, `Σ_j D_ij X_j = h f(X_i)` at
-/// all `n + 1` nodes. Those are `n + 1` equations for `n` unknown states, and D has the constants as its null
-/// space, so a row must go: what is left collocates at `n` nodes, whose quadrature has order `n` only. The
-/// integral form asks for the derivative at all `n + 1` nodes, of a polynomial one degree higher. It is
-/// Lobatto IIIA, of order `2n`, with the same unknowns.
+/// A pseudospectral method is usually written with a differentiation matrix, `Σ_j D_ij X_j = h f(X_i)` at all `n + 1`
+/// nodes. Those are `n + 1` equations for `n` unknown states, and D has the constants as its null space, so one row
+/// must be dropped: the rest collocates at `n` nodes, whose quadrature has only order `n`. The integral form prescribes
+/// the derivative at all `n + 1` nodes, for a polynomial one degree higher. It is Lobatto IIIA, of order `2n`, with the
+/// same unknowns.
 pub(super) fn lobatto(n: usize) -> Tableau {
     let stages: Vec<usize> = (0..=n).collect();
     collocation(&lobatto_nodes(n), &stages)
 }
 
-/// The collocation method whose points are these of the nodes.
+/// The collocation method with the given nodes as points.
 fn collocation(nodes: &[f64], points: &[usize]) -> Tableau {
     let places: Vec<f64> = points.iter().map(|j| nodes[*j]).collect();
     let basis = Lagrange::new(&places);
     nodal(nodes, points, |c| basis.integrals(c))
 }
 
-/// A Runge–Kutta method in nodal form: all nodes are states, `f` is evaluated at those of `points`, and
-/// `weights` gives the row of `a_ij` for the node at an abscissa.
+/// A Runge–Kutta method in nodal form: all nodes are states, `f` is evaluated at the nodes `points`, and `weights`
+/// returns the row of `a_ij` for the node at an abscissa.
 fn nodal(nodes: &[f64], points: &[usize], weights: impl Fn(f64) -> Vec<f64>) -> Tableau {
     let places: Vec<f64> = points.iter().map(|j| nodes[*j]).collect();
     let defect = |j: usize| Defect {

@@ -1,4 +1,4 @@
-//! The schemes by name.
+//! The named schemes.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -10,29 +10,29 @@ use super::{Element, Tableau, bernstein, finite_difference, runge_kutta};
 
 /// A collocation scheme.
 ///
-/// The sizes are bounded as [`Scheme::choices`] says.
+/// [`Scheme::choices`] lists the permitted sizes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Scheme {
     /// Forward Euler, explicit: the paper's matrix D.
     Euler,
     /// Trapezoid.
     Trapezoid,
-    /// Hermite–Simpson; the state in the middle of an interval is an unknown.
+    /// Hermite–Simpson; the midpoint state of an interval is an unknown.
     HermiteSimpson,
-    /// Gauss–Legendre collocation, of this many stages.
+    /// Gauss–Legendre collocation with this number of stages.
     Gauss(usize),
-    /// Radau IIA collocation, of this many stages.
+    /// Radau IIA collocation with this number of stages.
     Radau(usize),
     /// Legendre pseudospectral on the LGL nodes, of this degree in each element: 1 is the trapezoid, 2 is
     /// Hermite–Simpson.
     Lobatto(usize),
     /// Bernstein polynomials of this degree in each element.
     Bernstein(usize),
-    /// Finite differences whose stencils have one node more than this.
+    /// Finite differences with stencils of one more node than this.
     FiniteDifference(usize),
 }
 
-/// Schemes that come in sizes.
+/// Schemes with a size.
 struct Family {
     name: &'static str,
     of_size: fn(usize) -> Scheme,
@@ -42,7 +42,7 @@ struct Family {
 /// Schemes without a size.
 const SINGLE: [Scheme; 3] = [Scheme::Euler, Scheme::Trapezoid, Scheme::HermiteSimpson];
 
-/// Schemes with a size.
+/// Families of schemes with a size.
 static FAMILIES: [Family; 5] = [
     family("gauss", Scheme::Gauss, 10),
     family("radau", Scheme::Radau, 10),
@@ -59,11 +59,11 @@ const fn family(name: &'static str, of_size: fn(usize) -> Scheme, largest: usize
     }
 }
 
-/// A name that no scheme has.
+/// An unknown name of a scheme.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("no scheme is called '{name}'; there are {}", Scheme::choices())]
 pub struct UnknownScheme {
-    /// The name that was asked for.
+    /// The requested name.
     pub name: String,
 }
 
@@ -73,7 +73,7 @@ impl Scheme {
         self.to_string()
     }
 
-    /// Every name there is, in words: `euler, .., gauss-1 to gauss-10, ..`.
+    /// All names in words: `euler, .., gauss-1 to gauss-10, ..`.
     pub fn choices() -> String {
         let single = SINGLE.iter().map(Scheme::name);
         let sized = FAMILIES.iter().map(|family| {
@@ -98,20 +98,20 @@ impl Scheme {
         }
     }
 
-    /// Order of convergence of [`Tableau::interpolate`] between the ends. Below [`Scheme::order`] for the
-    /// schemes with many stages, whose ends converge faster than all between.
+    /// Order of convergence of [`Tableau::interpolate`] between the ends. Below [`Scheme::order`] for schemes with many
+    /// stages, which converge faster at the ends.
     pub fn interpolant_order(&self) -> usize {
         (self.degree() + 1).min(self.order())
     }
 
-    /// Degree of the polynomials of [`Tableau::interpolate`]: their local error falls with one power more of an
-    /// element's length.
+    /// Degree of the polynomials of [`Tableau::interpolate`]; their local error decreases with one power more of the
+    /// element length.
     pub fn degree(&self) -> usize {
         match *self {
             Self::Euler => 1,
             Self::Trapezoid => 2,
             Self::HermiteSimpson => 3,
-            // Through f at the points, integrated.
+            // Integral of the polynomial through f at the points.
             Self::Gauss(s) | Self::Radau(s) => s,
             Self::Lobatto(n) => n + 1,
             Self::Bernstein(d) => d,
@@ -119,7 +119,7 @@ impl Scheme {
         }
     }
 
-    /// Where it comes from.
+    /// Reference for the scheme.
     pub fn source(&self) -> &'static str {
         match self {
             Self::Euler => "Bonner & Kirchner 2026, matrix D",
@@ -144,12 +144,12 @@ impl Scheme {
         }
     }
 
-    /// The elements of a run whose mesh has these boundaries \[s\], strictly increasing; none for less than
-    /// two boundaries.
+    /// The elements of a run whose mesh has these boundaries \[s\], strictly increasing; none for fewer than two
+    /// boundaries.
     ///
     /// # Panics
     ///
-    /// Where the size is not among [`Scheme::choices`]; parsing a name checks it.
+    /// If the size is not among [`Scheme::choices`]; parsing a name checks it.
     pub fn elements(&self, mesh: &[f64]) -> Vec<Element> {
         self.check_size();
         let intervals = mesh.len().saturating_sub(1);
@@ -174,10 +174,10 @@ impl Scheme {
         (0..intervals).map(element).collect()
     }
 
-    /// The tableau of a scheme whose elements are all alike, made once for all runs.
+    /// The tableau of a scheme with identical elements, created once for all runs.
     fn shared(&self) -> Arc<Tableau> {
         static MADE: LazyLock<Mutex<HashMap<Scheme, Arc<Tableau>>>> = LazyLock::new(Mutex::default);
-        // An entry is put in whole or not at all, so a panic elsewhere leaves the map sound.
+        // Entries are inserted completely or not at all, so the map stays valid even if poisoned.
         let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
         made.entry(*self)
             .or_insert_with(|| Arc::new(self.tableau()))
@@ -197,7 +197,7 @@ impl Scheme {
         }
     }
 
-    /// Its family and its size in that; None where it has no size.
+    /// Its family and size; None for schemes without a size.
     fn sized(&self) -> Option<(&'static Family, usize)> {
         let size = match *self {
             Self::Gauss(n)
@@ -253,7 +253,7 @@ impl FromStr for Scheme {
     }
 }
 
-/// Every scheme that has a name.
+/// All named schemes.
 #[cfg(test)]
 pub(super) fn every_scheme() -> Vec<Scheme> {
     let sized = FAMILIES.iter().flat_map(|f| f.sizes.clone().map(f.of_size));

@@ -1,11 +1,11 @@
-//! The coefficients against their order conditions, published values and exact polynomials.
+//! Compares the coefficients with their order conditions, published values and exact polynomials.
 
 use std::sync::Arc;
 
 use super::scheme::every_scheme;
 use super::{Interpolant, Row, Scheme, Tableau, Value, dot};
 
-/// A mesh without two equal intervals [s].
+/// A mesh with pairwise different intervals [s].
 fn uneven(intervals: usize) -> Vec<f64> {
     let place = |k: usize| k as f64 + 0.3 * (1.7 * k as f64).sin();
     (0..=intervals).map(place).collect()
@@ -19,7 +19,7 @@ fn assert_close(a: f64, b: f64, tolerance: f64, what: &str) {
     assert!((a - b).abs() <= tolerance, "{what}: {a:e} and {b:e}");
 }
 
-/// Size of the terms of a row, to which its rounding is in proportion.
+/// Magnitude of the terms of a row, to which its rounding is proportional.
 fn size(row: &Row) -> f64 {
     row.iter().map(|(_, w)| w.abs()).sum()
 }
@@ -73,7 +73,7 @@ fn tableaus_are_well_formed() {
     }
 }
 
-/// Constants have no derivative, and `x = t` has the derivative 1.
+/// Constants have a zero derivative, and `x = t` has the derivative 1.
 #[test]
 fn defects_and_points_are_exact_for_straight_lines() {
     for scheme in every_scheme() {
@@ -99,7 +99,7 @@ fn defects_and_points_are_exact_for_straight_lines() {
     }
 }
 
-/// Every polynomial of the scheme's degree satisfies the defects, and its interpolant draws it.
+/// Every polynomial of the scheme's degree satisfies the defects, and its interpolant reproduces it.
 #[test]
 fn polynomials_are_reproduced() {
     for scheme in every_scheme() {
@@ -130,7 +130,7 @@ fn polynomials_are_reproduced() {
     }
 }
 
-/// The states of `c^k` at the abscissae give its coefficients.
+/// The coefficients follow from the states of `c^k` at the abscissae.
 #[test]
 fn polynomials_are_drawn_through_states() {
     for scheme in every_scheme() {
@@ -146,8 +146,8 @@ fn polynomials_are_drawn_through_states() {
     }
 }
 
-/// B(k): Σ b_j c_j^(k-1) = 1/k up to the order and not beyond (Hairer & Wanner II, IV.5); C(k) is the test
-/// before this one.
+/// B(k): Σ b_j c_j^(k-1) = 1/k up to the order and not beyond (Hairer & Wanner II, IV.5); the previous test checks
+/// C(k).
 #[test]
 fn the_weights_of_the_end_have_the_stated_order_and_no_more() {
     for scheme in every_scheme() {
@@ -161,7 +161,7 @@ fn the_weights_of_the_end_have_the_stated_order_and_no_more() {
         for k in 1..=order {
             assert_close(excess(k), 0.0, 1e-14, &format!("{scheme}, B({k})"));
         }
-        // Beyond this the quadrature error of the next power is itself below rounding.
+        // Above this order the quadrature error of the next power is below rounding.
         if order <= 20 {
             assert!(
                 excess(order + 1).abs() > 1e-14,
@@ -257,7 +257,7 @@ fn lobatto_with_two_and_three_nodes_are_the_classics() {
     }
 }
 
-/// BDF2, and the generalised BDFs of orders 3 and 4: in h f = Σ α_j x_j.
+/// BDF2, and the generalised BDFs of orders 3 and 4, as h f = Σ α_j x_j.
 #[test]
 fn finite_differences_within_a_uniform_mesh_are_the_generalised_bdfs() {
     let stencils: [(usize, &[f64]); 4] = [
@@ -278,8 +278,8 @@ fn finite_differences_within_a_uniform_mesh_are_the_generalised_bdfs() {
     }
 }
 
-/// The boundary locus `Σ α_j e^(i (j - ν) θ)` of every stencil stays in the right half-plane: for `λh` in the
-/// left one, as many roots are inside the unit circle as the stencil has nodes in the past.
+/// The boundary locus `Σ α_j e^(i (j - ν) θ)` of every stencil stays in the right half-plane: for `λh` in the left one,
+/// the number of roots inside the unit circle equals the number of past nodes of the stencil.
 #[test]
 fn finite_differences_are_stable_in_the_left_half_plane() {
     let mesh: Vec<f64> = (0..=40).map(f64::from).collect();
@@ -291,13 +291,13 @@ fn finite_differences_are_stable_in_the_left_half_plane() {
             let real = dot(e, |j| (angle * (j as f64 - 20.0)).cos());
             assert!(real > -1e-11, "order {p}, angle {angle}: {real:e}");
         }
-        // Against sawteeth: a symmetric stencil has 0 here.
+        // Damping of sawteeth: a symmetric stencil has 0 here.
         let sawtooth = dot(e, |j| if j % 2 == 0 { 1.0 } else { -1.0 }) / 40.0;
         assert!(sawtooth > 0.5, "order {p}: {sawtooth}");
     }
 }
 
-/// For the next power the derivative is off by `ν! (p - ν)! h^p`: the order is p and no more.
+/// For the next power the error of the derivative is `ν! (p - ν)! h^p`: the order is exactly p.
 #[test]
 fn finite_differences_have_the_leading_error_of_their_order() {
     let mesh: Vec<f64> = (0..=40).map(f64::from).collect();
@@ -325,8 +325,8 @@ fn a_run_shorter_than_the_stencil_uses_all_its_nodes() {
     }
 }
 
-/// At the ends, and at nodes among the unknowns, the interpolant is that unknown, also where a sample's time
-/// has rounding.
+/// At the ends, and at nodes among the unknowns, the interpolant is that unknown, even if the time of a sample has
+/// rounding errors.
 #[test]
 fn interpolants_pass_through_the_unknown_nodes() {
     for scheme in every_scheme() {

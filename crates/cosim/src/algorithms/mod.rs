@@ -1,42 +1,41 @@
-//! How components are coupled: in which order they are set, stepped and read, what they are given for the
-//! values that are not known yet, and how long a communication step is.
+//! Coupling algorithms: the order in which components are set, stepped and read, the extrapolation of values that are
+//! not known yet, and the length of communication steps.
 
 mod order;
 
 pub(super) use order::Propagation;
 pub use order::gauss_seidel_order;
 
-/// How components that step side by side exchange values (Kübler & Schiehlen, "Two methods of simulator
-/// coupling", Math. Comput. Model. Dyn. Syst. 6(2), 2000).
+/// How components exchange values (Kübler & Schiehlen, "Two methods of simulator coupling", Math. Comput. Model. Dyn.
+/// Syst. 6(2), 2000).
 ///
-/// The first two are of first order in the communication step `h` where inputs are held at what is
-/// known: with Jacobi every input lags by `h/2` on average; with Gauss-Seidel of two components in a loop,
-/// the first one's inputs are `h/2` late and the second one's `h/2` early, which cancels around the
-/// loop. The third solves for values that are consistent at the end of the step, and has no lag.
+/// With held inputs, the first two are of first order in the communication step `h`. With Jacobi every input lags by
+/// `h/2` on average. With Gauss-Seidel and two components in a loop, the inputs of the first are `h/2` late and those
+/// of the second `h/2` early, which cancels around the loop. The third solves for values that are consistent at the end
+/// of the step, and has no lag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Algorithm {
-    /// All components get the others' outputs at `t_k`, then all step to `t_{k+1}`.
+    /// All components receive the others' outputs at `t_k`, then all step to `t_{k+1}`.
     #[default]
     Jacobi,
-    /// One component after another gets the newest outputs there are, steps and gives its own.
+    /// One component after another receives the newest available outputs, steps and provides its outputs.
     GaussSeidel,
-    /// Strong coupling, of second order at least: the steps are repeated from saved states until the
-    /// outputs at `t_{k+1}` are those that the inputs were made of.
+    /// Strong coupling, at least of second order: steps are repeated from saved states until the outputs at `t_{k+1}`
+    /// agree with those from which the inputs were computed.
     ///
-    /// Within the step an input goes straight from the feeding output's value at `t_k` to that at
-    /// `t_{k+1}` or, where the component gives the outputs' derivatives, along the cubic with these at both
-    /// ends; a derivative at `t_k` that belongs to a transient which is over within the step makes an exponential
-    /// and a line instead, so that fast poles (and jumps through them) throw nothing off. A component that
-    /// takes input derivatives gets the line nearest to that, any other its mean; where a component with
-    /// direct feedthrough would so be given another value at the end, its outputs come from a step that ends
-    /// right, its state from another one. The outputs at `t_{k+1}` are found by Newton's method, whose matrix
-    /// comes from differences of repeated steps and is kept as long as it serves; algebraic loops between
-    /// components are thereby solved too. Components that cannot go back take their step first, with
-    /// extrapolated inputs. Values that are no reals are held through a step, at those of its end if these
-    /// settle, reals that are discrete at those of its begin.
+    /// Within the step an input follows the line from the feeding output's value at `t_k` to that at `t_{k+1}` or, if
+    /// the component provides output derivatives, the cubic with these derivatives at both ends. If the derivative at
+    /// `t_k` belongs to a transient that decays within the step, an exponential plus a line is used instead, so that
+    /// fast poles (and jumps through them) do not distort the input. A component that accepts input derivatives
+    /// receives the best linear approximation, any other the mean. If a component with direct feedthrough would thereby
+    /// see a wrong value at the end, its outputs are taken from a step that ends with the correct input, and its state
+    /// from another step. The outputs at `t_{k+1}` are found by Newton's method, whose matrix comes from finite
+    /// differences of repeated steps and is kept while it converges; this also solves algebraic loops between
+    /// components. Components without rollback step first, with extrapolated inputs. Non-real values are held through a
+    /// step at their values at its end if these settle; discrete reals are held at their values at its beginning.
     ///
-    /// Where the coupling error of a step of fixed length is as large as the signal, the step is halved until it
-    /// is not; where components cannot do that, the run ends.
+    /// If the coupling error of a fixed step is as large as the signal, the step is halved until it is smaller; the run
+    /// ends with an error if components cannot do that.
     Strong,
 }
 
@@ -50,29 +49,29 @@ impl std::fmt::Display for Algorithm {
     }
 }
 
-/// Everything about how a run couples its components. An [`Algorithm`] alone becomes one with the defaults.
+/// Coupling settings of a run. An [`Algorithm`] converts to settings with the defaults.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coupling {
-    /// In which order components are set, stepped and read.
+    /// The order in which components are set, stepped and read.
     pub algorithm: Algorithm,
-    /// Degree, 0 to [`MAX_EXTRAPOLATION`], of the polynomial through the last communication points
-    /// that stands for outputs not known yet; with 0 the last value is held. By default 0, but for the
-    /// first pass of strong coupling, for which it does not matter but in speed.
+    /// Degree, 0 to [`MAX_EXTRAPOLATION`], of the polynomial through the last communication points that replaces
+    /// unknown outputs; with 0 the last value is held. Default: 0, except for the first pass of strong coupling, where
+    /// it affects only speed.
     pub extrapolation: Option<usize>,
-    /// Chooses the communication steps by their error; `None` keeps the clock's.
+    /// Chooses the communication steps by their error; `None` uses the clock's step.
     pub control: Option<Control>,
-    /// How strong coupling iterates.
+    /// Iteration of strong coupling.
     pub iteration: Iteration,
-    /// Jacobi with held inputs and fixed steps: the components step at the same time, on as many threads as
-    /// rayon would use (`RAYON_NUM_THREADS`), which look for work all the time. The results are the same.
-    /// From which cost of a step on it pays, `cargo bench --bench coupling` tells: 0.5 µs on two
-    /// processors that are free, 10 µs and more where other programs use them too.
+    /// Jacobi with held inputs and fixed steps: the components step concurrently, on as many threads as rayon would use
+    /// (`RAYON_NUM_THREADS`); the threads busy-wait. The results are the same. `cargo bench --bench coupling` measures
+    /// the cost of a step above which this pays off: 0.5 µs on two idle processors, 10 µs and more if other programs
+    /// use them too.
     pub parallel: bool,
-    /// Whether to time every call for the [report](super::Report), instead of those in a few steps.
+    /// Whether to time every call for the [report](super::Report), instead of only a sample of steps.
     pub measure: bool,
 }
 
-/// Highest degree of extrapolation.
+/// Maximum degree of extrapolation.
 pub const MAX_EXTRAPOLATION: usize = 2;
 
 impl From<Algorithm> for Coupling {
@@ -88,13 +87,13 @@ impl From<Algorithm> for Coupling {
     }
 }
 
-/// When the iteration of strong coupling ends.
+/// Stopping criteria of the iteration of strong coupling.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Iteration {
-    /// Largest difference between an output and what the inputs were made of, relative to the largest
-    /// magnitude so far (or the variable's nominal value, if that is larger).
+    /// Largest difference between an output and the value from which inputs were computed, relative to the largest
+    /// magnitude so far (or the variable's nominal value, if larger).
     pub tolerance: f64,
-    /// Largest number of corrections in a step.
+    /// Maximum number of corrections in a step.
     pub max: u32,
 }
 
@@ -107,28 +106,26 @@ impl Default for Iteration {
     }
 }
 
-/// Communication steps as long as the coupling error allows.
+/// Communication steps chosen by the coupling error.
 ///
-/// The error of a step is by how much the mean of an input over the step is wrong, relative to the
-/// largest magnitude of the feeding output so far (or its nominal value, if that is larger): the
-/// system is solved exactly for inputs that are off by no more than this. What an input should have
-/// been is an interpolating polynomial through communication points, one degree higher than what was
-/// used (an embedded pair, as in Adams methods; Hairer, Nørsett & Wanner, *Solving Ordinary
-/// Differential Equations I*, section III.1). Inputs of components that hold them are staircases, whose
-/// effect is seen by comparing one step with two half ones. Every communication point of the clock is
-/// hit.
+/// The error of a step is the error of an input's mean over the step, relative to the largest magnitude of the feeding
+/// output so far (or its nominal value, if larger): the system is solved exactly for inputs perturbed by at most this
+/// much. The reference for an input is an interpolating polynomial through communication points, of one degree more
+/// than the one used (an embedded pair, as in Adams methods; Hairer, Nørsett & Wanner, *Solving Ordinary Differential
+/// Equations I*, section III.1). Held inputs are piecewise constant; the effect is estimated by comparing one step with
+/// two half steps. No communication point of the clock is skipped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Control {
-    /// Largest error of a step.
+    /// Maximum error of a step.
     pub tolerance: f64,
-    /// Shortest communication step \[s\]; it is accepted whatever its error.
+    /// Shortest communication step \[s\]; it is accepted regardless of its error.
     pub min_step: f64,
     /// Longest communication step \[s\]; the clock's step if that is shorter.
     pub max_step: f64,
 }
 
 impl Control {
-    /// Steps between a billionth of the clock's step and that step itself.
+    /// Steps between 1e-9 times the clock's step and the clock's step.
     pub fn new(tolerance: f64, clock: &super::Clock) -> Self {
         Self {
             tolerance,
@@ -136,7 +133,7 @@ impl Control {
             max_step: clock.step(),
         }
     }
-    /// Whether some step and some error are within the bounds.
+    /// Whether the tolerance and the step bounds are valid.
     pub(super) fn is_possible(&self) -> bool {
         self.tolerance > 0.0 && self.min_step > 0.0 && self.min_step <= self.max_step
     }

@@ -1,21 +1,20 @@
-//! Orders that declared dependencies give: of instances, and of connections during initialization.
+//! Execution orders from declared dependencies: of instances, and of connections during initialization.
 
 use crate::system::System;
 
-/// Beyond this many instances in one cycle, the order is found by a rule instead of by trying all.
+/// Maximum size of a cycle for exact search; larger cycles are ordered greedily.
 const MAX_EXACT: usize = 12;
 
-/// What it costs that a connection's value is a step late: direct feedthrough hands the lag on.
+/// Cost of a connection whose value is one step late; direct feedthrough propagates the lag.
 const LATE: u32 = 1;
 const LATE_FEEDTHROUGH: u32 = 1000;
 
-/// The Gauss-Seidel order of the instances, by their positions.
+/// The Gauss-Seidel order of the instances, as positions.
 ///
-/// An instance stands after the instances that feed it, so that it gets their newest outputs. Where instances
-/// feed each other in a cycle, the order is one in which the fewest connections are late, those into
-/// inputs with direct feedthrough counting above all others, since the lag goes on from there; of
-/// equally good orders it is the one nearest to that in which the instances were added. In cycles of more
-/// than twelve instances the next one is always the instance that waits for the fewest others.
+/// An instance comes after the instances that feed it, so that it receives their newest outputs. Within a cycle, the
+/// order has the fewest late connections, where late inputs with direct feedthrough count above all others, since they
+/// propagate the lag. Ties are resolved in favour of the order in which instances were added. In cycles of more than
+/// twelve instances, the next one is always the instance that waits for the fewest others.
 pub fn gauss_seidel_order(system: &System) -> Vec<usize> {
     let costs = costs(system);
     let reach = reach(&costs);
@@ -32,7 +31,7 @@ pub fn gauss_seidel_order(system: &System) -> Vec<usize> {
     order
 }
 
-/// `[to][from]`: what it costs that `to` stands before `from`.
+/// `[to][from]`: cost of placing `to` before `from`.
 fn costs(system: &System) -> Vec<Vec<u32>> {
     let n = system.instances.len();
     let mut costs = vec![vec![0; n]; n];
@@ -48,7 +47,7 @@ fn costs(system: &System) -> Vec<Vec<u32>> {
     costs
 }
 
-/// `[to][from]`: whether values go from `from` to `to`, through others too (Warshall's algorithm).
+/// `[to][from]`: whether values flow from `from` to `to`, directly or indirectly (Warshall's algorithm).
 fn reach(costs: &[Vec<u32>]) -> Vec<Vec<bool>> {
     let row = |row: &Vec<u32>| row.iter().map(|&cost| cost > 0).collect();
     let mut reach: Vec<Vec<bool>> = costs.iter().map(row).collect();
@@ -63,7 +62,7 @@ fn reach(costs: &[Vec<u32>]) -> Vec<Vec<bool>> {
     reach
 }
 
-/// The cycle of the first instance that waits for no instance outside its cycle; mostly the instance alone.
+/// The cycle of the first instance that waits for no instance outside its cycle; usually that instance alone.
 fn next_cycle(reach: &[Vec<bool>], waiting: &[usize]) -> Vec<usize> {
     let is_free = |&&instance: &&usize| {
         let mut feeders = waiting.iter().filter(|&&from| reach[instance][from]);
@@ -77,8 +76,8 @@ fn next_cycle(reach: &[Vec<bool>], waiting: &[usize]) -> Vec<usize> {
     waiting.iter().filter(is_member).copied().collect()
 }
 
-/// The order of least cost, the lexicographically first of these: dynamic programming over the sets
-/// of instances that are still to come.
+/// The order of least cost, the lexicographically first if several: dynamic programming over the sets of instances that
+/// remain to be placed.
 fn cheapest(costs: &[Vec<u32>], cycle: &[usize]) -> Vec<usize> {
     let n = cycle.len();
     let all = (1_usize << n) - 1;
@@ -105,7 +104,7 @@ fn cheapest(costs: &[Vec<u32>], cycle: &[usize]) -> Vec<usize> {
     order
 }
 
-/// Always the instance for which the least is late.
+/// Always places the instance with the fewest late connections next.
 fn greedy(costs: &[Vec<u32>], cycle: &[usize]) -> Vec<usize> {
     let (mut waiting, mut order) = (cycle.to_vec(), Vec::with_capacity(cycle.len()));
     while !waiting.is_empty() {
@@ -122,14 +121,13 @@ fn greedy(costs: &[Vec<u32>], cycle: &[usize]) -> Vec<usize> {
     order
 }
 
-/// The order in which connections carry values during initialization: after everything that their
-/// output depends on at once.
+/// The order in which connections carry values during initialization: a connection comes after all those on which its
+/// output directly depends.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(crate) struct Propagation {
-    /// Positions of connections that need to carry a value once, in this order.
+    /// Positions of connections that carry a value once, in this order.
     pub(crate) once: Vec<usize>,
-    /// Positions of connections in an algebraic loop or behind one: to be repeated until nothing
-    /// changes.
+    /// Positions of connections in or behind an algebraic loop, repeated until nothing changes.
     pub(crate) repeated: Vec<usize>,
 }
 

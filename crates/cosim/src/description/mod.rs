@@ -1,5 +1,4 @@
-//! What a [`System`] is made of, as a file or a command line says it: instances, wires, start values. Nothing is
-//! opened here.
+//! Description of a [`System`] from a file or a command line: instances, wires, start values. No model is opened here.
 //!
 //! ```
 //! use pilotage_cosim::SystemDescription;
@@ -21,10 +20,10 @@
 //! # Ok::<(), pilotage_cosim::DescriptionError>(())
 //! ```
 //!
-//! | module | what it holds |
+//! | module | content |
 //! | --- | --- |
-//! | `read` | from a system file |
-//! | `write` | to a system file |
+//! | `read` | reads a system file |
+//! | `write` | writes a system file |
 
 mod read;
 mod write;
@@ -37,26 +36,26 @@ use pilotage_text::document::Place;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// Something that was said, and where; on a command line there is no place.
+/// A value with its place in a file; values from the command line have no place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Said<T> {
-    /// What.
+    /// The value.
     pub value: T,
-    /// Where, if in a file.
+    /// Its place, if from a file.
     pub place: Option<Place>,
 }
 
 impl<T> From<T> for Said<T> {
-    /// Said on the command line.
+    /// A value from the command line.
     fn from(value: T) -> Self {
         Self { value, place: None }
     }
 }
 
-/// Instances, wires and start values, each in the order in which they were said.
+/// Instances, wires and start values, each in the order given.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SystemDescription {
-    /// What is simulated, and tables that feed it.
+    /// Simulated instances, and tables that feed them.
     pub instances: Vec<InstanceDescription>,
     /// Wires.
     pub connections: Vec<Wire>,
@@ -69,27 +68,27 @@ pub struct SystemDescription {
 pub struct InstanceDescription {
     /// Its name.
     pub name: String,
-    /// What it is made of.
+    /// Where its model comes from.
     pub source: Said<InstanceSource>,
-    /// Order of a built-in model that has one.
+    /// Order, for built-in models that have one.
     pub order: Option<Said<u32>>,
-    /// What an FMU is used for that can be both.
+    /// Interface to use for an FMU that supports both.
     pub interface: Option<Interface>,
 }
 
-/// What an instance is made of.
+/// Source of an instance.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum InstanceSource {
-    /// A model that is built in, by its name. What is no [identifier](pilotage_text::is_identifier) names none.
+    /// A built-in model, by name. Its name is an [identifier](pilotage_text::is_identifier).
     BuiltIn(String),
-    /// The file of a model.
+    /// A model file.
     Model(PathBuf),
-    /// A file with signals over time, whose columns are outputs.
+    /// A file with signals over time; its columns are outputs.
     Table(PathBuf),
 }
 
 impl InstanceSource {
-    /// The file, if it is one; from the folder in which the command runs.
+    /// The file, if any, relative to the working directory.
     pub fn file(&self) -> Option<&Path> {
         match self {
             Self::BuiltIn(_) => None,
@@ -98,12 +97,12 @@ impl InstanceSource {
     }
 }
 
-/// What an FMU is used for.
+/// FMI interface type used for an FMU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Interface {
-    /// Co-simulation: it brings its own solver.
+    /// Co-simulation: the FMU contains its solver.
     CoSimulation,
-    /// Model exchange: its equations are solved here.
+    /// Model exchange: pilotage solves the FMU's equations.
     ModelExchange,
 }
 
@@ -111,7 +110,7 @@ impl Interface {
     /// All of them.
     pub const ALL: [Self; 2] = [Self::CoSimulation, Self::ModelExchange];
 
-    /// As a file or a flag names it.
+    /// Its name in files and flags.
     pub fn name(self) -> &'static str {
         match self {
             Self::CoSimulation => "cs",
@@ -138,21 +137,21 @@ pub struct Setting {
     pub value: String,
 }
 
-/// What is wrong with one entry of a description.
+/// An error in one entry of a description.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{}{error}", place.as_ref().map_or(String::new(), |place| format!("{place}: ")))]
 pub struct EntryError {
-    /// Where it stands, if in a file.
+    /// Place of the entry, if from a file.
     pub place: Option<Place>,
-    /// What is wrong.
+    /// The error.
     pub error: Box<SystemError>,
 }
 
 impl SystemDescription {
-    /// Adds instances. One of a name that is known keeps its position and takes the place of the one that was there.
+    /// Adds instances. An instance whose name already exists replaces the existing one and keeps its position.
     ///
     /// # Errors
-    /// If two of those that are added have one name.
+    /// If two added instances have the same name.
     pub fn override_instances(
         &mut self,
         instances: Vec<InstanceDescription>,
@@ -172,7 +171,7 @@ impl SystemDescription {
         Ok(())
     }
 
-    /// Adds wires and values. What they say of an input or a parameter takes the place of all that was said of it.
+    /// Adds wires and values. They replace everything given before for the same inputs and parameters.
     pub fn override_wiring(&mut self, connections: Vec<Wire>, settings: Vec<Setting>) {
         let fed = connections.iter().map(|wire| &wire.to.value);
         let set = settings.iter().map(|setting| &setting.name.value);
@@ -185,10 +184,10 @@ impl SystemDescription {
         self.settings.extend(settings);
     }
 
-    /// Wires instances that have been added, and gives them their start values.
+    /// Connects instances that have been added, and sets their start values.
     ///
     /// # Errors
-    /// For the first entry that does not fit.
+    /// For the first invalid entry.
     pub fn wire(&self, system: &mut System) -> Result<(), EntryError> {
         for Wire { from, to } in &self.connections {
             let connected = system.connect(&from.value, &to.value);
@@ -210,7 +209,7 @@ impl SystemDescription {
         Ok(())
     }
 
-    /// Variables and values of one instance.
+    /// Names and values of the variables set for one instance.
     pub fn settings_of<'a>(
         &'a self,
         instance: &'a str,
@@ -221,7 +220,7 @@ impl SystemDescription {
         })
     }
 
-    /// Where a variable is first wired or set.
+    /// Place where a variable is first wired or set.
     pub fn place_of(&self, variable: &str) -> Option<&Place> {
         let wires = self.connections.iter();
         let wired = wires.flat_map(|wire| [&wire.from, &wire.to]);
@@ -231,7 +230,7 @@ impl SystemDescription {
     }
 }
 
-/// Whether an error of a wire is about where it begins.
+/// Whether an error of a wire concerns its output.
 fn is_about_output(error: &SystemError, from: &str) -> bool {
     match error {
         SystemError::NotAnOutput { .. } => true,

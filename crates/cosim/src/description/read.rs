@@ -1,4 +1,4 @@
-//! A description from a system file.
+//! Reads a description from a system file.
 
 use super::{
     InstanceDescription, InstanceSource, Interface, Said, Setting, SystemDescription, Wire,
@@ -12,10 +12,10 @@ use thiserror::Error;
 /// The tables of a system file.
 pub const KEYS: [&str; 2] = ["system", "connect"];
 
-/// Why a file describes no system.
+/// Why a file does not describe a system.
 #[derive(Debug, Error)]
 pub enum DescriptionError {
-    /// Not TOML, an unknown field, a missing one, or one of another kind.
+    /// Not TOML, or a field that is unknown, missing or of the wrong kind.
     #[error(transparent)]
     Document(#[from] DocumentError),
     /// No instance.
@@ -23,15 +23,15 @@ pub enum DescriptionError {
         "{place}: the system is empty; expected an instance, such as [system.pilot] with model = \"pilot.fmu\""
     )]
     Empty {
-        /// Where its table stands, or the first line.
+        /// Place of the table, or the first line.
         place: Place,
     },
-    /// A name that cannot stand before a dot.
+    /// An invalid instance name.
     #[error(
         "{place}: `{name}` cannot name an instance; expected letters, digits and `_`, and no digit first"
     )]
     Name {
-        /// Where it stands.
+        /// Place of the name.
         place: Place,
         /// The name.
         name: String,
@@ -41,35 +41,35 @@ pub enum DescriptionError {
         "{place}: `{name}` has no model; add model = \"FILE\", or table = \"FILE.csv\" for signals over time"
     )]
     NoModel {
-        /// Where the instance stands.
+        /// Place of the instance.
         place: Place,
         /// Its name.
         name: String,
     },
-    /// An order that is none.
+    /// An invalid order.
     #[error(
         "{place}: the order of `{name}` is {found}; expected a whole number from 1 to {}",
         u32::MAX
     )]
     Order {
-        /// Where it stands.
+        /// Place of the value.
         place: Place,
         /// Name of the instance.
         name: String,
-        /// As given.
+        /// The given value.
         found: f64,
     },
-    /// An interface that there is not.
+    /// An unknown interface.
     #[error(
         "{place}: `{found}` is no kind of FMU{}; expected \"cs\" (co-simulation) or \"me\" (model exchange)",
         did_you_mean(suggestion.as_deref())
     )]
     Interface {
-        /// Where it stands.
+        /// Place of the value.
         place: Place,
-        /// As given.
+        /// The given text.
         found: String,
-        /// The one that was probably meant.
+        /// The interface that was probably meant.
         suggestion: Option<String>,
     },
 }
@@ -78,15 +78,15 @@ impl SystemDescription {
     /// Reads a system file.
     ///
     /// # Errors
-    /// If it cannot be read, or does not describe a system; with file and line.
+    /// If it cannot be read or does not describe a system; the error names file and line.
     pub fn read(path: &Path) -> Result<Self, DescriptionError> {
         Self::parse(&document::read(path)?, path)
     }
 
-    /// The description that a text is; files that it names are beside `path`.
+    /// Parses a description; file names in it are relative to the folder of `path`.
     ///
     /// # Errors
-    /// If it does not describe a system; with file and line.
+    /// If it does not describe a system; the error names file and line.
     pub fn parse(text: &str, path: &Path) -> Result<Self, DescriptionError> {
         let file = path.display().to_string();
         let document = Document::parse(text, &file)?;
@@ -94,10 +94,10 @@ impl SystemDescription {
         Self::of(document.root(), path.parent().unwrap_or(Path::new("")))
     }
 
-    /// What the tables `system` and `connect` of a file say, whatever else is in it.
+    /// Reads the tables `system` and `connect` of a file and ignores its other contents.
     ///
     /// # Errors
-    /// If they do not describe a system; with file and line.
+    /// If they do not describe a system; the error names file and line.
     pub fn of(root: TomlTable, folder: &Path) -> Result<Self, DescriptionError> {
         let mut description = Self::default();
         if let Some(system) = root.table("system")? {
@@ -145,7 +145,7 @@ impl SystemDescription {
     }
 }
 
-/// Where a name stands, or the table where it has none.
+/// Place of a key, or of the table if the key is missing.
 fn key_place(table: TomlTable, name: &str) -> Place {
     table.key_place(name).unwrap_or_else(|| Place {
         file: table.file().to_owned(),
@@ -154,7 +154,7 @@ fn key_place(table: TomlTable, name: &str) -> Place {
     })
 }
 
-/// A table has nothing beside it.
+/// Source of an instance. With `table`, no other fields are allowed.
 fn source(table: TomlTable, folder: &Path) -> Result<Option<Said<InstanceSource>>, DocumentError> {
     let said = |key: &str, value| Said {
         value,
@@ -201,7 +201,7 @@ fn interface(table: TomlTable) -> Result<Option<Interface>, DescriptionError> {
     })
 }
 
-/// The values of a table and the tables in it, under `prefix`.
+/// Collects the values of a table and its nested tables, with names prefixed by `prefix`.
 fn settings(table: TomlTable, prefix: &str, found: &mut Vec<Setting>) -> Result<(), DocumentError> {
     for name in table.names() {
         let full = format!("{prefix}{name}");
@@ -220,7 +220,7 @@ fn settings(table: TomlTable, prefix: &str, found: &mut Vec<Setting>) -> Result<
     Ok(())
 }
 
-/// The wires of a table and the tables in it: `a.b = "c.d"` is one, as `"a.b" = "c.d"` is.
+/// Collects the wires of a table and its nested tables: `a.b = "c.d"` is equivalent to `"a.b" = "c.d"`.
 fn wires(table: TomlTable, prefix: &str, found: &mut Vec<Wire>) -> Result<(), DocumentError> {
     for name in table.names() {
         let from = format!("{prefix}{name}");

@@ -1,4 +1,4 @@
-//! A description as a system file.
+//! Writes a description as a system file.
 
 use pilotage_text::is_identifier;
 
@@ -7,13 +7,13 @@ use pilotage_text::document::{Document, quoted};
 use std::path::{Component, Path, PathBuf, absolute};
 use thiserror::Error;
 
-/// First line of the files that are written here.
+/// First line of written files.
 pub const HEADER: &str = "# A system of pilotage";
 
-/// Why a description cannot be a file.
+/// Why a description cannot be written as a file.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum SaveError {
-    /// A name that a system file does not take.
+    /// A name that is not allowed in a system file.
     #[error(
         "`{name}` cannot name an instance in a system file: expected letters, digits and `_`, and no digit first"
     )]
@@ -21,7 +21,7 @@ pub enum SaveError {
         /// The name.
         name: String,
     },
-    /// A file whose name is no text that TOML could hold.
+    /// A file name that is not UTF-8.
     #[error("the name of {} is not UTF-8", file.display())]
     File {
         /// The file.
@@ -30,11 +30,11 @@ pub enum SaveError {
 }
 
 impl SystemDescription {
-    /// The text of a system file that stands in `folder`: read there, it gives the same system. Files are named from
-    /// that folder, where there is a way from it to them.
+    /// The text of a system file stored in `folder`; read from there, it gives the same system. File names are relative
+    /// to that folder where a relative path exists.
     ///
     /// # Errors
-    /// If a name cannot stand in such a file.
+    /// If a name is not allowed in such a file.
     pub fn to_toml(&self, folder: &Path) -> Result<String, SaveError> {
         let mut text = format!("{HEADER}\n");
         for instance in &self.instances {
@@ -80,7 +80,7 @@ impl SystemDescription {
         Ok(text)
     }
 
-    /// What an output feeds: a string, or a list of strings.
+    /// The inputs that an output feeds: a string or a list of strings.
     fn ends_of(&self, from: &str) -> String {
         let wires = self
             .connections
@@ -101,7 +101,7 @@ fn key_of(name: &str) -> String {
     }
 }
 
-/// A value as TOML, such that it is read as the same text: without quotes where that is so.
+/// A value as TOML that is read back as the same text; without quotes if possible.
 fn value(text: &str) -> String {
     let line = format!("value = {text}");
     let read = Document::parse(&line, "").ok();
@@ -115,7 +115,7 @@ fn value(text: &str) -> String {
     }
 }
 
-/// A file of a model, which must not look like the name of a built-in one.
+/// Name of a model file, written so that it cannot be mistaken for a built-in model.
 fn model_file(file: &Path, folder: &Path) -> Result<String, SaveError> {
     let name = file_name(file, folder)?;
     Ok(match is_identifier(&name) {
@@ -127,7 +127,7 @@ fn model_file(file: &Path, folder: &Path) -> Result<String, SaveError> {
 fn file_name(file: &Path, folder: &Path) -> Result<String, SaveError> {
     let path = relative(file, folder).or_else(|| absolute(file).ok());
     let path = path.unwrap_or_else(|| file.to_owned());
-    // All systems understand slashes.
+    // All systems accept slashes.
     let name = path.to_str().map(|name| match cfg!(windows) {
         true => name.replace('\\', "/"),
         false => name.to_owned(),
@@ -136,7 +136,7 @@ fn file_name(file: &Path, folder: &Path) -> Result<String, SaveError> {
     name.ok_or(SaveError::File { file })
 }
 
-/// The way from a folder to a file, if there is one; links to the file itself are not followed.
+/// Relative path from a folder to a file, if there is one; a link at the file itself is not resolved.
 fn relative(file: &Path, folder: &Path) -> Option<PathBuf> {
     let here = |path: &Path| match path.as_os_str().is_empty() {
         true => PathBuf::from("."),
@@ -179,7 +179,7 @@ mod tests {
             let found = model_file(&at(file), &at(from)).unwrap();
             assert_eq!(found, expected, "{file} from {from}");
         }
-        // Where there is no way to it, it keeps its name.
+        // Without a relative path, the file keeps its name.
         let nowhere = model_file(&at("none/m.fmu"), &at("a")).unwrap();
         assert_eq!(Path::new(&nowhere), at("none/m.fmu"));
     }

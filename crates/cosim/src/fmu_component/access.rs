@@ -1,4 +1,4 @@
-//! Values of an FMU's variables, whatever type they have in its version of FMI.
+//! Access to the values of an FMU's variables, independent of their types in its FMI version.
 
 use super::arrays::Arrays;
 use super::ranges::{items, types_of};
@@ -13,7 +13,7 @@ use std::cell::RefCell;
 use std::collections::{HashMap, HashSet};
 use thiserror::Error;
 
-/// A value that a variable's type cannot hold.
+/// A value that cannot be represented in a variable's type.
 #[derive(Debug, Clone, PartialEq, Error)]
 enum Lost {
     #[error("{value} does not fit into a variable of type {kind}")]
@@ -24,25 +24,25 @@ enum Lost {
     NoItem { value: i64, items: Vec<i64> },
 }
 
-/// How variables are reached by their value references.
+/// Access to variables by value reference.
 #[derive(Debug)]
 pub(super) struct Access {
-    /// FMI 3.0: the types, which value references alone do not tell from each other.
+    /// FMI 3.0: the types, which value references alone do not determine.
     types: HashMap<u32, BaseType>,
     /// FMI 3.0: parameters that are set in configuration mode.
     structural: HashSet<u32>,
-    /// Names of the reals of 32 bits.
+    /// Names of 32-bit reals.
     singles: HashMap<u32, String>,
-    /// Values of enumerations.
+    /// Values of enumerations by handle.
     items: HashMap<u32, Vec<i64>>,
-    /// Arrays, if they are reached by their elements.
+    /// Arrays accessed by element, if any.
     arrays: Option<RefCell<Arrays>>,
-    /// Whether all reals are scalars of 64 bits.
+    /// Whether all reals are 64-bit scalars.
     is_simple: bool,
 }
 
 impl Access {
-    /// With these arrays.
+    /// Access including these arrays.
     pub(super) fn with(description: &ModelDescription, arrays: Arrays) -> Self {
         let scalars = Self::of(description);
         Self {
@@ -52,7 +52,7 @@ impl Access {
         }
     }
 
-    /// Of the scalars.
+    /// Access to the scalars only.
     pub(super) fn of(description: &ModelDescription) -> Self {
         let is_fmi3 = description.fmi_version == FmiVersion::V3;
         let variables = || description.variables.iter().filter(|_| is_fmi3);
@@ -77,17 +77,17 @@ impl Access {
         }
     }
 
-    /// Whether some reals are of 32 bits.
+    /// Whether there are 32-bit reals.
     pub(super) fn has_singles(&self) -> bool {
         !self.singles.is_empty()
     }
 
-    /// Whether all reals are scalars of 64 bits, so that calls reach them by their handles.
+    /// Whether all reals are 64-bit scalars, which calls access directly by handle.
     pub(super) fn is_simple(&self) -> bool {
         self.is_simple
     }
 
-    /// Sets reals; those of 64 bits in one call.
+    /// Sets reals; 64-bit reals in one call.
     #[inline(always)]
     pub(super) fn set_reals(
         &self,
@@ -122,7 +122,7 @@ impl Access {
         Ok(())
     }
 
-    /// Gets reals; those of 64 bits in one call.
+    /// Gets reals; 64-bit reals in one call.
     #[inline]
     pub(super) fn get_reals(
         &self,
@@ -230,7 +230,7 @@ impl Access {
         })
     }
 
-    /// That type's name in the FMU's version of the standard.
+    /// Name of the variable's integer type in the FMU's FMI version.
     fn integer_name(&self, handle: u32) -> &'static str {
         match self.types.get(&handle) {
             Some(BaseType::Integer(integer)) => integer.as_str(),
@@ -239,7 +239,7 @@ impl Access {
         }
     }
 
-    /// Refuses an integer that the variable cannot hold.
+    /// Rejects an integer that the variable cannot hold.
     pub(super) fn check(&self, handle: u32, value: &Value) -> Result<(), ComponentError> {
         let &Value::Integer(value) = value else {
             return Ok(());
@@ -260,7 +260,7 @@ impl Access {
         }
     }
 
-    /// The integer type of a variable: in FMI 2.0 there is one, in FMI 3.0 enumerations are `Int64`.
+    /// The integer type of a variable: FMI 2.0 has one; in FMI 3.0 enumerations are `Int64`.
     fn integer(&self, handle: u32) -> IntegerType {
         match self.types.get(&handle) {
             Some(BaseType::Integer(integer)) => *integer,
@@ -270,7 +270,7 @@ impl Access {
     }
 }
 
-/// A real of 32 bits; what is rounded is no loss, what becomes infinite is.
+/// Converts to a 32-bit real. Rounding is accepted; overflow to infinity is an error.
 fn single(value: f64, name: &str) -> Result<f32, Lost> {
     match value.is_finite() && !(value as f32).is_finite() {
         false => Ok(value as f32),
@@ -281,7 +281,7 @@ fn single(value: f64, name: &str) -> Result<f32, Lost> {
     }
 }
 
-/// The values of the scalars that are enumerations, by handles; none where the type says none.
+/// The values of scalar enumerations by handle; enumerations whose type lists no items are omitted.
 fn items_of(description: &ModelDescription) -> HashMap<u32, Vec<i64>> {
     let types = types_of(description);
     let items = |variable: &ScalarVariable| {

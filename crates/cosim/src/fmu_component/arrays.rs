@@ -1,17 +1,17 @@
-//! Arrays of reals of FMI 3.0: each element is a variable for the master.
+//! Real arrays of FMI 3.0: each element is a variable for the master.
 
 use pilotage_fmi::description::{
     BaseType, Dimension, ModelDescription, Precision, ScalarVariable, VariableKind,
 };
 use pilotage_fmi::{CallError, Instance};
 
-/// Larger arrays are left out: each element would be a column of the result.
+/// Maximum number of elements; larger arrays are omitted, since each element would be a column of the result.
 const LARGEST: usize = 10_000;
 
-/// The arrays of 64-bit reals. Handles of elements are numbers that no value reference is.
+/// The arrays of 64-bit reals. Elements have handles above all value references.
 #[derive(Debug, Default)]
 pub(super) struct Arrays {
-    /// The first handle that is an element, and which element of which array each is.
+    /// The first handle of an element, and array and element index for each.
     base: u32,
     elements: Vec<(usize, usize)>,
     all: Vec<Array>,
@@ -24,13 +24,13 @@ struct Array {
     reference: u32,
     sizes: Vec<usize>,
     first: u32,
-    /// Values as they were set or read last.
+    /// Values set or read last.
     values: Vec<f64>,
     is_changed: bool,
 }
 
 impl Arrays {
-    /// Of a description, with the sizes that they have at the start.
+    /// The arrays of a description, with their initial sizes.
     pub(super) fn of(description: &ModelDescription) -> Self {
         let references = description.variables.iter().map(|v| v.value_reference);
         let mut arrays = Self {
@@ -47,7 +47,7 @@ impl Arrays {
 
     fn add(&mut self, index: usize, variable: &ScalarVariable, sizes: Vec<usize>) {
         let count: usize = sizes.iter().product();
-        // Handles are of 32 bits.
+        // Handles have 32 bits.
         let first = u32::try_from(self.elements.len()).ok();
         let Some(first) = first.and_then(|first| self.base.checked_add(first)) else {
             return;
@@ -56,7 +56,7 @@ impl Arrays {
             VariableKind::Real(real) => &real.start[..],
             _ => &[],
         };
-        // One start value is that of all elements.
+        // A single start value applies to all elements.
         let value = |k: usize| start.get(if start.len() == 1 { 0 } else { k });
         let values = (0..count)
             .map(|k| value(k).copied().unwrap_or(0.0))
@@ -73,13 +73,13 @@ impl Arrays {
         });
     }
 
-    /// Whether there are none.
+    /// Whether there are no arrays.
     pub(super) fn is_empty(&self) -> bool {
         self.elements.is_empty()
     }
 
-    /// Endings of the names, and handles, of the elements of the variable at that position: `[1]`, `[2]`...,
-    /// of a matrix row by row `[1,1]`, `[1,2]`...
+    /// Name suffixes and handles of the elements of the variable at that position: `[1]`, `[2]`..., for a matrix row by
+    /// row `[1,1]`, `[1,2]`...
     pub(super) fn elements_of(&self, index: usize) -> Vec<(String, u32)> {
         let Some(array) = self.all.iter().find(|array| array.index == index) else {
             return Vec::new();
@@ -105,7 +105,7 @@ impl Arrays {
         self.elements.get(k as usize).copied()
     }
 
-    /// Gets reals, elements among them: each array once.
+    /// Gets reals including array elements; reads each array once.
     pub(super) fn get(
         &mut self,
         instance: &mut Instance,
@@ -128,7 +128,7 @@ impl Arrays {
         Ok(())
     }
 
-    /// Sets reals, elements among them: each array once, elements that are not given as they were set last.
+    /// Sets reals including array elements; writes each array once. Elements not given keep the values set last.
     pub(super) fn set(
         &mut self,
         instance: &mut Instance,
@@ -152,7 +152,7 @@ impl Arrays {
     }
 }
 
-/// Sizes of an array of 64-bit reals, if these are known and not too large.
+/// Sizes of an array of 64-bit reals, if known and not too large.
 fn sizes(description: &ModelDescription, variable: &ScalarVariable) -> Option<Vec<usize>> {
     let is_double = variable.kind.base_type() == BaseType::Real(Precision::Double);
     if variable.dimensions.is_empty() || !is_double {

@@ -1,5 +1,5 @@
-//! What co-simulation of FMI 3.0 has beyond that of FMI 2.0: events that the master handles, steps that
-//! end early, and inputs that change within a step.
+//! Features of FMI 3.0 co-simulation beyond FMI 2.0: events handled by the master, early return from steps, and inputs
+//! that change within a step.
 
 use super::Access;
 use crate::component::{ComponentError, Progress, Value};
@@ -11,56 +11,56 @@ use pilotage_fmi::{Instance, InstanceOptions, Intermediate, IntermediateUpdate, 
 use std::collections::HashSet;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// How often a step may be interrupted.
+/// Maximum number of early returns within a step.
 const MAX_STOPS: u32 = 10_000;
 
-/// How near to the end of a step is its end, relative to the step.
+/// Tolerance for the end of a step, relative to the step.
 const ROUNDING: f64 = 1e-12;
 
-/// What an instance of FMI 3.0 is asked for and how it is stepped (FMI 3.0, sections 4.1.2 and 4.2).
+/// FMI 3.0 instance options and stepping (FMI 3.0, sections 4.1.2 and 4.2).
 #[derive(Debug)]
 pub(super) struct Fmi3 {
-    /// The FMU has event mode: events within steps end these and are handled here, discrete inputs are
-    /// set there.
+    /// Whether the FMU has event mode: events within steps end these and are handled here, where discrete inputs are
+    /// set.
     has_event_mode: bool,
-    /// Value references of reals that are set in event mode.
+    /// Value references of reals set in event mode.
     discrete: HashSet<u32>,
-    /// Discrete inputs that are to be set, with the values that they shall have.
+    /// Discrete inputs to be set, with their values.
     pending: Vec<(u32, Value)>,
     has_begun: bool,
     is_end_requested: bool,
-    /// When the next time event comes [s].
+    /// Time of the next time event [s].
     pub(super) next_event: Option<f64>,
-    /// Inputs within steps, if the FMU asks for them.
+    /// Input ramps within steps, if the FMU requests intermediate updates.
     ramps: Option<Arc<Mutex<Ramps>>>,
 }
 
-/// Lines along which the inputs go in a step.
+/// Linear inputs within a step.
 #[derive(Debug, Default)]
 struct Ramps {
     is_on: bool,
-    /// The FMU wants inputs that are smooth within a step: what it gets counts at that time alone, and it finds
-    /// what is between. Else that is held.
+    /// Whether the FMU wants inputs that are smooth within a step: a value then holds only at its own time, and the FMU
+    /// interpolates. Otherwise the value is held until the next update.
     is_smooth: bool,
     handles: Vec<u32>,
-    /// Values at the begin, slopes [1/s], room for the values in between.
+    /// Values at the beginning, slopes [1/s], buffer for intermediate values.
     values: Vec<f64>,
     slopes: Vec<f64>,
     room: Vec<f64>,
     begin: f64,
     end: f64,
-    /// The last time that the FMU asked, and how long after the one before: until it asks again, what it
-    /// gets counts.
+    /// Time of the FMU's last update, and interval since the previous one. A value is assumed to be held for this
+    /// interval.
     last: f64,
     between: f64,
-    /// The time after the begin whose values it got then, and by how much the integral of that over the
-    /// step is short of what it should be: it asked sooner or later than was thought.
+    /// Time since the beginning at which the current values were evaluated, and deficit of their integral over the
+    /// step: updates come earlier or later than predicted.
     given: f64,
     short: f64,
 }
 
 impl Ramps {
-    /// The values at `time` or, if these count until the FMU asks again, those in the middle of that.
+    /// The values at `time` or, if they are held until the next update, those in the middle of that interval.
     fn at(&mut self, time: f64) -> (&[u32], &[f64]) {
         let is_end = self.end - time <= ROUNDING * (self.end - self.begin);
         let next = (time + self.between).min(self.end);
@@ -88,7 +88,7 @@ impl Ramps {
         }
         if intermediate.can_set {
             let (handles, values) = self.at(time);
-            // An FMU that refuses keeps the value that it has.
+            // An FMU that rejects the value keeps its previous one.
             let _ = intermediate.set_real(handles, values);
         }
     }
@@ -99,7 +99,7 @@ fn lock(ramps: &Mutex<Ramps>) -> std::sync::MutexGuard<'_, Ramps> {
 }
 
 impl Fmi3 {
-    /// What the FMU can, and how an instance is asked for it.
+    /// The FMU's features, and the options to instantiate it.
     pub(super) fn of(description: &ModelDescription) -> (Self, InstanceOptions) {
         let cs = description.co_simulation.as_ref();
         let has_event_mode = cs.is_some_and(|cs| cs.has_event_mode);
@@ -166,7 +166,7 @@ impl Fmi3 {
         self.ramps.is_some()
     }
 
-    /// After initialization: leaves event mode.
+    /// Leaves event mode after initialization.
     pub(super) fn begin(&mut self, instance: &mut Instance) -> Result<(), ComponentError> {
         self.has_begun = true;
         match self.has_event_mode {
@@ -175,13 +175,13 @@ impl Fmi3 {
         }
     }
 
-    /// Whether this is set in event mode alone.
+    /// Whether this variable can be set only in event mode.
     pub(super) fn is_for_events(&self, handle: u32, value: &Value) -> bool {
         let is_discrete = !matches!(value, Value::Real(_)) || self.discrete.contains(&handle);
         self.has_begun && self.has_event_mode && is_discrete
     }
 
-    /// Sets a discrete input in the next event, if it is new.
+    /// Defers a discrete input to the next event if its value changes.
     pub(super) fn defer(
         &mut self,
         access: &Access,
@@ -197,7 +197,7 @@ impl Fmi3 {
         Ok(())
     }
 
-    /// Sets reals; those that are held until a ramp is set. Kept out of the way of FMI 2.0, as is the step.
+    /// Sets reals; they are held until a ramp is set. Not inlined, to keep the FMI 2.0 path short; likewise the step.
     #[inline(never)]
     pub(super) fn set_reals(
         &mut self,
@@ -225,7 +225,7 @@ impl Fmi3 {
         Ok(())
     }
 
-    /// Lets the inputs that were set last go on along lines.
+    /// Makes the inputs set last continue along lines.
     pub(super) fn set_slopes(
         &mut self,
         handles: &[u32],
@@ -243,7 +243,7 @@ impl Fmi3 {
         Ok(())
     }
 
-    /// Sets the discrete inputs that wait, all in one event.
+    /// Sets the pending discrete inputs in one event.
     pub(super) fn flush(
         &mut self,
         access: &Access,
@@ -259,12 +259,13 @@ impl Fmi3 {
         self.settle(instance)
     }
 
-    /// Forgets what was to be set: the instance goes back.
+    /// Discards pending inputs after a rollback.
     pub(super) fn forget(&mut self) {
         self.pending.clear();
+        self.is_end_requested = false;
     }
 
-    /// Event iteration, and back to step mode.
+    /// Iterates the event, then returns to step mode.
     fn settle(&mut self, instance: &mut Instance) -> Result<(), ComponentError> {
         let Some(update) = instance.iterate_event()? else {
             return Err(format!("an event does not settle in {MAX_EVENT_ROUNDS} rounds").into());
@@ -274,7 +275,7 @@ impl Fmi3 {
         Ok(instance.enter_step_mode()?)
     }
 
-    /// Takes a step from `t` by `h` [s], with all events in it.
+    /// Steps from `t` by `h` [s], including all events.
     #[inline(never)]
     pub(super) fn step(
         &mut self,
@@ -330,14 +331,14 @@ impl Fmi3 {
             let mut ramps = lock(ramps);
             (ramps.begin, ramps.end, ramps.last) = (begin, end, begin);
             ramps.short = 0.0;
-            // An FMU that never asks gets the middle.
+            // An FMU that never requests an update gets the value in the middle.
             if ramps.between == 0.0 {
                 ramps.between = end - begin;
             }
         }
     }
 
-    /// Sets the inputs that go along lines for what comes after `time`.
+    /// Sets the inputs on ramps for the interval after `time`.
     fn lead(
         &self,
         access: &Access,

@@ -1,20 +1,19 @@
-//! The linear system of an FMU of which nothing is known but how it responds.
+//! Linearization of an FMU known only by its responses.
 
 use super::FmuComponent;
 use crate::component::{Component, ComponentError, Linear, Progress};
 use nalgebra::DMatrix;
 use pilotage_linear::{Realization, realize, steps_needed};
 
-/// Heights of the pulses, relative to the inputs' magnitudes: what is linear comes out best with the highest,
-/// what is not with a low one, and a solver with error control is noisy with the lowest. The one with the
-/// least noise counts.
+/// Heights of the pulses relative to the inputs' magnitudes. High pulses are best for linear behaviour, low ones for
+/// nonlinear behaviour, but a solver with error control is noisy with the lowest. The one with the least noise is used.
 const HEIGHTS: [f64; 3] = [1e-2, 1e-4, 1e-6];
 
-/// Where the state is saved.
+/// Slot in which the state is saved.
 const PLACE: usize = 0;
 
-/// By responses to pulses of every input, one communication step of `step` [s] long, from where the instance
-/// stands; it stands there afterwards.
+/// Linearizes by responses to pulses of each input, one communication step of `step` [s] long, from the instance's
+/// current state, which is restored afterwards.
 pub(super) fn linearize(component: &mut FmuComponent, step: f64) -> Result<Linear, ComponentError> {
     let [(inputs, knowns), (outputs, unknowns)] = component.knowns.ends();
     let (inputs, outputs) = (inputs.to_vec(), outputs.to_vec());
@@ -74,7 +73,7 @@ pub(super) fn linearize(component: &mut FmuComponent, step: f64) -> Result<Linea
     }
 }
 
-/// What counts as noise, relative to what counts most.
+/// Noise level relative to the largest singular value.
 fn noise(found: &Realization) -> f64 {
     found.singular_values.last().copied().unwrap_or(0.0)
 }

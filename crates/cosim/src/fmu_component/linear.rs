@@ -1,4 +1,4 @@
-//! The linear system that an FMU is about where it stands.
+//! Linearization of an FMU about its current state.
 
 use super::Access;
 use crate::component::ComponentError;
@@ -9,16 +9,16 @@ use pilotage_fmi::{Instance, ModelExchangeRun};
 use pilotage_linear::StateSpace;
 use thiserror::Error;
 
-/// Why an FMU has no linear system.
+/// Why an FMU cannot be linearized.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub(super) enum LinearError {
-    /// Its states are inside, and it does not say how they change.
+    /// Its states are hidden, and their derivatives are not available.
     #[error(
         "it is for co-simulation, gives no directional derivatives and cannot go back to a saved state, so \
          that nothing can be found of its states; take it for model exchange (--kind me), if it can be"
     )]
     Opaque,
-    /// A listed derivative is not of this form.
+    /// A listed derivative does not belong to a scalar state.
     #[error("its derivative `{name}` belongs to no state that is a single real")]
     Derivative {
         /// The derivative's name.
@@ -34,7 +34,7 @@ pub(super) struct Knowns {
     knowns: Vec<u32>,
     /// Derivatives of the states, then the outputs.
     unknowns: Vec<u32>,
-    /// A derivative that belongs to no scalar state.
+    /// Name of a derivative that does not belong to a scalar state.
     strange: Option<String>,
 }
 
@@ -49,7 +49,10 @@ impl Knowns {
                     all.knowns.push(state.value_reference);
                     all.unknowns.push(derivative.value_reference);
                 }
-                None => all.strange = derivative.map(|derivative| derivative.name.clone()),
+                None => {
+                    let name = derivative.map(|derivative| derivative.name.clone());
+                    all.strange = name.or_else(|| Some(format!("index {}", unknown.index)));
+                }
             }
         }
         let continuous = description.variables.iter().filter(|v| {
@@ -83,7 +86,7 @@ impl Knowns {
         ]
     }
 
-    /// By directional derivatives.
+    /// Linearizes by directional derivatives.
     pub(super) fn by_derivatives(
         &self,
         instance: &mut Instance,
@@ -94,7 +97,7 @@ impl Knowns {
         }
         StateSpace::from_columns(self.names.clone(), |k| {
             let mut column = vec![0.0; self.unknowns.len()];
-            // Nothing asked, nothing called: a description may be without outputs.
+            // Avoids a call without outputs, which a description may lack.
             if !column.is_empty() {
                 let known = &self.knowns[k..=k];
                 instance.directional_derivative(&self.unknowns, known, &[1.0], &mut column)?;
@@ -103,14 +106,14 @@ impl Knowns {
         })
     }
 
-    /// Of model exchange: by directional derivatives if there are any, else by central differences.
+    /// Linearizes in model exchange: by directional derivatives if available, otherwise by central differences.
     pub(super) fn of_run(
         &self,
         run: &mut ModelExchangeRun,
         access: &Access,
     ) -> Result<StateSpace, ComponentError> {
         self.check()?;
-        // To continuous-time mode, where states and inputs may be moved.
+        // Enter continuous-time mode, where states and inputs may be changed.
         run.step_to(run.time())?;
         if run.instance().provides_directional_derivatives() {
             return self.by_derivatives(run.instance());
@@ -132,7 +135,7 @@ impl Knowns {
                 }
             };
             let nominal = nominals.get(k).copied().unwrap_or(1.0).abs();
-            // Truncation and rounding are about equal at the cube root of the latter.
+            // Truncation and rounding errors are about equal at the cube root of the rounding unit.
             let step = f64::EPSILON.cbrt() * middle.abs().max(nominal);
             let ends = [middle + step, middle - step];
             let [above, below] = ends.map(|value| self.moved(instance, access, &states, k, value));
@@ -144,7 +147,7 @@ impl Knowns {
         StateSpace::from_columns(self.names.clone(), &mut column)
     }
 
-    /// Derivatives and outputs where one known has another value.
+    /// Derivatives and outputs after changing one known to `value`.
     fn moved(
         &self,
         instance: &mut Instance,
@@ -182,7 +185,7 @@ fn variable(description: &ModelDescription, index: u32) -> Option<&ScalarVariabl
     description.variables.get((index as usize).checked_sub(1)?)
 }
 
-/// The scalar state that a variable is the derivative of.
+/// The scalar state whose derivative the variable is.
 fn state_of<'a>(
     description: &'a ModelDescription,
     derivative: &ScalarVariable,

@@ -1,4 +1,4 @@
-//! An FMU of FMI 2.0 or 3.0 as a component. The only place here that knows of FMUs.
+//! An FMI 2.0 or 3.0 FMU as a component. Only this module depends on FMUs.
 
 mod access;
 mod arrays;
@@ -25,11 +25,11 @@ use pilotage_fmi::instance::Saved;
 use pilotage_fmi::{Fmu, FmuError, Instance, InterfaceType, Step, fmu};
 use std::path::Path;
 
-/// Opens and loads an FMU and makes a component of it: of the wanted kind, if it has that one, else
-/// co-simulation before model exchange.
+/// Opens and loads an FMU and makes a component of it: with the wanted interface, if available, otherwise co-simulation
+/// before model exchange.
 ///
 /// # Errors
-/// If anything about the FMU is wrong, or it is for scheduled execution alone.
+/// If the FMU is invalid, or supports only scheduled execution.
 pub fn open(
     path: &Path,
     name: &str,
@@ -44,7 +44,7 @@ pub fn open(
     })
 }
 
-/// What an FMU is used for.
+/// Interface type used for an FMU.
 fn chosen(fmu: &Fmu, wanted: Option<InterfaceType>) -> InterfaceType {
     let kinds = fmu.kinds();
     let has = |kind: &InterfaceType| kinds.iter().any(|(own, _)| own == kind);
@@ -53,22 +53,22 @@ fn chosen(fmu: &Fmu, wanted: Option<InterfaceType>) -> InterfaceType {
     kind.unwrap_or(InterfaceType::CoSimulation)
 }
 
-/// What the description says of the component that [`open`] makes: none of the FMU's code runs for it.
+/// Properties of the component that [`open`] makes, from the model description only: no code of the FMU runs.
 #[derive(Debug, Clone)]
 pub struct Outline {
     /// The variables.
     pub variables: Vec<Variable>,
-    /// What it can do.
+    /// Its capabilities.
     pub abilities: Abilities,
-    /// When it suggests to end \[s\].
+    /// Suggested stop time \[s\].
     pub suggested_stop: Option<f64>,
 }
 
 impl Outline {
-    /// Of an FMU.
+    /// Reads the outline of an FMU.
     ///
     /// # Errors
-    /// If the archive or the description is bad.
+    /// If the archive or the description is invalid.
     pub fn read(path: &Path, wanted: Option<InterfaceType>) -> Result<Self, FmuError> {
         let fmu = Fmu::open(path)?;
         let description = fmu.description();
@@ -107,29 +107,29 @@ pub struct FmuComponent {
     /// The description's `DefaultExperiment`.
     experiment: DefaultExperiment,
     abilities: Abilities,
-    /// Where it stands [s].
+    /// Current time [s].
     time: f64,
-    /// Of FMI 3.0.
+    /// State of FMI 3.0 co-simulation.
     fmi3: Option<Fmi3>,
-    /// Saved states, and when the next time event comes after each [s].
-    saved: Vec<(Saved, Option<f64>)>,
-    /// The order 1, for each variable of a call.
+    /// Saved states, each with its time and the time of the next time event [s].
+    saved: Vec<(Saved, f64, Option<f64>)>,
+    /// Derivative order 1 for each variable of a call.
     orders: Vec<i32>,
 }
 
 impl FmuComponent {
-    /// Opens and loads an FMU and makes an instance of it.
+    /// Opens and loads an FMU and instantiates it.
     ///
     /// # Errors
-    /// If anything about it is wrong.
+    /// If the FMU is invalid.
     pub fn open(path: &Path, name: &str) -> Result<Self, FmuError> {
         Self::new(&Fmu::open(path)?.load()?, name)
     }
 
-    /// Makes an instance of a loaded FMU.
+    /// Instantiates a loaded FMU.
     ///
     /// # Errors
-    /// If the FMU refuses.
+    /// If the FMU rejects it.
     pub fn new(library: &fmu::Library, name: &str) -> Result<Self, FmuError> {
         let description = library.description();
         let (fmi3, options) = match description.fmi_version {
@@ -232,8 +232,8 @@ impl Component for FmuComponent {
         Ok(self.instance.terminate()?)
     }
 
-    /// By directional derivatives, if the description lists the states; else by responses in steps of
-    /// `step`, if the instance can go back.
+    /// By directional derivatives, if the description lists the states; otherwise by responses with steps of `step`, if
+    /// the instance supports rollback.
     fn linearize(&mut self, step: f64) -> Result<Linear, ComponentError> {
         let can_derive = self.instance.provides_directional_derivatives();
         if can_derive && self.knowns.has_states() || !self.abilities.rollback {
@@ -252,9 +252,10 @@ impl Component for FmuComponent {
             fmi3.flush(&self.access, &mut self.instance)?;
         }
         while self.saved.len() <= place {
-            self.saved.push((self.instance.save()?, None));
+            self.saved.push((self.instance.save()?, self.time, None));
         }
-        let (saved, next_event) = &mut self.saved[place];
+        let (saved, time, next_event) = &mut self.saved[place];
+        *time = self.time;
         *saved = self.instance.save_into(*saved)?;
         *next_event = self.fmi3.as_ref().and_then(|fmi3| fmi3.next_event);
         Ok(())
@@ -262,7 +263,8 @@ impl Component for FmuComponent {
 
     fn restore(&mut self, place: usize) -> Result<(), ComponentError> {
         match self.saved.get(place) {
-            Some(&(saved, next_event)) => {
+            Some(&(saved, time, next_event)) => {
+                self.time = time;
                 if let Some(fmi3) = &mut self.fmi3 {
                     fmi3.forget();
                     fmi3.next_event = next_event;
@@ -324,7 +326,7 @@ impl Component for FmuComponent {
     }
 }
 
-/// What the description says that the FMU can do. Reals of 32 bits and arrays have no derivatives here.
+/// Capabilities from the model description. 32-bit reals and arrays have no derivatives here.
 fn abilities(description: &ModelDescription, access: &Access, fmi3: Option<&Fmi3>) -> Abilities {
     let Some(cs) = &description.co_simulation else {
         return Abilities::default();
@@ -333,7 +335,7 @@ fn abilities(description: &ModelDescription, access: &Access, fmi3: Option<&Fmi3
     Abilities {
         rollback: cs.can_get_and_set_fmu_state,
         variable_steps: cs.can_handle_variable_communication_step_size,
-        // In FMI 3.0 there are intermediate updates for this.
+        // FMI 3.0 uses intermediate updates for this.
         input_derivatives: match fmi3 {
             Some(fmi3) => fmi3.has_ramps() && is_simple,
             None => cs.can_interpolate_inputs,
@@ -343,7 +345,7 @@ fn abilities(description: &ModelDescription, access: &Access, fmi3: Option<&Fmi3
     }
 }
 
-/// How far a step from time `t` [s] came.
+/// Result of a step from time `t` [s].
 fn progress(step: Step, t: f64) -> Progress {
     match step {
         Step::Done => Progress::Done,
@@ -362,7 +364,7 @@ fn progress(step: Step, t: f64) -> Progress {
             is_end_requested: true,
             ..
         } => Progress::EndRequested { reached },
-        // Of FMI 3.0 alone, where it is no end.
+        // Early return, in FMI 3.0 only; not the end of the simulation.
         Step::Stopped { .. } => Progress::Done,
     }
 }

@@ -1,4 +1,4 @@
-//! An FMU for model exchange, integrated here, as a component.
+//! A model-exchange FMU with a solver as a component.
 
 use super::access::Access;
 use super::arrays::Arrays;
@@ -11,11 +11,11 @@ use pilotage_fmi::description::{DefaultExperiment, ModelDescription};
 use pilotage_fmi::simulate::{RunWork, SavedRun};
 use pilotage_fmi::{FmuError, ModelExchangeRun, Reached, RunOptions, fmu};
 
-/// Part of a communication step over which outputs are looked at to see their slopes. What is left out is of
-/// second order in it, and a few roundings of the values are divided by it.
+/// Part of a communication step over which output slopes are estimated. The neglected terms are of second order in it,
+/// and rounding errors of the values are divided by it.
 const GLANCE: f64 = 1e-4;
 
-/// An instance of an FMU for model exchange with a solver. Inputs are held during a step, or ramps.
+/// An instance of a model-exchange FMU with a solver. Inputs are held or linear during a step.
 #[derive(Debug)]
 pub struct ModelExchangeComponent {
     run: ModelExchangeRun,
@@ -25,20 +25,20 @@ pub struct ModelExchangeComponent {
     /// The description's `DefaultExperiment`.
     experiment: DefaultExperiment,
     start: f64,
-    /// Over how long a time outputs are looked at to see their slopes [s].
+    /// Interval over which output slopes are estimated [s].
     glance: f64,
     has_begun: bool,
     abilities: Abilities,
     saved: Vec<Option<SavedRun>>,
-    /// Inputs as they were set last.
+    /// Inputs set last.
     last: Vec<f64>,
 }
 
 impl ModelExchangeComponent {
-    /// Makes an instance of a loaded FMU.
+    /// Instantiates a loaded FMU.
     ///
     /// # Errors
-    /// If the FMU is not for model exchange, or refuses.
+    /// If the FMU does not support model exchange, or rejects the instantiation.
     pub fn new(library: &fmu::Library, name: &str) -> Result<Self, FmuError> {
         let description = library.description();
         let instance = library.instantiate(name, pilotage_fmi::InterfaceType::ModelExchange)?;
@@ -51,7 +51,7 @@ impl ModelExchangeComponent {
             variables: variables(description, &Arrays::default()),
             experiment: description.default_experiment.unwrap_or_default(),
             start: 0.0,
-            // As for steps of 10 ms, as long as none is known.
+            // Assumes steps of 10 ms until the step is known.
             glance: 1e-2 * GLANCE,
             has_begun: false,
             saved: Vec::new(),
@@ -59,13 +59,13 @@ impl ModelExchangeComponent {
         })
     }
 
-    /// What the solution has cost so far.
+    /// Work of the solver so far.
     pub fn work(&self) -> RunWork {
         self.run.work()
     }
 }
 
-/// What the description says that the FMU can do.
+/// Capabilities from the model description.
 pub(super) fn abilities(description: &ModelDescription, access: &Access) -> Abilities {
     let me = description.model_exchange.as_ref();
     Abilities {
@@ -177,7 +177,7 @@ impl Component for ModelExchangeComponent {
         }
     }
 
-    /// Of the inputs that were set last.
+    /// The slopes apply to the inputs set last.
     fn set_input_derivatives(
         &mut self,
         handles: &[u32],

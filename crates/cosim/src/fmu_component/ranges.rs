@@ -1,4 +1,4 @@
-//! Limits of an FMU's variables.
+//! Value ranges of an FMU's variables.
 
 use pilotage_fmi::description::{
     EnumerationItem, IntegerAttributes, ModelDescription, Precision, RealAttributes, RealVariable,
@@ -6,8 +6,8 @@ use pilotage_fmi::description::{
 };
 use std::collections::HashMap;
 
-/// Tells the smallest and the largest value of each variable: what its type can hold, within what the description says
-/// of it or of its declared type.
+/// Returns a function for the smallest and largest value of a variable: the range of its type, restricted by its
+/// attributes or those of its declared type.
 pub(super) fn ranges_of(
     description: &ModelDescription,
 ) -> impl Fn(&ScalarVariable) -> [f64; 2] + '_ {
@@ -38,7 +38,7 @@ pub(super) fn ranges_of(
     }
 }
 
-/// The declared types by name; of several of one name the first.
+/// The declared types by name; the first if several have the same name.
 pub(super) fn types_of(description: &ModelDescription) -> HashMap<&str, &TypeKind> {
     let types = description.types.iter().rev();
     types.map(|t| (t.name.as_str(), &t.kind)).collect()

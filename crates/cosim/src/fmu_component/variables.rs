@@ -1,4 +1,4 @@
-//! The variables of an FMU as the master sees them.
+//! Conversion of an FMU's variables to the master's.
 
 use super::arrays::Arrays;
 use super::ranges::ranges_of;
@@ -9,13 +9,13 @@ use pilotage_fmi::description::{
 };
 use std::collections::HashMap;
 
-/// A variable or an element of one: position in the description, type, what is behind its name, and handle.
+/// A variable or array element: position in the description, type, name suffix and handle.
 type Seen = (usize, ValueKind, String, u32);
 
-/// The description's variables as the master sees them.
+/// The description's variables as variables of the master.
 ///
-/// Of arrays those are seen that are given, as their elements. Other arrays, binary variables and clocks of
-/// FMI 3.0 are left out: no connection carries them.
+/// The given arrays appear as their elements. Other arrays, binary variables and clocks of FMI 3.0 are omitted, since
+/// connections cannot carry them.
 pub(super) fn variables(description: &ModelDescription, arrays: &Arrays) -> Vec<Variable> {
     let all = description.variables.iter().enumerate();
     let parts = |(index, v): (usize, &'_ ScalarVariable)| {
@@ -28,7 +28,7 @@ pub(super) fn variables(description: &ModelDescription, arrays: &Arrays) -> Vec<
             .filter_map(move |(end, handle)| Some((index, kind?, end, handle)))
     };
     let seen: Vec<Seen> = all.flat_map(parts).collect();
-    // Inputs by their index in the description and their position here.
+    // Inputs: index in the description and position in the result.
     let at = seen.iter().enumerate();
     let inputs: Vec<(usize, usize)> = at
         .filter(|(_, (index, ..))| description.variables[*index].causality == Causality::Input)
@@ -48,7 +48,7 @@ pub(super) fn variables(description: &ModelDescription, arrays: &Arrays) -> Vec<
         let (mut feedthrough, mut initial_feedthrough) = (Vec::new(), Vec::new());
         if is_output {
             feedthrough = fed_by(running.get(&one_based), &inputs);
-            // An output with initial exact has its start value; it depends on nothing.
+            // An output with `initial = exact` has its start value and depends on nothing.
             if variable.effective_initial() != Some(Initial::Exact) {
                 initial_feedthrough = fed_by(initial.get(&one_based), &inputs);
             }
@@ -73,12 +73,12 @@ pub(super) fn variables(description: &ModelDescription, arrays: &Arrays) -> Vec<
     seen.iter().map(see).collect()
 }
 
-/// The unknowns by their indices; of several of one index the first.
+/// The unknowns by index; the first if several have the same index.
 fn by_index(unknowns: &[Unknown]) -> HashMap<u32, &Unknown> {
     unknowns.iter().rev().map(|u| (u.index, u)).collect()
 }
 
-/// The inputs among an unknown's dependencies: all of them if it is not listed or says nothing.
+/// The inputs among an unknown's dependencies; all inputs if it is not listed or lists none.
 fn fed_by(unknown: Option<&&Unknown>, inputs: &[(usize, usize)]) -> Vec<usize> {
     let listed = unknown.and_then(|u| u.dependencies.as_ref());
     let is_listed = |index: usize| {

@@ -1,28 +1,27 @@
-//! Algebraic loops between components during initialization, solved by Newton's method. Components may be set
-//! and read there as often as it takes (FMI 2.0, section 4.2.4).
+//! Newton's method for algebraic loops between components during initialization. Components may be set and read any
+//! number of times there (FMI 2.0, section 4.2.4).
 
 use super::lu::Lu;
 use super::{MasterError, Stage};
 use crate::component::{ComponentError, Value, ValueKind};
 use crate::system::{Connection, Port, System};
 
-/// Steps at most, and halvings of one.
+/// Maximum number of Newton steps, and of halvings of one step.
 const MAX_STEPS: usize = 50;
 const MAX_HALVINGS: usize = 10;
 
-/// Differences to be left, relative to `1 + |value|`: what is aimed at, and what is enough where
-/// rounding allows no better.
+/// Tolerances for remaining differences, relative to `1 + |value|`: the target, and what suffices if rounding prevents
+/// the target.
 const AIM: f64 = 1e-12;
 const ENOUGH: f64 = 1e-9;
 
-/// Relative change of a value for differences, where a component gives no derivatives.
+/// Relative change of a value for finite differences, if a component provides no derivatives.
 const DIFFERENCE: f64 = 1e-6;
 
-/// A loop whose gain is nearer than this to 1 is taken for one without solution.
+/// A loop whose gain is closer to 1 than this counts as singular.
 const SINGULAR: f64 = 1e-8;
 
-/// Brings the inputs of these connections (positions in the system), all of reals, to the values of the
-/// outputs that feed them.
+/// Solves for the inputs of these real connections (positions in the system) that equal the outputs that feed them.
 pub(super) fn solve(system: &mut System, positions: &[usize]) -> Result<(), MasterError> {
     let connections: Vec<_> = positions.iter().map(|&c| system.connections[c]).collect();
     let n = connections.len();
@@ -82,7 +81,7 @@ fn unsolved(
     }
 }
 
-/// Largest relative difference; infinite where one is not a number.
+/// Largest relative difference; infinite if one is not a number.
 fn difference(values: &[f64], found: &[f64]) -> f64 {
     let pairs = values.iter().zip(found);
     pairs.fold(0.0, |max, (value, found)| {
@@ -97,12 +96,12 @@ fn difference(values: &[f64], found: &[f64]) -> f64 {
     })
 }
 
-/// The values that the connections bring.
+/// The values provided by the connections.
 fn outputs(system: &mut System, connections: &[Connection]) -> Result<Vec<f64>, MasterError> {
     connections.iter().map(|c| output(system, *c)).collect()
 }
 
-/// Sets the inputs, and reads what they should be.
+/// Sets the inputs, and reads the values that the connections then provide.
 fn inputs_to_outputs(
     system: &mut System,
     connections: &[Connection],
@@ -138,8 +137,8 @@ fn failed(system: &System, port: Port, source: ComponentError) -> MasterError {
     }
 }
 
-/// `I - ∂F/∂z` with `F` the values of the outputs by those of the inputs: exact where components give
-/// derivatives, else by differences.
+/// `I - ∂F/∂z`, where `F` maps input values to the values of the outputs that feed them: exact if components provide
+/// derivatives, otherwise by finite differences.
 fn jacobian(
     system: &mut System,
     connections: &[Connection],

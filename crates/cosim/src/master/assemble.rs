@@ -1,4 +1,4 @@
-//! From a system to what is exchanged: each output gets a slot, each input the slot that feeds it.
+//! Sets up the exchange of values: each output gets a slot, each input refers to the slot that feeds it.
 
 use super::exchange::Exchange;
 use super::history::{History, InputProfile, Traits};
@@ -81,22 +81,22 @@ impl Exchange {
     }
 }
 
-/// What grows with the instances and connections.
+/// Data collected from the instances and connections.
 #[derive(Default)]
 struct Assembly {
     values: Values,
     signals: Vec<Signal>,
     unrecorded: Vec<String>,
-    /// Slot of each output, by instance and variable: in the row for reals, in the other values for the rest.
+    /// Slot of each output by instance and variable: in the row for reals, in `others` for other types.
     slots: HashMap<(usize, usize), usize>,
-    /// Slots in the row of the real outputs that feed others, their nominal values and traits.
+    /// Slots in the row of real outputs that feed inputs, with nominal values and traits.
     fed: Vec<usize>,
     nominals: Vec<f64>,
     traits: Vec<Traits>,
 }
 
 impl Assembly {
-    /// Gives each output of an instance, and what else is to be recorded, a slot.
+    /// Assigns a slot to each output of an instance and each additional recorded variable.
     fn outlets(&mut self, position: usize, instance: &Instance) -> Outlets {
         let Instance {
             name,
@@ -137,7 +137,7 @@ impl Assembly {
         }
     }
 
-    /// A place among the values that are no reals, and perhaps in that column of the row.
+    /// Allocates a slot for a non-real value, and optionally links it to a column of the row.
     fn reading(
         &mut self,
         handle: u32,
@@ -165,7 +165,7 @@ impl Assembly {
         });
     }
 
-    /// The wire of a connection; an output of another type than the input is read as a value of that type.
+    /// The wire of a connection. An output of another type than the input is read as a value of the input's type.
     fn wire(
         &mut self,
         connection: &Connection,
@@ -209,7 +209,7 @@ impl Assembly {
         Some(wire)
     }
 
-    /// Position of a real output among those that feed others.
+    /// Position of a real output among those that feed inputs.
     fn position(&mut self, slot: usize, nominal: f64, is_discrete: bool) -> usize {
         let known = self.fed.iter().position(|&fed| fed == slot);
         known.unwrap_or_else(|| {

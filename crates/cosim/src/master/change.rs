@@ -1,38 +1,38 @@
-//! How an output that feeds others changes from one communication point to the next.
+//! Detects divergence of outputs from their changes between communication points.
 
 use crate::report::Divergence;
 
-/// Steps that are looked at together.
+/// Number of steps in a window.
 const WINDOW: u64 = 16;
-/// Growth of the largest change within such a window that is not just a lively signal, if it goes on for so
-/// many windows or so far.
+/// Growth of the largest change per window that indicates divergence, if it continues for this many windows or reaches
+/// this total factor.
 const GROWTH: f64 = 3.0;
 const WINDOWS: u32 = 6;
 const FAR: f64 = 1e7;
-/// Largest changes in a row, each in the other direction than the one before and larger.
+/// Number of successive largest changes that alternate in sign and grow by at least this factor.
 const TURNS: u32 = 6;
 const LARGER: f64 = 1.02;
 
-/// The changes of an output. That its largest change is exceeded is rare unless it runs away, so that
-/// looking for that costs nothing.
+/// The changes of an output. The largest change is rarely exceeded unless the output diverges, so the check costs
+/// almost nothing.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Change {
     /// Value at the last communication point.
     pub(super) last: f64,
-    /// Sum of the magnitudes, and the largest.
+    /// Sum of the magnitudes of the changes, and the largest magnitude.
     pub(super) sum: f64,
     pub(super) largest: f64,
     growth: Growth,
 }
 
-/// How the largest change grew.
+/// Growth of the largest change.
 #[derive(Debug, Clone, Copy, Default)]
 struct Growth {
     /// Step of the largest change, and whether it was upwards.
     step: u64,
     is_up: bool,
     turns: u32,
-    /// The window of that step, the largest change before it, for how many windows it grew, and from what.
+    /// Window of that step, largest change before it, number of growing windows, and change at their beginning.
     window: u64,
     before: f64,
     windows: u32,
@@ -41,7 +41,7 @@ struct Growth {
 }
 
 impl Change {
-    /// Begins at a value.
+    /// Starts at a value.
     pub(super) fn from(value: f64) -> Self {
         Self {
             last: value,
@@ -49,13 +49,13 @@ impl Change {
         }
     }
 
-    /// Takes in the value after a step; whether that is finite.
+    /// Records the value after a step; returns whether it is finite.
     #[inline]
     pub(super) fn to(&mut self, value: f64, step: u64) -> bool {
         let change = value - self.last;
         self.last = value;
         self.sum += change.abs();
-        // What is not a number compares with nothing.
+        // NaN fails every comparison.
         match change.abs() <= self.largest {
             true => true,
             false => self.exceeded(change, step),
@@ -71,7 +71,7 @@ impl Change {
         self.last.is_finite()
     }
 
-    /// Whether and how the output ran away.
+    /// Kind of divergence, if any.
     pub(super) fn divergence(&self) -> Option<Divergence> {
         self.growth.found
     }
@@ -123,12 +123,12 @@ mod tests {
             Some(Alternating)
         );
         assert_eq!(divergence(100, |k| 1.3_f64.powf(k)), Some(Growing));
-        // An oscillation of seven steps that grows.
+        // A growing oscillation with a period of seven steps.
         assert_eq!(
             divergence(200, |k| 1.2_f64.powf(k) * (0.9 * k).sin()),
             Some(Growing)
         );
-        // Smooth beginnings, decay, bounded oscillation, a slow instability: these are signals.
+        // Smooth growth from zero, decay, bounded oscillation, slow instability: none counts as divergence.
         assert_eq!(divergence(1000, |k| k.powi(5)), None);
         assert_eq!(divergence(1000, |k| k.powi(8)), None);
         assert_eq!(divergence(1000, |k| sign(k) * 0.9_f64.powf(k)), None);

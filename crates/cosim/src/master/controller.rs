@@ -1,4 +1,4 @@
-//! How long the next step may be.
+//! Step-size control.
 
 use crate::algorithms::Control;
 
@@ -19,16 +19,15 @@ pub(super) struct Controller {
 const SAFETY: f64 = 0.9;
 const PROPORTIONAL: f64 = 0.7;
 const INTEGRAL: f64 = 0.4;
-/// By how much a step may differ from the one before: formulas on unequal steps stay stable.
+/// Bounds of the ratio of successive steps, for stability of the formulas on unequal steps.
 const SMALLEST_FACTOR: f64 = 0.2;
 const LARGEST_FACTOR: f64 = 2.0;
 
 impl Controller {
-    /// For an error of that order in the step.
+    /// A controller for an error of that order in the step.
     pub(super) fn new(control: &Control, order: i32) -> Self {
         let order = f64::from(order);
-        // A first step for which a change by as much as the magnitude in the longest step would be
-        // followed at the tolerance.
+        // The first step would meet the tolerance if the signal changed by its magnitude within the longest step.
         let first = control.tolerance.min(1.0).powf(1.0 / order);
         Self {
             shortest: control.min_step,
@@ -40,15 +39,15 @@ impl Controller {
         }
     }
 
-    /// The next step: equal parts of the `rest` [s] until the next point that must be hit. Whether it
-    /// is the last one.
+    /// The next step and whether it is the last: the `rest` [s] until the next mandatory point is divided into equal
+    /// parts.
     pub(super) fn step_within(&self, rest: f64) -> (f64, bool) {
         let wanted = self.next.clamp(self.shortest, self.longest);
         let parts = (rest / wanted * (1.0 - 1e-9)).ceil().max(1.0);
         (rest / parts, parts == 1.0)
     }
 
-    /// After a step by `h` [s] whose error, relative to the tolerance, was small enough.
+    /// After an accepted step by `h` [s] with this error relative to the tolerance.
     pub(super) fn accept(&mut self, h: f64, error: f64) {
         let error = error.max(1e-10);
         let factor =
@@ -63,7 +62,7 @@ impl Controller {
         self.was_rejected = false;
     }
 
-    /// After a step whose error was too large.
+    /// After a rejected step.
     pub(super) fn reject(&mut self, h: f64, error: f64) {
         self.was_rejected = true;
         if error.is_finite() {
@@ -72,7 +71,7 @@ impl Controller {
         }
     }
 
-    /// After a step that a component gave up, having come this far [s].
+    /// After a step that a component discarded at `reached` [s] after its beginning.
     pub(super) fn shorten(&mut self, h: f64, reached: f64) {
         self.next = (SAFETY * reached).clamp(SMALLEST_FACTOR * h, 0.5 * h);
     }

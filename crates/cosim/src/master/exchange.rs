@@ -1,4 +1,4 @@
-//! The stepping loop's components and the values between them.
+//! The components in the stepping loop and the values exchanged between them.
 
 use super::history::{History, InputProfile, Outcome};
 use super::wired::{BEGIN, Failure, Values, Wired};
@@ -8,20 +8,20 @@ use crate::component::Value;
 use crate::recorder::Signal;
 use rayon::prelude::*;
 
-/// The components and the values between them. Nothing is allocated after it is made, but for strings.
+/// The components and the exchanged values. Nothing is allocated after construction, except for strings.
 pub(super) struct Exchange {
     pub(super) wired: Vec<Wired>,
     pub(super) values: Values,
     pub(super) signals: Vec<Signal>,
     pub(super) unrecorded: Vec<String>,
-    /// Slots in the row of the real outputs that feed others. A position is one in this list.
+    /// Slots in the row of real outputs that feed inputs. Positions refer to this list.
     pub(super) fed: Vec<usize>,
     pub(super) history: History,
-    /// How the fed outputs go within the step, by position.
+    /// Input profiles of the fed outputs within the step, by position.
     pub(super) profiles: Vec<InputProfile>,
-    /// Their means over the last step, of those that were seen within it.
+    /// Means of the fed outputs over the last step, if they were observed within it.
     pub(super) seen: Vec<Option<f64>>,
-    /// Outputs that are no reals, at the begin of the step, and what the components are given for them.
+    /// Non-real outputs at the beginning of the step, and the values given to components for them.
     pub(super) others_before: Vec<Value>,
     pub(super) others_given: Vec<Value>,
 }
@@ -31,7 +31,7 @@ impl Exchange {
         self.wired[i].get_outputs(&mut self.values)
     }
 
-    /// A communication step from `t` by `h` in which every input is held at the newest value.
+    /// A communication step from `t` by `h` with every input held at its newest value.
     pub(super) fn advance_held(
         &mut self,
         algorithm: Algorithm,
@@ -64,8 +64,8 @@ impl Exchange {
         Ok(())
     }
 
-    /// A communication step from the history's last point by `h`, inputs extrapolated with that degree
-    /// and, with Gauss-Seidel, interpolated where the next values are known.
+    /// A communication step by `h` from the history's last point. Inputs are extrapolated with that degree or, with
+    /// Gauss-Seidel, interpolated if the next values are known.
     pub(super) fn advance(
         &mut self,
         algorithm: Algorithm,
@@ -94,15 +94,15 @@ impl Exchange {
         Ok(())
     }
 
-    /// Continues all fed outputs by polynomials of that degree.
+    /// Extrapolates all fed outputs by polynomials of that degree.
     pub(super) fn extrapolate(&mut self, degree: usize, h: f64) {
         for p in 0..self.fed.len() {
             self.profiles[p] = self.history.extrapolated(p, degree, h);
         }
     }
 
-    /// Interpolates the fed outputs of a component that stands at the end of the step; with degree 0 the
-    /// values at the end are held.
+    /// Interpolates the fed outputs of a component at the end of the step; with degree 0, the values at the end are
+    /// held.
     pub(super) fn interpolate(&mut self, i: usize, degree: usize, h: f64) {
         for k in 0..self.wired[i].outputs.fed_positions.len() {
             let p = self.wired[i].outputs.fed_positions[k];
@@ -114,13 +114,13 @@ impl Exchange {
         }
     }
 
-    /// A fed output where its component stands.
+    /// A fed output at its component's current time.
     pub(super) fn outcome(&self, p: usize) -> Outcome {
         self.values.outcome(&self.fed, p)
     }
 
-    /// Reads the outputs of a component that ended the run later than at `time`, the last point, and tells where it
-    /// stands; `None` if it did not, or no longer gives them.
+    /// If a component ended the run after `time`, the last point, reads its outputs and returns the time reached;
+    /// `None` otherwise, or if the outputs are no longer available.
     pub(super) fn read_at_end(&mut self, ending: &Ending, time: f64) -> Option<f64> {
         let (Ending::EndRequested {
             instance,
@@ -136,7 +136,7 @@ impl Exchange {
         (*reached > time && self.get_outputs(position).is_ok()).then_some(*reached)
     }
 
-    /// Gives every component its inputs and shows it.
+    /// Sets the inputs of every component and passes it to `look`.
     pub(super) fn look(&mut self, look: Look) -> Result<(), Failure> {
         for i in 0..self.wired.len() {
             let wired = &mut self.wired[i];
@@ -147,26 +147,26 @@ impl Exchange {
         Ok(())
     }
 
-    /// Keeps the outputs that are no reals, as they are at the begin of a step.
+    /// Stores the non-real outputs at the beginning of a step.
     pub(super) fn keep_others(&mut self) {
         self.others_before.clone_from_slice(&self.values.others);
         self.others_given.clone_from_slice(&self.values.others);
     }
 
-    /// Saves the state of all components that can.
+    /// Saves the states of all components with rollback.
     pub(super) fn save(&mut self) -> Result<(), Failure> {
         let mut able = self.wired.iter_mut().filter(|w| w.abilities.rollback);
         able.try_for_each(|wired| wired.save(BEGIN))
     }
 
-    /// Goes back to the begin of the step.
+    /// Restores the beginning of the step.
     pub(super) fn restore(&mut self) -> Result<(), Failure> {
         self.values.others.clone_from_slice(&self.others_before);
         let mut able = self.wired.iter_mut().filter(|w| w.abilities.rollback);
         able.try_for_each(|wired| wired.restore(BEGIN))
     }
 
-    /// Takes the values in the row for those of a communication point.
+    /// Appends the values in the row to the history as a communication point.
     pub(super) fn keep(&mut self, time: f64) {
         let (row, slopes) = (&self.values.row, &self.values.slopes);
         let points = self.fed.iter().zip(slopes);
@@ -178,7 +178,7 @@ impl Exchange {
     }
 }
 
-/// Lets all components step at the same time. Of several failures the first component's is told, whichever came first.
+/// Steps all components concurrently. If several fail, the error of the first in order is reported.
 fn step_in_parallel(components: &mut [Wired], t: f64, h: f64) -> Result<(), Ending> {
     let step = |wired: &mut Wired| wired.ended = wired.step(t, h, false).err();
     components.par_iter_mut().with_max_len(1).for_each(step);

@@ -1,15 +1,15 @@
-//! What the fed outputs were at the last communication points, and the polynomials through them.
+//! History of the fed outputs at the last communication points, and polynomials through it.
 
-/// Communication points that are kept: enough for a polynomial of degree 3 with the one to come.
+/// Number of stored communication points: with the next one, enough for a polynomial of degree 3.
 const KEPT: usize = 3;
 
-/// A slope at the begin that differs from the line to the end by more than so many times all else belongs to a
-/// transient that is over within the step: an exponential is when it falls to less than `e⁻³`, where both profiles
-/// are equally wrong.
+/// If the slope at the beginning differs from the slope of the chord by more than this factor times all other changes,
+/// it belongs to a transient that decays within the step: for an exponential, this is a decay below `e⁻³`, where both
+/// profiles are equally wrong.
 const TRANSIENT: f64 = 2.0;
 
-/// How a value goes within a step, as far as a component can be told: its mean; the line `mean ± lean`
-/// with the same first moment (the projection on polynomials of degree 1); and its value at the end.
+/// Approximation of a value within a step: its mean, the line `mean ± lean` with the same first moment (the projection
+/// on polynomials of degree 1), and its value at the end.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct InputProfile {
     pub(super) mean: f64,
@@ -31,18 +31,18 @@ impl InputProfile {
         self.lean == 0.0 && self.mean == self.end
     }
 
-    /// Whether the line does not end where the value does.
+    /// Whether the line does not end at the end value.
     pub(super) fn is_curved(&self) -> bool {
         let size = self.mean.abs() + self.lean.abs() + self.end.abs();
         (self.mean + self.lean - self.end).abs() > 1e-12 * size
     }
 
-    /// The line after a part `at` of the step.
+    /// The line's value after a fraction `at` of the step.
     pub(super) fn line(&self, at: f64) -> f64 {
         self.mean + (2.0 * at - 1.0) * self.lean
     }
 
-    /// The line with the same mean that ends where the value does.
+    /// The line with the same mean that ends at the end value.
     pub(super) fn to_end(self) -> Self {
         Self {
             lean: self.end - self.mean,
@@ -51,17 +51,16 @@ impl InputProfile {
     }
 }
 
-/// An output at the end of a step: its value and, if its component gives it, its time derivative.
+/// An output at the end of a step: its value and, if available, its time derivative.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Outcome {
     pub(super) value: f64,
     pub(super) slope: f64,
 }
 
-/// A decay `height·exp(-t/(length·h))` that a value begins its way through a step of `h` [s] with, beside the line
-/// that it ends on: what a fast pole makes of a jump. Both follow from the values and slopes at the ends, with
-/// what is left of the decay at the end neglected. The longer the step, the more the end alone counts, as in
-/// an L-stable method.
+/// A decay `height·exp(-t/(length·h))` at the beginning of a step of `h` [s], added to the line on which the value
+/// ends: the response of a fast pole to a jump. Both follow from the values and slopes at the ends, if the remainder of
+/// the decay at the end is neglected. The longer the step, the more only the end counts, as in an L-stable method.
 struct Transient {
     height: f64,
     length: f64,
@@ -78,12 +77,12 @@ impl Transient {
     }
 }
 
-/// What is known of an output beside its values.
+/// Properties of an output other than its values.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Traits {
-    /// Its slopes.
+    /// Whether its slopes are known.
     pub(super) has_slope: bool,
-    /// That it keeps its value until it jumps, though it is a real.
+    /// Whether it is piecewise constant, although it is a real.
     pub(super) is_discrete: bool,
 }
 
@@ -93,10 +92,10 @@ pub(super) struct History {
     times: [f64; KEPT],
     points: [Vec<Outcome>; KEPT],
     len: usize,
-    /// What else is known of each output.
+    /// Traits of each output.
     traits: Vec<Traits>,
-    /// Largest magnitude of each at the points of the clock so far, nominal values counted: a pulse between them is
-    /// no measure of what comes after it.
+    /// Largest magnitude of each output at the clock's points so far, including nominal values. Pulses between these
+    /// points do not count, since they say nothing about later values.
     pub(super) magnitudes: Vec<f64>,
 }
 
@@ -112,7 +111,7 @@ impl History {
         }
     }
 
-    /// Takes in a communication point.
+    /// Adds a communication point.
     pub(super) fn push(&mut self, time: f64, points: impl Iterator<Item = Outcome>) {
         self.times.rotate_right(1);
         self.points.rotate_right(1);
@@ -123,14 +122,14 @@ impl History {
         self.len = (self.len + 1).min(KEPT);
     }
 
-    /// Takes the last point for one of the clock.
+    /// Marks the last point as one of the clock.
     pub(super) fn at_clock(&mut self) {
         for (magnitude, point) in self.magnitudes.iter_mut().zip(&self.points[0]) {
             *magnitude = magnitude.max(point.value.abs());
         }
     }
 
-    /// Forgets all but the last point: what lies before a jump says nothing about what comes.
+    /// Discards all but the last point, since values before a jump do not predict later ones.
     pub(super) fn restart(&mut self) {
         self.len = self.len.min(1);
     }
@@ -148,7 +147,7 @@ impl History {
         self.traits[p].is_discrete
     }
 
-    /// The next `h` [s] along the polynomial of that degree (or as many points as there are) through
+    /// Profile over the next `h` [s] by the polynomial of that degree (or lower, if there are too few points) through
     /// the last points.
     pub(super) fn extrapolated(&self, p: usize, degree: usize, h: f64) -> InputProfile {
         let y = self.value(0, p);
@@ -167,8 +166,8 @@ impl History {
         InputProfile { mean, lean, end }
     }
 
-    /// The slope to be expected after the next `h` [s]. One that would carry the output beyond its magnitude is that of
-    /// a transient, which is over then.
+    /// Predicted slope after the next `h` [s]; 0 if it would exceed the output's magnitude within the step, since it
+    /// then belongs to a transient, which has decayed by then.
     pub(super) fn slope_after(&self, p: usize, h: f64) -> f64 {
         let slope = self.points[0][p].slope;
         let expected = match self.len {
@@ -184,10 +183,10 @@ impl History {
         }
     }
 
-    /// The next `h` [s] from the last point to `end`: along the cubic with the slopes at both ends
-    /// (Hermite's) where these are known, or along a [transient](Transient) and a line; else along the
-    /// polynomial of degree 1 or 2 (if there are points enough), whose means are the trapezoidal rule and the
-    /// Adams-Moulton formula of order 3 for unequal steps. What is discrete is held as it was at the begin.
+    /// Profile over the next `h` [s] from the last point to `end`. With slopes: the cubic Hermite polynomial, or a
+    /// [transient](Transient) plus a line. Otherwise: the polynomial of degree 1 or 2 (if there are enough points),
+    /// whose means are the trapezoidal rule and the Adams-Moulton formula of order 3 for unequal steps. Discrete
+    /// outputs are held at their value at the beginning.
     pub(super) fn interpolated(
         &self,
         p: usize,
@@ -217,8 +216,8 @@ impl History {
         }
     }
 
-    /// What is over long before the end of the step, if the slopes say that there is such a thing. The cubic
-    /// would be wrong by that slope times `h²/12`, whatever the value at the end.
+    /// The transient that decays long before the end of the step, if the slopes indicate one. The cubic would be wrong
+    /// by that slope times `h²/12`, whatever the value at the end.
     fn transient(&self, p: usize, h: f64, end: Outcome) -> Option<Transient> {
         if !self.traits[p].has_slope {
             return None;
@@ -233,10 +232,9 @@ impl History {
         })
     }
 
-    /// By how much that mean is off, as well as it is known from the communication points. With slopes it is
-    /// [that of a smooth output](Self::smooth_error); after the very first step, that of an
-    /// exponential with these second and third derivatives. This is finer than `coarse`, which
-    /// [may be](Self::interpolation_error), and nothing is left to be careful with.
+    /// Error of the interpolated mean, estimated from the communication points. With slopes it is [that of a smooth
+    /// output](Self::smooth_error) or, after the first step, that of an exponential with these second and third
+    /// derivatives. This is sharper than [`coarse`](Self::interpolation_error), but not conservative.
     pub(super) fn mean_error(&self, p: usize, h: f64, end: Outcome, coarse: f64) -> f64 {
         if !self.traits[p].has_slope || self.transient(p, h, end).is_some() {
             return coarse;
@@ -249,19 +247,19 @@ impl History {
         (7.2 * coarse * coarse / bend).min(coarse)
     }
 
-    /// The error of the cubic's mean, `h⁴/720` times the fourth derivative, seen with another point: where slopes
-    /// are known and nothing is over within the step.
+    /// The error of the cubic's mean, `h⁴/720` times the fourth derivative, estimated with one more point, if slopes
+    /// are known and there is no transient.
     pub(super) fn smooth_error(&self, p: usize, h: f64, end: Outcome) -> Option<f64> {
         let is_smooth = self.traits[p].has_slope && self.len > 1;
         (is_smooth && self.transient(p, h, end).is_none())
             .then(|| h.powi(4) / 30.0 * self.fourth_difference(p, h, end).abs())
     }
 
-    /// By how much the mean of that with degree 2 may be off. Of a transient, that is all of its part in the
-    /// mean; of what is discrete, half of its change, as nobody knows when it came. With slopes it is the difference to the
-    /// parabola with the slope at the begin; else the difference to degree 3, or, as long as there are
-    /// too few points, of the next lower pair. After the very first step the change alone is known: an
-    /// exponential that changes by a part `r` of its magnitude has an error of `r²/12`.
+    /// Conservative error of the mean of degree 2. For a transient it is the transient's whole part of the mean; for a
+    /// discrete output half of its change, since the time of the change is unknown. With slopes it is the difference to
+    /// the parabola with the slope at the beginning; otherwise the difference to degree 3 or, with too few points, of
+    /// the next lower pair. After the first step only the change is known: an exponential that changes by a part `r` of
+    /// its magnitude has an error of `r²/12`.
     pub(super) fn interpolation_error(&self, p: usize, h: f64, end: Outcome) -> f64 {
         if let Some(transient) = self.transient(p, h, end) {
             return (transient.height * transient.length).abs();
@@ -286,7 +284,7 @@ impl History {
         }
     }
 
-    /// Fourth divided difference at the last two points and `end`, `h` after them, the later two with slopes.
+    /// Fourth divided difference at the last two points and `end`, `h` later, with slopes at the later two.
     fn fourth_difference(&self, p: usize, h: f64, end: Outcome) -> f64 {
         let (begin, h1) = (self.points[0][p], self.times[0] - self.times[1]);
         let [before, next] = [self.first_difference(p), (end.value - begin.value) / h];

@@ -1,4 +1,4 @@
-//! From components that were just made to consistent values at the start time.
+//! Initialization: from newly created components to consistent values at the start time.
 
 use super::{MasterError, Stage, algebraic_loop};
 use crate::algorithms::Propagation;
@@ -6,7 +6,7 @@ use crate::component::{Component, ComponentError, Experiment, Role, Value};
 use crate::system::{Connection, System};
 use thiserror::Error;
 
-/// Brings all components to the start time with consistent values.
+/// Initializes all components with consistent values at the start time.
 pub(super) fn initialize(system: &mut System, experiment: &Experiment) -> Result<(), MasterError> {
     let propagation = Propagation::of(system);
     each(system, Stage::Setup, |component| {
@@ -38,7 +38,7 @@ fn each(
     Ok(())
 }
 
-/// Gives the start values to variables of some roles.
+/// Sets the start values of variables with the wanted roles.
 fn apply_settings(system: &mut System, wanted: impl Fn(Role) -> bool) -> Result<(), MasterError> {
     for (port, value) in &system.settings {
         let instance = &mut system.instances[port.instance];
@@ -70,10 +70,10 @@ fn propagate(system: &mut System, propagation: &Propagation) -> Result<(), Maste
     }
 }
 
-/// Largest number of sweeps through an algebraic loop in which not all values are reals.
+/// Maximum number of sweeps through an algebraic loop with non-real values.
 const MAX_SWEEPS: usize = 100;
 
-/// Passes values around until they no longer change.
+/// Passes values around repeatedly until they no longer change.
 fn sweep(system: &mut System, repeated: &[usize]) -> Result<(), MasterError> {
     let mut last: Vec<Option<Value>> = vec![None; repeated.len()];
     for _ in 0..MAX_SWEEPS {
@@ -104,7 +104,7 @@ fn is_close(a: &Value, b: &Value) -> bool {
     }
 }
 
-/// A value that did not come through a connection.
+/// A value that could not be passed through a connection.
 #[derive(Debug, Error)]
 #[error("`{from}` -> `{to}`")]
 struct Lost {

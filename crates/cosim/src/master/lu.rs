@@ -1,8 +1,6 @@
-//! A dense matrix that is factored in place, so that it can be renewed in the stepping loop without
-//! allocation.
+//! A dense matrix factored in place, so that it can be updated in the stepping loop without allocation.
 
-/// A square matrix, row by row, and after [`factor`](Self::factor) its LU decomposition with partial
-/// pivoting.
+/// A square matrix in row-major order; after [`factor`](Self::factor) its LU decomposition with partial pivoting.
 #[derive(Debug, Default)]
 pub(super) struct Lu {
     n: usize,
@@ -30,8 +28,8 @@ impl Lu {
         self.entries[row * self.n + column] += value;
     }
 
-    /// Decomposes; `false` if a pivot is below that part of the largest entry (entries that come from
-    /// differences are never exactly singular), or not finite.
+    /// Factors the matrix; `false` if a pivot is not finite or below `singular` times the largest entry (entries from
+    /// finite differences are never exactly singular).
     #[must_use]
     pub(super) fn factor(&mut self, singular: f64) -> bool {
         let n = self.n;
@@ -62,7 +60,7 @@ impl Lu {
         true
     }
 
-    /// Solves with the decomposed matrix, in place.
+    /// Solves with the factored matrix, in place.
     pub(super) fn solve(&self, x: &mut [f64]) {
         let n = self.n;
         for k in 0..n {

@@ -31,7 +31,7 @@ use super::system::System;
 use std::io;
 use thiserror::Error;
 
-/// Why a run could not begin or be recorded. What happens to a component on the way is an [`Ending`].
+/// Why a run could not begin or be recorded. Failures of components during the run are [`Ending`]s.
 #[derive(Debug, Error)]
 pub enum MasterError {
     /// A component failed before the first step.
@@ -39,35 +39,34 @@ pub enum MasterError {
     Initialization {
         /// Name of the instance.
         instance: String,
-        /// What it was asked to do.
+        /// The failed operation.
         stage: Stage,
-        /// Its own words.
+        /// The component's error.
         source: ComponentError,
     },
-    /// An algebraic loop between the components has no solution that Newton's method finds.
+    /// Newton's method does not find a solution of an algebraic loop between components.
     #[error(
         "the initial values of {} depend on each other, and Newton's method finds no solution: after \
          {steps} steps they differ by {difference:.1e}; give the inputs other start values, or check \
          the loop's gain", names.join(", ")
     )]
     AlgebraicLoop {
-        /// The outputs in the loop, and behind it.
+        /// The outputs in and behind the loop.
         names: Vec<String>,
         /// Steps of Newton's method.
         steps: usize,
-        /// What is left of the largest difference between an output and what it feeds, relative to
-        /// `1 + |value|`.
+        /// Remaining largest difference between an output and the input that it feeds, relative to `1 + |value|`.
         difference: f64,
     },
-    /// A loop with values that are no reals does not come to rest.
+    /// A loop with non-real values does not settle.
     #[error("the initial values of {} depend on each other and do not settle in {sweeps} sweeps; cut the loop", names.join(", "))]
     Unsettled {
-        /// The outputs in the loop, and behind it.
+        /// The outputs in and behind the loop.
         names: Vec<String>,
-        /// How often values were passed around.
+        /// Number of sweeps.
         sweeps: usize,
     },
-    /// Step-size control, and a component that cannot vary its steps.
+    /// Step-size control with a component that does not support variable steps.
     #[error(
         "`{instance}` cannot take communication steps of different lengths, which step-size control \
          needs; run without a tolerance"
@@ -76,20 +75,20 @@ pub enum MasterError {
         /// Name of the instance.
         instance: String,
     },
-    /// Bounds of step-size control that no step and no error can keep.
+    /// Invalid bounds of step-size control.
     #[error(
         "step-size control with a tolerance of {} and steps from {} s to {} s; expected a positive \
          tolerance, and a shortest step that is positive and no longer than the longest",
         control.tolerance, control.min_step, control.max_step
     )]
     Control {
-        /// As given.
+        /// The given control.
         control: Control,
     },
-    /// A degree of extrapolation that there is not.
+    /// Unsupported degree of extrapolation.
     #[error("extrapolation of degree {degree}; the highest is {MAX_EXTRAPOLATION}")]
     Extrapolation {
-        /// As given.
+        /// The given degree.
         degree: usize,
     },
     /// A row could not be written.
@@ -97,37 +96,37 @@ pub enum MasterError {
     Record {
         /// Time of the row \[s\].
         time: f64,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
 }
 
-/// What a component was doing.
+/// Operation of a component.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Stage {
-    /// Taking start and stop time.
+    /// Receiving start and stop time.
     Setup,
-    /// Taking a start value.
+    /// Receiving a start value.
     Set(String),
     /// Entering initialization.
     EnterInitialization,
     /// Passing a value to another component.
     Propagate(String),
-    /// Leaving initialization.
+    /// Exiting initialization.
     ExitInitialization,
-    /// Taking its inputs.
+    /// Receiving its inputs.
     SetInputs,
     /// Stepping.
     Step,
-    /// Giving its outputs.
+    /// Providing its outputs.
     GetOutputs,
     /// Saving its state.
     Save,
-    /// Going back to a saved state.
+    /// Restoring a saved state.
     Restore,
-    /// Telling how it depends on its states and inputs.
+    /// Linearization.
     Linearize,
-    /// Ending.
+    /// Terminating.
     Terminate,
 }
 
@@ -150,57 +149,57 @@ impl std::fmt::Display for Stage {
     }
 }
 
-/// How a run ended. All rows up to then are recorded.
+/// How a run ended. All rows until then are recorded.
 #[derive(Debug)]
 pub enum Ending {
     /// At the stop time.
     Completed,
-    /// The recorder asked for the end ([`Recorder::is_stop_asked`]), for the user.
+    /// The recorder requested the end on behalf of the user ([`Recorder::is_stop_asked`]).
     Stopped {
-        /// Where the components stand \[s\].
+        /// Current time of the components \[s\].
         time: f64,
     },
-    /// A component asked for the end. If it stands within a step, the last row is at that time, if it still gives
-    /// its outputs: these, and of the others what was exchanged last.
+    /// A component requested the end. If it stopped within a step and still provides outputs, the last row is at that
+    /// time, with these outputs and the last exchanged values of the other components.
     EndRequested {
         /// Name of the instance.
         instance: String,
-        /// Where it stands \[s\].
+        /// Time at which it stopped \[s\].
         time: f64,
     },
-    /// A component could not finish a step. If it came to somewhere within it, the last row is at that time, as
-    /// above.
+    /// A component could not finish a step. If it reached a time within the step, the last row is at that time, as for
+    /// `EndRequested`.
     Discarded {
         /// Name of the instance.
         instance: String,
-        /// Begin of the step \[s\].
+        /// Beginning of the step \[s\].
         time: f64,
-        /// Where the component stands \[s\].
+        /// Time reached by the component \[s\].
         reached: f64,
-        /// What it said of it.
+        /// Its message about it.
         words: Option<String>,
     },
     /// A component failed.
     Failed {
         /// Name of the instance.
         instance: String,
-        /// Begin of the step \[s\].
+        /// Beginning of the step \[s\].
         time: f64,
-        /// What it was doing.
+        /// The failed operation.
         stage: Stage,
-        /// Its own words.
+        /// The component's error.
         source: ComponentError,
     },
 }
 
-/// What a run did.
+/// Result of a run.
 #[derive(Debug)]
 pub struct Run {
     /// How it ended.
     pub ending: Ending,
-    /// Number of completed steps of the clock; one row more was recorded, and another one if a component
-    /// [ended](Ending::EndRequested) or [gave up](Ending::Discarded) within a step. With step-size control each is one or more
-    /// [communication steps](super::Steps).
+    /// Number of completed steps of the clock. One more row was recorded, and another if a component
+    /// [ended](Ending::EndRequested) or [gave up](Ending::Discarded) within a step. With step-size control, each
+    /// consists of one or more [communication steps](super::Steps).
     pub steps: u64,
     /// Time of the last row \[s\].
     pub time: f64,
@@ -208,26 +207,26 @@ pub struct Run {
     pub order: Vec<String>,
     /// The recorded signals.
     pub signals: Vec<Signal>,
-    /// Outputs that no table of numbers can hold: strings.
+    /// Outputs that a table of numbers cannot hold: strings.
     pub unrecorded: Vec<String>,
-    /// What was done, and how far the coupling is to be trusted.
+    /// Statistics of the run and estimates of its coupling error.
     pub report: Report,
-    /// The components, still alive.
+    /// The components, not yet terminated.
     pub components: Components,
 }
 
-/// The components of a run. They are terminated when this goes, or [before](Self::terminate): when the results are safe,
-/// since code of strangers may crash even then.
+/// The components of a run. They are terminated on drop or [earlier](Self::terminate): once the results are saved,
+/// since third-party code may crash even then.
 pub struct Components {
     wired: Vec<Wired>,
-    /// Where they stand \[s\].
+    /// Their current time \[s\].
     time: f64,
-    /// Who failed and is not called any more.
+    /// Name of the component that failed and is no longer called.
     culprit: Option<String>,
 }
 
 impl Components {
-    /// Terminates those that still can be. The first that fails is told.
+    /// Terminates the remaining components. Returns the first failure.
     pub fn terminate(&mut self) -> Option<Ending> {
         let mut failed = None;
         for mut wired in self.wired.drain(..) {
@@ -255,12 +254,12 @@ impl std::fmt::Debug for Components {
     }
 }
 
-/// Steps a system from the clock's start to its stop, recording every output at each of the clock's
-/// communication points. `tolerance` is for components with error control of their own.
+/// Steps a system from the clock's start to its stop, and records every output at each of the clock's communication
+/// points. `tolerance` is for components with their own error control.
 ///
 /// # Errors
-/// If the components cannot be coupled like that, or the initialization or the recording fails. A component
-/// that fails later ends the run, which is told by [`Run::ending`].
+/// If the components cannot be coupled in this way, or initialization or recording fails. A component that fails later
+/// ends the run; [`Run::ending`] reports it.
 pub fn run(
     system: System,
     clock: &Clock,
@@ -273,7 +272,7 @@ pub fn run(
     Ok(run)
 }
 
-/// As [`run`], but the components are not terminated: [`Run::terminate`] does that when the results are safe.
+/// As [`run`], but the components are not terminated: call [`Run::terminate`] once the results are saved.
 ///
 /// # Errors
 /// As [`run`].
@@ -288,7 +287,7 @@ pub fn run_open(
 }
 
 impl Run {
-    /// Terminates and frees the components. If one of a run that was completed fails at that, the run has failed.
+    /// Terminates and frees the components. If this fails after a completed run, the run has failed.
     pub fn terminate(&mut self) {
         let failed = self.components.terminate();
         if let (Ending::Completed, Some(failed)) = (&self.ending, failed) {
@@ -297,11 +296,11 @@ impl Run {
     }
 }
 
-/// What looks at a component at the end of a run.
+/// Callback that inspects a component at the end of a run.
 pub(super) type Look<'a> = &'a mut dyn FnMut(&mut dyn Component) -> Result<(), ComponentError>;
 
-/// As [`run`]; at the end, if it is reached, every instance is looked at in the order in which they were added,
-/// after it has got the inputs that belong to the outputs there.
+/// As [`run`]; if the end is reached, calls `look` for every instance in the order in which they were added, after
+/// setting the inputs that belong to the outputs there.
 pub(super) fn run_and_look(
     mut system: System,
     clock: &Clock,
@@ -322,7 +321,7 @@ pub(super) fn run_and_look(
     };
     let experiment = Experiment {
         start: clock.start(),
-        // Who looks may step on.
+        // `look` may step further.
         stop: match look {
             None => clock.stop(),
             Some(_) => f64::INFINITY,
@@ -335,7 +334,7 @@ pub(super) fn run_and_look(
     let mut stepper = Stepper::new(exchange, &coupling, order)?;
     stepper.begin(clock.start())?;
     let (steps, mut stop, last_row) = match stepper.parallel {
-        // From one of rayon's own threads a step costs the others no waking: a tenth of what it does from outside.
+        // Started on a rayon thread, a step need not wake the pool: this costs a tenth of starting from outside.
         true => rayon::scope(|_| follow(&mut stepper, clock, recorder))?,
         false => follow(&mut stepper, clock, recorder)?,
     };
@@ -369,8 +368,8 @@ pub(super) fn run_and_look(
     })
 }
 
-/// Steps and records until the clock's stop or until a component ends it: completed steps, the end, and the time of
-/// the last row.
+/// Steps and records until the clock's stop or until a component ends the run. Returns the number of completed steps,
+/// the ending, and the time of the last row.
 fn follow(
     stepper: &mut Stepper,
     clock: &Clock,
@@ -385,7 +384,7 @@ fn follow(
     Ok(done)
 }
 
-/// What [`follow`] does after the first row.
+/// The part of [`follow`] after the first row.
 fn step_to_end(
     stepper: &mut Stepper,
     clock: &Clock,

@@ -1,4 +1,4 @@
-//! From one communication point of the clock to the next, by the algorithm that was asked for.
+//! Steps from one communication point of the clock to the next with the chosen algorithm.
 
 mod errors;
 
@@ -11,20 +11,20 @@ use super::{Ending, MasterError};
 use crate::algorithms::{Algorithm, Control, Coupling};
 use crate::report::Steps;
 
-/// After so many rejected steps in a row, there must be a jump.
+/// Number of successive rejected steps that indicate a jump.
 const REJECTIONS_AT_A_JUMP: u32 = 3;
 
-/// Error of a step, relative to the tolerance, that is taken if strong coupling did not converge.
+/// Error of a step relative to the tolerance, assumed if strong coupling did not converge.
 const UNCONVERGED: f64 = 8.0;
 
-/// How often a step of fixed length, or what is left of it, is halved at most, and the shortest part of it that is.
+/// Maximum number of halvings of a fixed step, and shortest part of it that is halved.
 const MAX_PARTS: u32 = 4096;
 const SHORTEST_PART: f64 = 1e-7;
 
-/// Length of the step over a jump, relative to the clock's step: the ramp that the jump is in it does nothing.
+/// Length of the step across a jump relative to the clock's step; the jump's ramp within it has no effect.
 const OVER_A_JUMP: f64 = 1e-6;
 
-/// Rounding errors of counted times.
+/// Relative rounding error of counted times.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 /// The components and how they are stepped.
@@ -32,23 +32,22 @@ pub(super) struct Stepper {
     pub(super) exchange: Exchange,
     coupling: Coupling,
     order: Vec<usize>,
-    /// Every input is held at the newest value, in steps that are all equal.
+    /// Whether every input is held at its newest value, with equal steps.
     pub(super) is_plain: bool,
     strong: Option<Strong>,
     control: Option<(Control, Controller)>,
-    /// Whether inputs change within a step, so that jumps would become ramps.
+    /// Whether inputs change within a step, which would turn jumps into ramps.
     pub(super) has_input_profiles: bool,
-    /// Whether all components can go back, and vary their steps.
+    /// Whether all components support rollback, and variable steps.
     can_reject: bool,
     can_vary: bool,
     pub(super) steps: Steps,
-    /// Steps of the clock.
+    /// Number of completed steps of the clock.
     points: u64,
-    /// How often this one may still be halved.
+    /// Remaining halvings of the current step.
     parts_left: u32,
     room: Vec<f64>,
-    /// Threads, if components step at the same time.
-    /// Whether the components step at the same time.
+    /// Whether the components step concurrently.
     pub(super) parallel: bool,
     pub(super) sampler: Sampler,
 }
@@ -106,7 +105,7 @@ impl Stepper {
         Ok(())
     }
 
-    /// From the communication point at `t` to the one at `end`, `h` [s] later.
+    /// Advances from the communication point at `t` to the one at `end`, `h` [s] later.
     #[inline]
     pub(super) fn advance(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
         match self.sampler.is_due() {
@@ -144,8 +143,8 @@ impl Stepper {
         self.follow(end)
     }
 
-    /// Follows how the fed outputs change, from one point of the clock to the next: within it, steps may grow as
-    /// they will, and changes with them.
+    /// Tracks the changes of the fed outputs between the clock's points only: steps between these may grow, and the
+    /// changes with them.
     fn follow(&mut self, end: f64) -> Result<(), Ending> {
         self.points += 1;
         self.exchange.history.at_clock();
@@ -155,8 +154,8 @@ impl Stepper {
         followed.map_err(|failure| failure.at(end))
     }
 
-    /// In steps that are cut at the jumps of signals: one ends shortly before the jump, a very short one
-    /// crosses it, and nothing before it counts for what comes.
+    /// Steps that are cut at the jumps of signals: one step ends shortly before the jump, a very short one crosses it,
+    /// and earlier values are not used afterwards.
     fn step_between_jumps(&mut self, begin: f64, end: f64, h: f64) -> Result<(), Ending> {
         let short = (OVER_A_JUMP * h).max(16.0 * ROUNDING * end.abs());
         let mut t = begin;
@@ -183,7 +182,7 @@ impl Stepper {
         }
     }
 
-    /// The first jump after `t` until `end`.
+    /// The first jump after `t` and not after `end`.
     fn jump_within(&self, t: f64, end: f64) -> Option<f64> {
         let instances = self.exchange.wired.iter();
         let jumps = instances.filter_map(|w| w.component.next_jump(t));
@@ -191,7 +190,7 @@ impl Stepper {
         jumps.filter(|&jump| jump <= last).reduce(f64::min)
     }
 
-    /// From `t` to `end`, `h` [s] later: in one step, or in as many as the control wants.
+    /// Advances from `t` to `end`, `h` [s] later: in one step, or in as many as the step-size control chooses.
     fn stride(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
         let Some((control, mut controller)) = self.control.take() else {
             return self.stride_once(t, end, h);
@@ -206,9 +205,9 @@ impl Stepper {
         self.stride_in_halves(t, end, h, 1.0)
     }
 
-    /// One step, this part of one of fixed length, or, where that is too long for strong coupling, two halves, each of
-    /// which may be halved again. Where no halves can be taken, nonsense ends the run, and what else is wrong is
-    /// reported.
+    /// One step, which is this part of a fixed step. If it is too long for strong coupling, it is replaced by two
+    /// halves, which may be halved again. If it cannot be halved, a meaningless result ends the run, and smaller errors
+    /// are reported.
     fn stride_in_halves(&mut self, t: f64, end: f64, h: f64, part: f64) -> Result<(), Ending> {
         if self.strong.is_some() {
             self.exchange.save().map_err(|failure| failure.at(t))?;
@@ -234,7 +233,7 @@ impl Stepper {
         self.stride_in_halves(middle, end, 0.5 * h, 0.5 * part)
     }
 
-    /// One step by `h`; whether the outputs at its end are consistent.
+    /// Takes one step by `h`; returns whether the outputs at its end are consistent.
     fn attempt(&mut self, h: f64, is_revocable: bool) -> Result<bool, Ending> {
         let is_consistent = match &mut self.strong {
             Some(strong) => strong.advance(&mut self.exchange, h, &mut self.steps)?,
@@ -264,7 +263,7 @@ impl Stepper {
         self.steps.longest = self.steps.longest.max(h);
     }
 
-    /// From one point of the clock to the next in steps as long as the error allows.
+    /// Advances from one point of the clock to the next in steps as long as the error allows.
     fn advance_controlled(
         &mut self,
         control: &Control,
@@ -278,7 +277,7 @@ impl Stepper {
             let next = if is_last { end } else { t + h };
             let failed = |failure: Failure| failure.at(t);
             self.exchange.save().map_err(failed)?;
-            // Equal parts of the rest may be longer by rounding.
+            // Equal parts of the remainder may be longer by rounding.
             let may_reject = self.can_reject && h > 1.01 * control.min_step;
             let error = match self.attempt(h, self.can_reject) {
                 Ok(has_converged) => {
@@ -289,7 +288,7 @@ impl Stepper {
                         error.max(UNCONVERGED)
                     }
                 }
-                // As far as the component came, it may come again.
+                // The component can step to the time it reached.
                 Err(Ending::Discarded { reached, .. }) if may_reject => {
                     controller.shorten(h, reached - t);
                     f64::INFINITY
@@ -317,7 +316,7 @@ impl Stepper {
         Ok(())
     }
 
-    /// Positions of the instances in the order in which they step.
+    /// Positions of the instances in stepping order.
     pub(super) fn order(&self) -> &[usize] {
         &self.order
     }

@@ -1,26 +1,26 @@
-//! Where the time goes, told from a sample of the steps, so that looking costs next to nothing.
+//! Timing of component calls, sampled from a few steps, so that the overhead is negligible.
 
 use super::wired::Wired;
 use std::time::{Duration, Instant};
 
-/// Part of the run's time that may go into reading the clock.
+/// Maximum part of the run time spent on reading the clock.
 const PART: f64 = 0.01;
 
-/// Timed steps are never further apart.
+/// Maximum distance between timed steps.
 const FURTHEST: u64 = 1024;
 
-/// Time that a component spends in calls, of those steps in which it runs.
+/// Time that a component spends in calls in the timed steps.
 #[derive(Debug, Default)]
 pub(super) struct Stopwatch {
     is_running: bool,
     calls: u32,
     step: Duration,
-    /// Time in all calls so far [s], as far as the sample tells.
+    /// Estimated time in all calls so far [s].
     pub(super) seconds: f64,
 }
 
 impl Stopwatch {
-    /// Makes a call.
+    /// Makes a call, timed if the stopwatch is running.
     #[inline(always)]
     pub(super) fn time<T>(&mut self, call: impl FnOnce() -> T) -> T {
         let started = self.is_running.then(now);
@@ -39,24 +39,24 @@ impl Stopwatch {
     }
 }
 
-/// Kept, as the other half, out of the way of calls that are not timed.
+/// Not inlined, like `add`, to keep untimed calls fast.
 #[cold]
 #[inline(never)]
 fn now() -> Instant {
     Instant::now()
 }
 
-/// Which steps are timed: all while that is cheap, else so few that it stays cheap.
+/// Chooses the timed steps: all steps while timing is cheap, otherwise few enough that it remains cheap.
 #[derive(Debug)]
 pub(super) struct Sampler {
-    /// Every step, whatever it costs.
+    /// Times every step, at any cost.
     is_complete: bool,
     stride: u64,
     wait: u64,
-    /// What reading the clock twice takes: it is in each timed call.
+    /// Time to read the clock twice, contained in each timed call.
     reading: Duration,
     started: Instant,
-    /// Timed steps, and those that they stand for.
+    /// Number of timed steps, and of steps that they represent.
     pub(super) timed: u64,
     covered: u64,
 }
@@ -78,21 +78,21 @@ impl Sampler {
         }
     }
 
-    /// Whether the step to come is timed; asked before each.
+    /// Whether the next step is timed; called before each step.
     #[inline]
     pub(super) fn is_due(&mut self) -> bool {
         self.wait -= 1;
         self.wait == 0
     }
 
-    /// Times a step that is due.
+    /// Starts timing a step.
     #[cold]
     pub(super) fn begin(&mut self, wired: &mut [Wired]) -> Instant {
         wired.iter_mut().for_each(|w| w.watch.is_running = true);
         Instant::now()
     }
 
-    /// Ends it: what its calls took counts for all steps since the last one that was timed.
+    /// Ends timing; the calls' times represent all steps since the last timed one.
     #[cold]
     pub(super) fn end(&mut self, begun: Instant, wired: &mut [Wired]) {
         let step = begun.elapsed();
@@ -117,7 +117,7 @@ impl Sampler {
         self.wait = self.stride;
     }
 
-    /// By what the components' times are to be multiplied after so many steps of the clock.
+    /// Factor for the components' times after this many steps of the clock.
     pub(super) fn scale(&self, steps: u64) -> f64 {
         match self.covered {
             0 => 0.0,
@@ -125,7 +125,7 @@ impl Sampler {
         }
     }
 
-    /// Time since the begin of the stepping loop [s].
+    /// Time since the start of the stepping loop [s].
     pub(super) fn elapsed(&self) -> f64 {
         self.started.elapsed().as_secs_f64()
     }

@@ -1,4 +1,4 @@
-//! Strong coupling: the step is repeated until its ends fit.
+//! Strong coupling: the step is repeated until the values at its end are consistent.
 
 use super::Ending;
 use super::exchange::Exchange;
@@ -8,40 +8,40 @@ use super::wired::{BEGIN, Failure};
 use crate::algorithms::{Coupling, Iteration, MAX_EXTRAPOLATION};
 use crate::report::Steps;
 
-/// A correction that leaves more than this part of the difference asks for a new matrix.
+/// A correction that leaves more than this part of the difference triggers a new matrix.
 const SLOW: f64 = 0.1;
 
-/// Matrices in one step at most.
+/// Maximum number of matrices per step.
 const MAX_MATRICES: u32 = 3;
 
-/// Change of a value by which derivatives are formed, relative to its magnitude: far above the noise of
-/// components that integrate with error control.
+/// Change of a value for finite differences, relative to its magnitude: far above the noise of components that
+/// integrate with error control.
 const DIFFERENCE: f64 = 1e-5;
 
-/// How often a step is repeated at most, since values that are no reals have changed within it.
+/// Maximum number of repetitions of a step because non-real values changed within it.
 const MAX_REPETITIONS: u32 = 4;
 
-/// Pivots below this part of the largest entry are noise of the differences.
+/// Pivots below this part of the largest entry are noise of the finite differences.
 const SINGULAR: f64 = 1e-8;
 
-/// Finds the outputs `z` at the end of a step for which `F(z) = z`, with `F` one step of all components
-/// whose inputs go from the outputs at its begin to `z`.
+/// Finds the outputs `z` at the end of a step with `F(z) = z`, where `F` is one step of all components whose inputs go
+/// from the outputs at its beginning to `z`.
 pub(super) struct Strong {
     iteration: Iteration,
-    /// Degree of the inputs' polynomials.
+    /// Degree of the input polynomials.
     degree: usize,
-    /// Degrees of extrapolation: for the first pass, and for components that cannot go back.
+    /// Degrees of extrapolation: for the first pass, and for components without rollback.
     predictor: usize,
     fallback: usize,
-    /// The components that can go back; the first ones of them depend on `z`.
+    /// Components with rollback: those that depend on `z` and are repeated, and the others.
     repeated: Vec<usize>,
     once: Vec<usize>,
-    /// Components that cannot.
+    /// Components without rollback.
     irrevocable: Vec<usize>,
-    /// Outputs that are no reals and feed components that can go back.
+    /// Non-real outputs that feed components with rollback.
     others: Vec<usize>,
-    /// Positions of the outputs `z` among all fed ones, and where in `z` each of those is; and of those that
-    /// are discrete, which keep their value through the step.
+    /// Positions of the outputs `z` among the fed outputs, positions of discrete outputs, which keep their value
+    /// through the step, and index in `z` of each fed output.
     unknowns: Vec<usize>,
     discrete: Vec<usize>,
     place: Vec<Option<usize>>,
@@ -102,11 +102,11 @@ impl Strong {
         }
     }
 
-    /// A communication step by `h` from the history's last point, where the states were saved; whether
-    /// the corrections converged.
+    /// A communication step by `h` from the history's last point, where the states were saved; returns whether the
+    /// corrections converged.
     ///
-    /// Values that are no reals are those of the begin at first. If they are others at the end, the step
-    /// is repeated with these, until they stay; if they do not, it is the step with those of the begin.
+    /// Non-real values initially keep their values from the beginning. If they differ at the end, the step is repeated
+    /// with the new values until they settle. If they do not settle, the values from the beginning are used.
     pub(super) fn advance(
         &mut self,
         exchange: &mut Exchange,
@@ -145,13 +145,13 @@ impl Strong {
         Ok(has_converged)
     }
 
-    /// Whether the values that are no reals are at the end what the components were given.
+    /// Whether the non-real values at the end equal those given to the components.
     fn others_fit(&self, exchange: &Exchange) -> bool {
         let (given, found) = (&exchange.others_given, &exchange.values.others);
         self.others.iter().all(|&slot| given[slot] == found[slot])
     }
 
-    /// Steps from the begin with `tried`, and corrections of it until it is found.
+    /// Steps from the beginning with `tried`, and corrects it until it converges.
     fn solve(
         &mut self,
         exchange: &mut Exchange,
@@ -186,7 +186,7 @@ impl Strong {
         Ok(has_converged)
     }
 
-    /// Components that cannot go back step first, with extrapolated inputs; what they give is known then.
+    /// Steps components without rollback first, with extrapolated inputs; their outputs are then known.
     fn advance_irrevocable(&self, exchange: &mut Exchange, h: f64) -> Result<(), Ending> {
         if self.irrevocable.is_empty() {
             return Ok(());
@@ -201,14 +201,14 @@ impl Strong {
         Ok(())
     }
 
-    /// Lets the fed outputs go to the values that are tried.
+    /// Sets the profiles of the fed outputs to end at the trial values.
     fn set_profiles(&self, exchange: &mut Exchange, h: f64) {
         for (&p, &end) in self.unknowns.iter().zip(&self.tried) {
             exchange.profiles[p] = exchange.history.interpolated(p, self.degree, h, end);
         }
     }
 
-    /// One step of all components that depend on what is tried, from where they stand.
+    /// One step of all components that depend on the trial values, from their current state.
     fn substeps(&mut self, exchange: &mut Exchange, h: f64) -> Result<(), Ending> {
         for k in 0..self.repeated.len() {
             substeps(exchange, self.repeated[k], h)?;
@@ -219,8 +219,8 @@ impl Strong {
         Ok(())
     }
 
-    /// Largest difference between found and tried, relative to the outputs' magnitudes: of the values,
-    /// and of what the slopes do to the means.
+    /// Largest difference between `found` and `tried`, relative to the outputs' magnitudes: of the values, and of the
+    /// effect of the slopes on the means.
     fn difference(&self, exchange: &Exchange, h: f64) -> f64 {
         let pairs = self.found.iter().zip(&self.tried).zip(&self.unknowns);
         pairs.fold(0.0, |max, ((found, tried), &p)| {
@@ -231,14 +231,14 @@ impl Strong {
         })
     }
 
-    /// A step of the (simplified) Newton method, and a new step of the components with its result.
+    /// A step of the simplified Newton method, followed by a step of the components with its result.
     fn correct(&mut self, exchange: &mut Exchange, h: f64) -> Result<(), Ending> {
         let pairs = self.found.iter().zip(&self.tried);
         for (correction, (found, tried)) in self.correction.iter_mut().zip(pairs) {
             *correction = found.value - tried.value;
         }
         self.matrix.solve(&mut self.correction);
-        // The slopes weigh little: they follow by substitution.
+        // The slopes have little influence; they follow by substitution.
         let pairs = self.correction.iter().zip(&self.found);
         for (tried, (correction, found)) in self.tried.iter_mut().zip(pairs) {
             tried.value += correction;
@@ -251,9 +251,8 @@ impl Strong {
         self.substeps(exchange, h)
     }
 
-    /// Forms `I - ∂F/∂z` by differences: of each component, one repeated step for each output that feeds
-    /// it. Where it is singular, the identity takes its place, and the iteration is that of a fixed
-    /// point.
+    /// Forms `I - ∂F/∂z` by finite differences: one repeated step of a component for each output that feeds it. If the
+    /// matrix is singular, the identity is used, which gives a fixed-point iteration.
     fn renew(&mut self, exchange: &mut Exchange, h: f64) -> Result<(), Ending> {
         self.matrix.set_identity();
         for k in 0..self.repeated.len() {
@@ -261,7 +260,7 @@ impl Strong {
             for input in 0..exchange.wired[i].inputs.positions.len() {
                 let inputs = &exchange.wired[i].inputs.positions;
                 let p = inputs[input];
-                // One output may feed several inputs of a component.
+                // An output may feed several inputs of a component.
                 let is_first = !inputs[..input].contains(&p);
                 if let (Some(column), true) = (self.place[p], is_first) {
                     self.differentiate(exchange, h, i, p, column)?;
@@ -277,7 +276,7 @@ impl Strong {
         Ok(())
     }
 
-    /// The part of a component in the matrix's column of the output at position `p`.
+    /// Adds a component's entries to the matrix column of the output at position `p`.
     fn differentiate(
         &mut self,
         exchange: &mut Exchange,
@@ -305,7 +304,7 @@ impl Strong {
     }
 }
 
-/// A communication step of one component by `h`, inputs along their profiles.
+/// A communication step of one component by `h`, with its inputs along their profiles.
 fn substeps(exchange: &mut Exchange, i: usize, h: f64) -> Result<(), Ending> {
     let t = exchange.history.time();
     let wired = &mut exchange.wired[i];

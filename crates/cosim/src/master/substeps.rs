@@ -1,4 +1,4 @@
-//! A communication step of one component whose inputs change within it.
+//! A communication step of one component with inputs that change within it.
 
 use super::history::InputProfile;
 use super::wired::{BEGIN, END, Failure, LAST_PART, Values, Wired};
@@ -6,12 +6,12 @@ use super::{Ending, Stage};
 use crate::component::Value;
 
 impl Wired {
-    /// Takes the communication step from `t` by `h` in `parts` equal steps, inputs along `profiles`, and
-    /// reads the outputs.
+    /// Takes the communication step from `t` by `h` in `parts` equal steps, with inputs along `profiles`, and reads the
+    /// outputs.
     ///
-    /// Ramps and the middle of each part's line are given where the states count. Outputs with direct
-    /// feedthrough show the inputs' values at the end; where these are others, they come from a last
-    /// part that ends there, before the component goes back and takes the right one.
+    /// For the states, inputs are ramps or the middle of each part's line. Outputs with direct feedthrough need the
+    /// input values at the end; if these differ, they are taken from an extra last part that ends there, before the
+    /// component is restored and takes the actual last part.
     pub(super) fn substeps(
         &mut self,
         values: &mut Values,
@@ -68,8 +68,8 @@ impl Wired {
         }
     }
 
-    /// Sets the inputs to where their lines are after a part `at` of the step, the lines to the end
-    /// values if so.
+    /// Sets the inputs to the values of their lines after a fraction `at` of the step, with lines to the end values if
+    /// `to_ends`.
     pub(super) fn hold(
         &mut self,
         profiles: &[InputProfile],
@@ -86,7 +86,7 @@ impl Wired {
         self.set_reals()
     }
 
-    /// The same with the slopes of the lines in a step of `h` [s].
+    /// As `hold`, also with the slopes of the lines in a step of `h` [s].
     pub(super) fn set_ramps(
         &mut self,
         profiles: &[InputProfile],
@@ -113,10 +113,10 @@ impl Wired {
         set.map_err(|source| self.failure(Stage::SetInputs, source))
     }
 
-    /// By how much one step in half as many parts would have changed the fed outputs: what holding the
-    /// inputs within each part does, times 3. `others` are its inputs that are no reals; `room` is for as many values as there are outputs.
+    /// Effect on the fed outputs of taking the step in half as many parts: 3 times the error of holding the inputs
+    /// within each part. `others` are the non-real inputs; `room` holds at least one value per output.
     ///
-    /// The component stands at the end of the step before and after.
+    /// The component is at the end of the step before and after.
     pub(super) fn effect_of_hold_error(
         &mut self,
         values: &mut Values,

@@ -1,4 +1,4 @@
-//! What a run is reported to have done.
+//! Creates the report of a run.
 
 use super::change::Change;
 use super::stepper::Stepper;
@@ -6,7 +6,7 @@ use crate::algorithms::{Algorithm, Coupling};
 use crate::report::{ConnectionReport, CouplingError, InstanceReport, Report, Steps, Transfer};
 use crate::system::System;
 
-/// The connections of reals, by name and by position.
+/// The connections of reals, with names and positions.
 pub(super) struct Wires(Vec<Wire>);
 
 struct Wire {
@@ -16,7 +16,7 @@ struct Wire {
     /// Positions of the instances.
     source: usize,
     target: usize,
-    /// Which of the target's real inputs.
+    /// Position among the target's real inputs.
     input: usize,
 }
 
@@ -44,7 +44,7 @@ impl Wires {
         Self(wires)
     }
 
-    /// The report of a run of so many steps of the clock, `duration` [s] of simulated time.
+    /// The report of a run of this many steps of the clock and `duration` [s] of simulated time.
     pub(super) fn report(
         self,
         stepper: &Stepper,
@@ -101,7 +101,7 @@ impl Wire {
         let lag = match transfer {
             Transfer::Held => h / 2.0,
             Transfer::Ahead => -h / 2.0,
-            // The value at the end of each part of the step is held in it.
+            // In each part of the step, the value at its end is held.
             Transfer::Extrapolated | Transfer::Interpolated if target.is_given_ends() => {
                 -h / (2.0 * f64::from(target.parts))
             }
@@ -111,7 +111,7 @@ impl Wire {
         let is_fed = |&p: &usize| p == target.inputs.positions[self.input];
         let change = source.outputs.fed_positions.iter().position(is_fed);
         let change = change.map_or_else(Change::default, |k| source.outputs.changes[k].1);
-        // What is held through a step is wrong by half of the change in it.
+        // A value held through a step is wrong by half of its change in the step.
         let error = match stepper.is_plain {
             true => CouplingError {
                 mean: 0.5 * h * change.sum,

@@ -1,6 +1,6 @@
-//! What outputs do within a step. Their values and slopes at its ends do not tell: two fast poles have brought a
-//! stick to its new value long before the end, and a cubic goes there all the way. A component that can go back
-//! is asked: it steps from the begin to points within the step, and cubics between these have the output's mean.
+//! Means of outputs within a step. Values and slopes at its ends do not determine them: two fast poles bring a stick to
+//! its new value long before the end, whereas a cubic takes the whole step. A component with rollback is stepped from
+//! the beginning to points within the step, and cubics between these give the output's mean.
 
 use super::Ending;
 use super::exchange::Exchange;
@@ -8,30 +8,30 @@ use super::history::{InputProfile, Outcome};
 use super::wired::{BEGIN, END, Failure, Values, Wired};
 use crate::component::Value;
 
-/// An error as large as a smooth output's has this many times what the fourth derivative says.
+/// An error within this factor of the estimate from the fourth derivative counts as that of a smooth output.
 const SMOOTH: f64 = 2.0;
 
-/// Between points, the mean may be wrong by this part of the error seen first, or of this small part of the
-/// output's magnitude: the first one is no measure where the slope at the begin is enormous.
+/// Tolerance of the mean between points, as a part of the error seen first or of this small part of the output's
+/// magnitude: the error is no measure if the slope at the beginning is very large.
 const ENOUGH: f64 = 0.2;
 const SMALL: f64 = 1e-5;
 
-/// Errors below this part of the magnitude are noise of the components.
+/// Errors below this part of the magnitude are component noise.
 const NOISE: f64 = 1e-12;
 
-/// Where an output is looked at that is the same at both ends and in the middle, as one at its limit is that swings to
-/// the other and back.
+/// Points at which an output is evaluated that is equal at both ends and in the middle, such as one that swings between
+/// its limits and back.
 const ELSEWHERE: [f64; 6] = [0.07, 0.19, 0.31, 0.43, 0.61, 0.83];
 
-/// Points in a step at which an output is looked at, at most; and the shortest part of the step between them.
+/// Maximum number of points in a step at which an output is evaluated, and shortest part of the step between them.
 const MOST: u32 = 200;
 const SHORTEST: f64 = 1e-8;
 
-/// Roundings of the time, relative to it, that a step to a point must be much longer than.
+/// Minimum length of a step to a point, relative to the time: much longer than rounding errors of the time.
 const CLOCK: f64 = 1e4 * f64::EPSILON;
 
 impl Exchange {
-    /// Finds the means over the last step of the fed outputs of all components that can be asked.
+    /// Determines the means over the last step of the fed outputs of all watchable components.
     pub(super) fn watch(&mut self, h: f64) -> Result<(), Ending> {
         for i in 0..self.wired.len() {
             if !self.wired[i].within.is_watchable {
@@ -41,7 +41,7 @@ impl Exchange {
             let failed = |failure: Failure| failure.at(begin);
             self.wired[i].save(END).map_err(failed)?;
             match self.watch_component(i, h) {
-                // It does not take steps of any length.
+                // The component does not accept steps of any length.
                 Err(Ending::Discarded { .. } | Ending::EndRequested { .. }) => self.look_away(i),
                 other => other?,
             }
@@ -105,7 +105,7 @@ impl Exchange {
 }
 
 impl Values {
-    /// A fed output where its component stands.
+    /// A fed output at its component's current time.
     pub(super) fn outcome(&self, fed: &[usize], p: usize) -> Outcome {
         Outcome {
             value: self.row[fed[p]],
@@ -115,28 +115,28 @@ impl Values {
 }
 
 impl Outcome {
-    /// The mean of the cubic from here to the end, `h` [s] later.
+    /// The mean of the cubic from here to `end`, `h` [s] later.
     fn to(self, end: Self, h: f64) -> f64 {
         0.5 * (self.value + end.value) + h / 12.0 * (self.slope - end.slope)
     }
 
-    /// The mean of two cubics that meet here, in the middle of `h` [s].
+    /// The mean of two cubics that meet here, in the middle of an interval `h` [s].
     fn between(self, [begin, end]: [Self; 2], h: f64) -> f64 {
         0.5 * (begin.to(self, 0.5 * h) + self.to(end, 0.5 * h))
     }
 }
 
-/// A component that goes from the begin of a step to points within it.
+/// Steps a component from the beginning of a step to points within it.
 struct Looks<'a> {
     wired: &'a mut Wired,
     profiles: &'a [InputProfile],
     others: &'a [Value],
-    /// Begin and length of the step [s].
+    /// Beginning and length of the step [s].
     span: (f64, f64),
 }
 
 impl Looks<'_> {
-    /// Reads the fed outputs and their slopes after this part of the step.
+    /// Reads the fed outputs and their slopes after this fraction of the step.
     fn step_to(&mut self, part: f64) -> Result<(), Ending> {
         let (t, h) = self.span;
         let failed = |failure: Failure| failure.at(t);
@@ -152,7 +152,7 @@ impl Looks<'_> {
         self.wired.look().map_err(failed)
     }
 
-    /// Looks for points where outputs are others than at the ends and in the middle, where these are the same.
+    /// Searches points at which outputs differ that are equal at the ends and in the middle.
     fn seek_changes(&mut self, ends: impl Fn(usize) -> [Outcome; 2]) -> Result<(), Ending> {
         let flat = |wired: &Wired, k: usize| {
             let [begin, end] = ends(wired.outputs.fed_positions[k]).map(|end| end.value);
@@ -176,17 +176,17 @@ impl Looks<'_> {
     }
 }
 
-/// The search for the mean of one output.
+/// Adaptive quadrature for the mean of one output.
 struct Search<'a, 'b> {
     looks: &'a mut Looks<'b>,
     output: usize,
-    /// By how much a part may be wrong in the mean over the step.
+    /// Maximum error of a part's contribution to the mean over the step.
     enough: f64,
     left: u32,
 }
 
 impl Search<'_, '_> {
-    /// What this part of the step adds to the mean, halved until that changes nothing.
+    /// This part's contribution to the mean; the part is halved until that changes nothing.
     fn part(&mut self, [begin, end]: [f64; 2], ends: [Outcome; 2]) -> Result<f64, Ending> {
         let ((t, h), length) = (self.looks.span, end - begin);
         let coarse = length * ends[0].to(ends[1], length * h);

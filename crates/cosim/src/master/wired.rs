@@ -1,4 +1,4 @@
-//! A component with what it exchanges.
+//! A component with its exchanged values.
 
 use super::change::Change;
 use super::history::Outcome;
@@ -9,40 +9,39 @@ use crate::algorithms::{Algorithm, Coupling};
 use crate::component::{Abilities, Component, ComponentError, Progress, Value, ValueKind};
 use crate::report::Calls;
 
-/// Where states are saved: at the begin of a communication step, before the last part of it, and at
-/// its end.
+/// Slots of saved states: at the beginning of a communication step, before its last part, and at its end.
 pub(super) const BEGIN: usize = 0;
 pub(super) const LAST_PART: usize = 1;
 pub(super) const END: usize = 2;
 
-/// How far a time that a component tells may be off, relative to the step.
+/// Tolerance for times reported by a component, relative to the step.
 const TIME_TOLERANCE: f64 = 1e-9;
 
-/// What is written where components are read.
+/// Values read from components.
 #[derive(Debug, Default)]
 pub(super) struct Values {
-    /// The recorded values: of each component the reals, then integers, enumerations and booleans.
+    /// The recorded values: for each component the reals, then integers, enumerations and booleans.
     pub(super) row: Vec<f64>,
-    /// Outputs that are no reals, and their slots in the row; strings have none.
+    /// Non-real outputs and their slots in the row; strings have none.
     pub(super) others: Vec<Value>,
     pub(super) other_slots: Vec<Option<usize>>,
-    /// Time derivatives of the fed outputs, where they are wanted and known.
+    /// Time derivatives of the fed outputs, if used and available.
     pub(super) slopes: Vec<f64>,
 }
 
-/// A component with what it exchanges, so that each step needs one call for all its reals.
+/// A component with its exchanged values, arranged so that each step needs one call for all reals.
 pub(super) struct Wired {
     pub(super) name: String,
     pub(super) component: Box<dyn Component>,
     pub(super) abilities: Abilities,
-    /// Parts that it takes each communication step in.
+    /// Number of parts into which it divides each communication step.
     pub(super) parts: u32,
     pub(super) inputs: Inputs,
     pub(super) outputs: Outputs,
     pub(super) within: Within,
     pub(super) calls: Calls,
     pub(super) watch: Stopwatch,
-    /// How its last step ended, if not well, where others stepped at the same time.
+    /// Why its last step failed, if it did, when components step concurrently.
     pub(super) ended: Option<Ending>,
 }
 
@@ -73,7 +72,7 @@ impl Failure {
 }
 
 impl Wired {
-    /// `parts`: how many the user wants it to take each communication step in.
+    /// `parts`: number of parts per communication step, as chosen by the user.
     pub(super) fn new(
         name: String,
         component: Box<dyn Component>,
@@ -102,13 +101,13 @@ impl Wired {
         }
     }
 
-    /// Whether inputs that change within a step become staircases.
+    /// Whether inputs that change within a step are held piecewise.
     pub(super) fn has_hold_error(&self) -> bool {
         self.inputs.have_hold_error(self.abilities)
     }
 
-    /// Whether, of inputs that change within a step, it is given the values at the end: its outputs have
-    /// direct feedthrough, and no second step can tell these apart from its state.
+    /// Whether inputs that change within a step are given their values at the end: outputs have direct feedthrough, and
+    /// without rollback no second step can separate them from the state.
     pub(super) fn is_given_ends(&self) -> bool {
         !self.abilities.input_derivatives && self.outputs.feeds_through && !self.abilities.rollback
     }
@@ -123,7 +122,7 @@ impl Wired {
         }
     }
 
-    /// That what an input got in the step from `t` by `h` [s] is nonsense, and no shorter step helps.
+    /// Error: an input was meaningless in the step from `t` by `h` [s], and no shorter step helps.
     #[cold]
     pub(super) fn misled(&self, input: usize, t: f64, h: f64) -> Ending {
         let mut variables = self.component.variables().iter();
@@ -137,18 +136,18 @@ impl Wired {
         self.failure(Stage::SetInputs, source.into()).at(t)
     }
 
-    /// Gives the inputs the values in the row.
+    /// Sets the inputs to the values in the row.
     #[inline(always)]
     pub(super) fn set_newest(&mut self, values: &Values) -> Result<(), Failure> {
         for (value, &slot) in self.inputs.values.iter_mut().zip(&self.inputs.slots) {
             *value = values.row[slot];
         }
-        // In this order: what is set along lines refers to the call that comes last.
+        // The order matters: input derivatives refer to the last call.
         self.set_others(&values.others)?;
         self.set_reals()
     }
 
-    /// Gives the inputs that are no reals their values.
+    /// Sets the non-real inputs.
     #[inline]
     pub(super) fn set_others(&mut self, others: &[Value]) -> Result<(), Failure> {
         match self.inputs.others.is_empty() {
@@ -169,7 +168,7 @@ impl Wired {
         Ok(())
     }
 
-    /// Converts `input_values` and sets them.
+    /// Converts `inputs.values` and sets them.
     #[inline(always)]
     pub(super) fn set_reals(&mut self) -> Result<(), Failure> {
         if self.inputs.handles.is_empty() {
@@ -198,21 +197,21 @@ impl Wired {
         self.check_finite(values)
     }
 
-    /// Reads all outputs at a communication point and follows how they change.
+    /// Reads all outputs at a communication point and tracks their changes.
     #[inline(always)]
     pub(super) fn get_next_outputs(&mut self, values: &mut Values) -> Result<(), Failure> {
         self.read_outputs(values)?;
         self.follow(values, self.calls.steps)
     }
 
-    /// The outputs before the first step.
+    /// Starts tracking with the outputs before the first step.
     pub(super) fn begin_changes(&mut self, values: &Values) {
         for (slot, change) in &mut self.outputs.changes {
             *change = Change::from(values.row[*slot]);
         }
     }
 
-    /// Follows how the fed outputs change, to those after a step of that number.
+    /// Tracks the changes of the fed outputs to their values after step number `step`.
     #[inline(always)]
     pub(super) fn follow(&mut self, values: &Values, step: u64) -> Result<(), Failure> {
         let mut is_finite = true;
@@ -267,7 +266,7 @@ impl Wired {
         Ok(())
     }
 
-    /// Reads the fed outputs and their derivatives, for nobody but the master.
+    /// Reads the fed outputs and their derivatives, for the master only.
     pub(super) fn look(&mut self) -> Result<(), Failure> {
         self.calls.gets += 2;
         let (handles, values, slopes) = (
@@ -292,7 +291,7 @@ impl Wired {
         Ok(())
     }
 
-    /// Reads the outputs that are no reals.
+    /// Reads the non-real outputs.
     #[inline]
     pub(super) fn get_others(&mut self, values: &mut Values) -> Result<(), Failure> {
         match self.outputs.others.is_empty() {
@@ -348,8 +347,7 @@ impl Wired {
         self.check_finite(values)
     }
 
-    /// An output that is not finite must not feed others: it would be theirs from then on, and nobody
-    /// would know whose it was.
+    /// A non-finite output must not feed inputs: it would spread, and its origin would be unknown.
     fn check_finite(&self, values: &Values) -> Result<(), Failure> {
         match self
             .outputs
@@ -362,7 +360,7 @@ impl Wired {
         }
     }
 
-    /// That a value would be lost on a wire.
+    /// Error: a value cannot be converted on a wire.
     #[cold]
     fn lost(&self, stage: Stage, wire: &str, why: &ComponentError) -> Failure {
         self.failure(stage, format!("{wire}: {why}").into())
@@ -376,14 +374,14 @@ impl Wired {
         self.failure(Stage::GetOutputs, source.into())
     }
 
-    /// Name of the real output of that handle.
+    /// Name of the real output with that handle.
     fn real_output(&self, handle: u32) -> &str {
         let mut variables = self.component.variables().iter();
         let variable = variables.find(|v| v.handle == handle && v.kind == ValueKind::Real);
         variable.map_or("an output", |v| v.name.as_str())
     }
 
-    /// Takes a step with the inputs that are set.
+    /// Takes a step with the inputs set last.
     #[inline(always)]
     pub(super) fn step(&mut self, t: f64, h: f64, is_revocable: bool) -> Result<(), Ending> {
         self.calls.steps += 1;
@@ -422,7 +420,7 @@ impl Wired {
                 reached,
                 words: self.component.words_of_discard(),
             },
-            // Done is no ending; the caller has sorted it out.
+            // Not an ending; the caller handles `Done`.
             Ok(Progress::Done) => Ending::Completed,
             Err(source) => {
                 let source = match self.component.words_of_discard() {

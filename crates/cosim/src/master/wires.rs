@@ -1,4 +1,4 @@
-//! What a component exchanges: its inputs, its outputs, and what is known of both within a step.
+//! A component's inputs and outputs, and data on both within a step.
 
 use super::change::Change;
 use super::history::Outcome;
@@ -6,32 +6,32 @@ use crate::component::{Abilities, Component, Conversion, Role, ValueKind};
 use crate::report::CouplingError;
 use std::ops::Range;
 
-/// A connection as the component sees it that has the input.
+/// A connection as seen by the component with the input.
 pub(super) struct Wire {
     /// Handle of the input.
     pub(super) handle: u32,
-    /// Slot that feeds it: in the row where both ends are reals, else in [`Values::others`](super::wired::Values).
+    /// Slot that feeds it: in the row if both ends are reals, otherwise in [`Values::others`](super::wired::Values).
     pub(super) slot: usize,
-    /// Both ends in words: `` `a.y` -> `b.u` ``.
+    /// Names of both ends: `` `a.y` -> `b.u` ``.
     pub(super) name: String,
-    /// Of reals: the output's position among all fed outputs, and how its values become the input's.
+    /// For reals: the output's position among all fed outputs, and the unit conversion.
     pub(super) real: Option<(usize, Conversion)>,
 }
 
-/// The inputs that are fed.
+/// The connected inputs.
 pub(super) struct Inputs {
-    /// Handles of the real ones, the row's slots and the positions among all fed outputs that feed them.
+    /// For reals: handles, and slots in the row and positions among all fed outputs of the outputs that feed them.
     pub(super) handles: Vec<u32>,
     pub(super) slots: Vec<usize>,
     pub(super) positions: Vec<usize>,
-    /// Room for values and slopes.
+    /// Buffers for values and slopes.
     pub(super) values: Vec<f64>,
     pub(super) slopes: Vec<f64>,
-    /// Which of the values come in another unit.
+    /// Positions of values with a unit conversion.
     pub(super) conversions: Vec<(usize, Conversion)>,
-    /// Handles of those that are no reals, and their slots in [`Values::others`](super::wired::Values).
+    /// Handles of non-real inputs, and their slots in [`Values::others`](super::wired::Values).
     pub(super) others: Vec<(u32, usize)>,
-    /// Both ends of their wires in words.
+    /// Names of both ends of their wires.
     pub(super) other_names: Vec<String>,
 }
 
@@ -55,65 +55,65 @@ impl Inputs {
         }
     }
 
-    /// Whether reals are fed.
+    /// Whether any real input is connected.
     pub(super) fn are_fed(&self) -> bool {
         !self.handles.is_empty()
     }
 
-    /// Whether those that change within a step become staircases.
+    /// Whether inputs that change within a step are held piecewise.
     pub(super) fn have_hold_error(&self, abilities: Abilities) -> bool {
         self.are_fed() && !abilities.input_derivatives && abilities.rollback
     }
 }
 
-/// An output that is read by itself.
+/// An output that is read separately.
 pub(super) struct Reading {
     pub(super) handle: u32,
     pub(super) kind: ValueKind,
-    /// Type that it is wanted in.
+    /// Type to which it is converted.
     pub(super) wanted: ValueKind,
     /// Slot in [`Values::others`](super::wired::Values).
     pub(super) slot: usize,
-    /// Both ends in words of the wire that wants it in that type, if one does.
+    /// Names of both ends of the wire that needs this conversion, if any.
     pub(super) wire: String,
 }
 
-/// What is read of a component, and where it goes.
+/// Values read from a component, and their slots.
 pub(super) struct Outlets {
     /// Handles of the real outputs.
     pub(super) handles: Vec<u32>,
     /// Their slots in the row.
     pub(super) slots: Range<usize>,
-    /// The other outputs, and those that feed inputs of another type.
+    /// The non-real outputs, and outputs that feed inputs of another type.
     pub(super) others: Vec<Reading>,
 }
 
 /// The outputs.
 pub(super) struct Outputs {
-    /// Handles of the real ones, and where they go in the row.
+    /// Handles of the real outputs, and their slots in the row.
     pub(super) handles: Vec<u32>,
     pub(super) slots: Range<usize>,
-    /// Slots of those that feed others, and their positions among all fed outputs.
+    /// Slots of the outputs that feed inputs, and their positions among all fed outputs.
     pub(super) fed: Vec<usize>,
     pub(super) fed_positions: Vec<usize>,
-    /// Their slots again, and how they change between communication points.
+    /// Slots of the fed outputs, and their changes between communication points.
     pub(super) changes: Vec<(usize, Change)>,
-    /// The others, and those that feed inputs of another type.
+    /// The non-real outputs, and outputs that feed inputs of another type.
     pub(super) others: Vec<Reading>,
-    /// Handles and slots of the real ones without direct feedthrough from a fed input, and room for their values;
-    /// and which of the others have none.
+    /// Handles and slots of real outputs without direct feedthrough from a connected input, and a buffer for their
+    /// values; indices of `others` without direct feedthrough.
     pub(super) settled: Vec<u32>,
     pub(super) settled_slots: Vec<usize>,
     pub(super) settled_values: Vec<f64>,
     pub(super) settled_others: Vec<usize>,
-    /// Whether an output, or a fed one, has direct feedthrough from a fed input.
+    /// Whether any output, and any fed output, has direct feedthrough from a connected input.
     pub(super) has_feedthrough: bool,
     pub(super) feeds_through: bool,
 }
 
 impl Outputs {
-    /// Of a component of which these inputs (positions of variables) are fed; `fed` are the slots of all outputs that
-    /// feed others.
+    /// The outputs of a component with these connected inputs (positions of variables); `fed` are the slots of all
+    /// outputs that feed inputs.
     pub(super) fn new(
         outlets: Outlets,
         component: &dyn Component,
@@ -156,50 +156,50 @@ impl Outputs {
         }
     }
 
-    /// Handle of the real output of that slot.
+    /// Handle of the real output in that slot.
     pub(super) fn handle(&self, slot: usize) -> u32 {
         self.handles[slot - self.slots.start]
     }
 }
 
-/// By how much the mean of an input over a step is wrong.
+/// Error of an input's mean over a step.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Defect {
-    /// As well as it is known; with a sign if it was seen.
+    /// Best estimate; signed if observed.
     pub(super) size: f64,
-    /// With what it may be beside that, for steps that are to be short enough.
+    /// Conservative estimate, for step-size control.
     pub(super) careful: f64,
-    /// If the output was seen within the step, that; else 0.
+    /// Error if the output was observed within the step; otherwise 0.
     pub(super) seen: f64,
-    /// If it was not, what it may be where slopes are no guide; else 0.
+    /// If it was not observed: possible error if slopes are unreliable; otherwise 0.
     pub(super) unseen: f64,
 }
 
-/// What is known of the coupling within a step: of the fed outputs, and of the inputs.
+/// Coupling data within a step: for the fed outputs and the inputs.
 pub(super) struct Within {
-    /// Handles of the fed outputs, if their derivatives are to be read too, and room for these.
+    /// Handles of the fed outputs whose derivatives are read too, and a buffer for these.
     pub(super) sloped: Vec<u32>,
     pub(super) slope_values: Vec<f64>,
-    /// Whether they can be seen within a step; what was seen of them last, in the middle, and where else they
-    /// were others than there.
+    /// Whether these outputs can be observed within a step; the last observation, that in the middle, and points at
+    /// which they differed from the middle.
     pub(super) is_watchable: bool,
     pub(super) looked: Vec<Outcome>,
     pub(super) middle: Vec<Outcome>,
     pub(super) astray: Vec<Option<(f64, Outcome)>>,
     pub(super) look_values: Vec<f64>,
-    /// Means over the last step of what the inputs were given, in the outputs' units.
+    /// Means over the last step of the values given to the inputs, in the outputs' units.
     pub(super) used: Vec<f64>,
-    /// By how much each of these means is wrong.
+    /// Errors of these means.
     pub(super) defects: Vec<Defect>,
-    /// Integral of the error of each of these means since the last point of the clock.
+    /// Integral of the error of each mean since the clock's last point.
     pub(super) gathered: Vec<f64>,
-    /// Integral of the magnitude, and largest magnitude over a step of the clock, of the error of each of these
-    /// means, where inputs are not just held.
+    /// Error of each mean: integral of the magnitude, and largest magnitude over a clock step. Not used if inputs are
+    /// only held.
     pub(super) errors: Vec<CouplingError>,
 }
 
 impl Within {
-    /// `reads_slopes`: the derivatives of the fed outputs are wanted and known.
+    /// `reads_slopes`: whether the derivatives of the fed outputs are used and available.
     pub(super) fn new(
         inputs: &Inputs,
         outputs: &Outputs,
@@ -227,8 +227,8 @@ impl Within {
     }
 }
 
-/// Whether the outputs within a step are what they are where a shorter step ends there: the component takes such steps,
-/// and follows lines, of which its outputs show no more than its states do.
+/// Whether outputs within a step equal those at the end of a shorter step: the component supports such steps and linear
+/// inputs, and its outputs depend on the inputs only through its states.
 fn can_be_watched(inputs: &Inputs, outputs: &Outputs, abilities: Abilities, parts: u32) -> bool {
     let follows = !inputs.are_fed() || abilities.input_derivatives;
     let can_go_there = abilities.rollback && abilities.variable_steps;

@@ -1,25 +1,25 @@
-//! Why components cannot be wired as asked.
+//! Errors in the connections and start values of a system.
 
 use crate::component::{Role, ValueKind};
 use pilotage_text::suggestion::did_you_mean;
 use thiserror::Error;
 
-/// Why components cannot be wired as asked.
+/// Why components cannot be connected or set as requested.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum SystemError {
-    /// Two instances of one name.
+    /// Two instances with the same name.
     #[error("two instances are named `{name}`; give one another name")]
     DuplicateInstance {
         /// The name.
         name: String,
     },
-    /// A name that is no file's stem either.
+    /// An empty name, such as that of a file without a stem.
     #[error("`{name}` cannot name an instance: it must not be empty")]
     EmptyInstance {
         /// The name.
         name: String,
     },
-    /// A communication step in no parts.
+    /// A communication step divided into 0 parts.
     #[error("`{name}` cannot take a step in 0 parts; 1 is the communication step itself")]
     NoParts {
         /// Name of the instance.
@@ -32,9 +32,9 @@ pub enum SystemError {
         list(known)
     )]
     UnknownInstance {
-        /// As given.
+        /// The given text.
         text: String,
-        /// What was taken for the instance's name.
+        /// The part taken as the instance's name.
         instance: String,
         /// The most similar name.
         suggestion: Option<String>,
@@ -44,9 +44,9 @@ pub enum SystemError {
     /// A name without a variable.
     #[error("`{text}` names no variable; expected INSTANCE.VARIABLE{}", did_you_mean(suggestion.as_deref()))]
     NoVariable {
-        /// As given.
+        /// The given text.
         text: String,
-        /// The one variable of that name.
+        /// The variable with that name, if there is exactly one.
         suggestion: Option<String>,
     },
     /// No such variable.
@@ -55,35 +55,35 @@ pub enum SystemError {
         did_you_mean(suggestion.as_deref())
     )]
     UnknownVariable {
-        /// As given.
+        /// The given text.
         text: String,
         /// Name of the instance.
         instance: String,
-        /// What was taken for the variable's name.
+        /// The part taken as the variable's name.
         variable: String,
-        /// The most similar name, with the instance.
+        /// The most similar name, prefixed by the instance.
         suggestion: Option<String>,
     },
-    /// A connection does not begin at an output.
+    /// The source of a connection is not an output.
     #[error("`{from}` -> `{to}`: `{from}` is {role}, a connection begins at an output{}", other_way_round(*swapped, from, to))]
     NotAnOutput {
-        /// Where the connection begins.
+        /// The source.
         from: String,
-        /// Where it ends.
+        /// The target.
         to: String,
-        /// What `from` is.
+        /// Role of `from`.
         role: Role,
-        /// Whether it would be right the other way round.
+        /// Whether the reversed connection would be valid.
         swapped: bool,
     },
-    /// A connection does not end at an input.
+    /// The target of a connection is not an input.
     #[error("`{from}` -> `{to}`: `{to}` is {role}, a connection ends at an input")]
     NotAnInput {
-        /// Where the connection begins.
+        /// The source.
         from: String,
-        /// Where it ends.
+        /// The target.
         to: String,
-        /// What `to` is.
+        /// Role of `to`.
         role: Role,
     },
     /// Arrays of different dimensions.
@@ -101,33 +101,33 @@ pub enum SystemError {
         /// Number of its elements.
         to_elements: usize,
     },
-    /// The ends are of different types.
+    /// The types of the ends do not match.
     #[error("`{from}` -> `{to}`: {from_kind} cannot feed {to_kind}")]
     KindMismatch {
-        /// Where the connection begins.
+        /// The source.
         from: String,
-        /// Where it ends.
+        /// The target.
         to: String,
         /// Type of the output.
         from_kind: ValueKind,
         /// Type of the input.
         to_kind: ValueKind,
     },
-    /// The ends are of different units.
+    /// The units of the ends do not match.
     #[error(
         "`{from}` is in {from_unit} and `{to}` is in {to_unit}: one cannot be converted into the other"
     )]
     UnitMismatch {
-        /// Where the connection begins.
+        /// The source.
         from: String,
-        /// Where it ends.
+        /// The target.
         to: String,
         /// Unit of the output.
         from_unit: String,
         /// Unit of the input.
         to_unit: String,
     },
-    /// An input is fed by two connections.
+    /// An input with two connections.
     #[error("`{to}` is fed twice: by `{first}` and by `{second}`")]
     FedTwice {
         /// The input.
@@ -137,7 +137,7 @@ pub enum SystemError {
         /// The second output.
         second: String,
     },
-    /// A start value for an input that is fed by a connection.
+    /// A start value for a connected input.
     #[error("`{name}` is fed by `{from}`, so that its value cannot be set")]
     SetWhileFed {
         /// The input.
@@ -145,43 +145,43 @@ pub enum SystemError {
         /// The output that feeds it.
         from: String,
     },
-    /// A start value for something that cannot have one.
+    /// A start value for a variable that cannot be set.
     #[error("`{name}` is {role} and cannot be set; parameters and inputs can")]
     NotSettable {
         /// The variable.
         name: String,
-        /// What it is.
+        /// Its role.
         role: Role,
     },
-    /// A start value that is no value of the variable's type.
+    /// A start value that is not valid for the variable's type.
     #[error("`{name}` is of type {kind}, `{text}` is not")]
     BadValue {
         /// The variable.
         name: String,
         /// Its type.
         kind: ValueKind,
-        /// As given.
+        /// The given text.
         text: String,
     },
-    /// A start value that is no number.
+    /// A start value that is not a number.
     #[error("`{name}` cannot be NaN")]
     NotANumber {
         /// The variable.
         name: String,
     },
-    /// A start value that the variable must not have.
+    /// A start value outside the variable's range.
     #[error("`{name}` cannot be {text}: it is from {} to {}{unit}", short(range[0]), short(range[1]))]
     OutOfRange {
         /// The variable.
         name: String,
-        /// As given.
+        /// The given text.
         text: String,
         /// Smallest and largest value.
         range: [f64; 2],
-        /// A space and the unit, or nothing.
+        /// A space and the unit, or an empty string.
         unit: String,
     },
-    /// Two start values for one variable.
+    /// Two start values for the same variable.
     #[error("`{name}` is set twice")]
     SetTwice {
         /// The variable.
@@ -189,7 +189,7 @@ pub enum SystemError {
     },
 }
 
-/// A number as people write it.
+/// A number in short notation.
 fn short(value: f64) -> String {
     let text = format!("{value:?}");
     text.strip_suffix(".0").unwrap_or(&text).to_owned()

@@ -1,4 +1,4 @@
-//! Who is wired to whom, checked at the door.
+//! A system of connected components, with checks of names, types and units.
 
 mod error;
 
@@ -7,7 +7,7 @@ pub use error::SystemError;
 use super::component::{Component, Conversion, Role, Value, ValueKind, Variable};
 use pilotage_text::suggestion::suggestion;
 
-/// A variable of one of the instances, by positions.
+/// A variable of an instance, given by positions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Port {
     /// Position of the instance.
@@ -23,28 +23,28 @@ pub struct Connection {
     pub from: Port,
     /// The input.
     pub to: Port,
-    /// From the output's unit to the input's.
+    /// Conversion from the output's unit to the input's.
     pub conversion: Conversion,
 }
 
-/// A connection by the names of its ends, each `instance.variable`.
+/// A connection with the names of its ends, each `instance.variable`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Link<'a> {
     /// The output.
     pub from: (String, &'a Variable),
     /// The input.
     pub to: (String, &'a Variable),
-    /// From the output's unit to the input's.
+    /// Conversion from the output's unit to the input's.
     pub conversion: Conversion,
 }
 
-/// A component under its name.
+/// A named component.
 pub(super) struct Instance {
     pub(super) name: String,
     pub(super) component: Box<dyn Component>,
-    /// Positions of variables that are read at each communication point though they are no outputs.
+    /// Positions of variables read at each communication point although they are not outputs.
     pub(super) observed: Vec<usize>,
-    /// Parts that it takes each communication step in.
+    /// Number of parts into which it divides each communication step.
     pub(super) parts: u32,
 }
 
@@ -57,7 +57,7 @@ pub struct System {
 }
 
 impl System {
-    /// Nothing yet.
+    /// An empty system.
     pub fn new() -> Self {
         Self::default()
     }
@@ -87,11 +87,11 @@ impl System {
         Ok(())
     }
 
-    /// Has an instance take every communication step in that many equal parts (multi-rate), its inputs
-    /// interpolated where they change within the step.
+    /// Makes an instance divide every communication step into that many equal parts (multi-rate), with inputs
+    /// interpolated if they change within the step.
     ///
     /// # Errors
-    /// If there is no such instance, or no part.
+    /// If there is no such instance, or `parts` is 0.
     pub fn set_parts(&mut self, name: &str, parts: u32) -> Result<(), SystemError> {
         if parts == 0 {
             let name = name.to_owned();
@@ -106,12 +106,11 @@ impl System {
         }
     }
 
-    /// Wires an output to an input, both as `instance.variable`. Values are converted where the units
-    /// of both ends differ but mean the same quantity. Arrays of the same dimensions are wired element by
-    /// element.
+    /// Connects an output to an input, both as `instance.variable`. Values are converted if the units differ but have
+    /// the same dimension. Arrays of the same dimensions are connected element by element.
     ///
     /// # Errors
-    /// If a name is wrong, or causality, type or unit do not fit, or the input is fed already.
+    /// If a name is unknown, causality, type or unit do not match, or the input is already connected.
     pub fn connect(&mut self, from: &str, to: &str) -> Result<(), SystemError> {
         if self.resolve(from).is_ok() || self.resolve(to).is_ok() {
             return self.connect_one(from, to);
@@ -134,7 +133,7 @@ impl System {
         Ok(())
     }
 
-    /// What stands behind the name in those of an array's elements: `[1]`, `[2]`...
+    /// Name suffixes of an array's elements: `[1]`, `[2]`...
     fn elements(&self, array: &str) -> Vec<String> {
         let end = |(_, name): (Port, String)| {
             let end = name.strip_prefix(array)?;
@@ -169,10 +168,10 @@ impl System {
         Ok(())
     }
 
-    /// Gives a parameter or an input its start value, both as text.
+    /// Sets the start value of a parameter or input; name and value are text.
     ///
     /// # Errors
-    /// If the name or the value is wrong, or the variable cannot be set.
+    /// If the name or the value is invalid, or the variable cannot be set.
     pub fn set(&mut self, name: &str, value: &str) -> Result<(), SystemError> {
         let port = self.resolve(name)?;
         let variable = self.variable(port);
@@ -198,7 +197,7 @@ impl System {
         Ok(())
     }
 
-    /// Refuses a start value, `text`, that the variable must not have.
+    /// Rejects a start value, given as `text`, outside the variable's range.
     fn check_range(&self, port: Port, value: &Value, text: &str) -> Result<(), SystemError> {
         let (name, variable) = (self.port_name(port), self.variable(port));
         let number = match value {
@@ -221,7 +220,7 @@ impl System {
         }
     }
 
-    /// Connections whose values are converted: output, its unit, input, its unit.
+    /// Connections with unit conversion: output, its unit, input, its unit.
     pub fn converted(&self) -> Vec<[String; 4]> {
         let unit = |variable: &Variable| match &variable.unit {
             Some(unit) => unit.name.clone(),
@@ -233,7 +232,7 @@ impl System {
             .collect()
     }
 
-    /// The connections, in the order in which they were made.
+    /// The connections, in order of creation.
     pub fn links(&self) -> impl Iterator<Item = Link<'_>> {
         self.connections.iter().map(|connection| Link {
             from: self.named(connection.from),
@@ -249,7 +248,7 @@ impl System {
         outputs.map(|port| self.named(port))
     }
 
-    /// Inputs that nothing feeds.
+    /// Unconnected inputs.
     pub fn free_inputs(&self) -> impl Iterator<Item = (String, &Variable)> {
         self.unfed().map(|port| self.named(port))
     }
@@ -258,7 +257,7 @@ impl System {
         (self.port_name(port), self.variable(port))
     }
 
-    /// What `instance.variable` is.
+    /// The variable named `instance.variable`.
     ///
     /// # Errors
     /// If there is no such instance, or it has no such variable.
@@ -266,13 +265,13 @@ impl System {
         Ok(self.variable(self.resolve(name)?))
     }
 
-    /// The output that feeds an input, and how its values are converted.
+    /// The output connected to an input, and the unit conversion.
     pub(super) fn feeding(&self, input: Port) -> Option<(Port, Conversion)> {
         let connection = self.connections.iter().find(|c| c.to == input)?;
         Some((connection.from, connection.conversion))
     }
 
-    /// Has a variable read at each communication point, as outputs are anyway.
+    /// Makes a variable be read at each communication point, as outputs are.
     pub(super) fn observe(&mut self, port: Port) {
         let is_output = self.variable(port).role == Role::Output;
         let observed = &mut self.instances[port.instance].observed;
@@ -281,7 +280,7 @@ impl System {
         }
     }
 
-    /// When the instances suggest to end \[s\]; `None` if none does, or they do not agree.
+    /// Stop time suggested by the instances \[s\]; `None` if none suggests one or they differ.
     pub fn suggested_stop(&self) -> Option<f64> {
         let mut stops = (self.instances.iter()).filter_map(|i| i.component.suggested_stop());
         let first = stops.next()?;
@@ -293,7 +292,7 @@ impl System {
         self.instances.iter().map(|i| i.name.as_str())
     }
 
-    /// Inputs that nothing feeds and nobody set: they keep their start values.
+    /// Inputs that are neither connected nor set: they keep their start values.
     pub fn open_inputs(&self) -> Vec<String> {
         let is_set = |port: &Port| self.settings.iter().any(|(set, _)| set == port);
         let ports = self.unfed().filter(|port| !is_set(port));
@@ -307,13 +306,13 @@ impl System {
         })
     }
 
-    /// `instance.variable` of a port.
+    /// The name `instance.variable` of a port.
     pub fn port_name(&self, port: Port) -> String {
         let instance = &self.instances[port.instance].name;
         format!("{instance}.{}", self.variable(port).name)
     }
 
-    /// Whether a connection is one of reals.
+    /// Whether both ends of a connection are reals.
     pub(super) fn is_real(&self, connection: &Connection) -> bool {
         let ends = [connection.from, connection.to];
         ends.iter()
@@ -324,7 +323,7 @@ impl System {
         &self.instances[port.instance].component.variables()[port.variable]
     }
 
-    /// `instance.variable` of all ports, their aliases among them.
+    /// `instance.variable` for all ports, including aliases.
     pub(super) fn names(&self) -> impl Iterator<Item = (Port, String)> {
         self.ports().flat_map(|port| {
             let instance = &self.instances[port.instance].name;
@@ -389,7 +388,7 @@ impl System {
         }
     }
 
-    /// That a name has no dot.
+    /// Error for a name without a dot.
     fn no_variable(&self, text: &str) -> SystemError {
         let end = format!(".{text}");
         let mut fitting = self.names().map(|(_, name)| name);
@@ -432,7 +431,7 @@ impl System {
                 to_kind: to.kind,
             });
         }
-        // A component that does not say its unit cannot be checked.
+        // Without a unit, a variable cannot be checked.
         let (Some(a), Some(b)) = (&from.unit, &to.unit) else {
             return Ok(Conversion::NONE);
         };

@@ -1,4 +1,5 @@
-//! What was found, simulated: on a mesh that is too coarse, collocation may fit what no solution of the equations does.
+//! Simulation with the estimates: on a mesh that is too coarse, collocation may fit states that no solution of the
+//! equations follows.
 
 use super::watch::Watch;
 use crate::fit::evaluate::objective;
@@ -10,16 +11,16 @@ use pilotage_collocation::{Collocation, Course, Quality, Scheme, Stop};
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Error of a step of the simulation, relative to the states.
+/// Error tolerance of a simulation step, relative to the states.
 const TOLERANCE: f64 = 1e-8;
 
-/// What was found where each run is simulated from where it was found to begin, and the objective there.
+/// Simulation of each run with the estimates, and its objective.
 pub(super) struct Simulated {
     pub at: (Collocation, Vec<f64>),
     pub objective: f64,
 }
 
-/// The simulation of all runs with what was found. None where there is no such simulation, or it was over before.
+/// Simulates all runs with the estimates. None if the simulation fails or is ended.
 pub(super) fn simulated(
     posed: &Posed<'_>,
     solved: &Solved,
@@ -35,8 +36,8 @@ pub(super) fn simulated(
     })
 }
 
-/// The runs simulated with these parameters from where variables say that they begin: a nonlinear program whose mesh is
-/// the samples, and its variables. None where a simulation does not come to its end.
+/// Simulates the runs with these parameters from the initial states in these variables. Returns a nonlinear program
+/// with the samples as mesh, and its variables. None if a simulation fails.
 pub(super) fn simulation(
     posed: &Posed<'_>,
     (problem, z): (&Collocation, &[f64]),
@@ -48,7 +49,7 @@ pub(super) fn simulation(
     free_run(posed, theta, (&initial, &magnitudes), stop)
 }
 
-/// The same from where the states of each run begin, and with their magnitudes.
+/// The same from given initial states of each run, with their magnitudes.
 pub(super) fn free_run(
     posed: &Posed<'_>,
     theta: &[f64],
@@ -67,7 +68,7 @@ pub(super) fn free_run(
     if !courses.iter().all(|course| course.is_whole) {
         return None;
     }
-    // With the samples as mesh, the states there are those of the simulation whatever the scheme is.
+    // With the samples as mesh, the states there are those of the simulation for any scheme.
     let scales = scales(posed, &courses, theta);
     let problem = discretised(posed, posed.runs.clone(), scales, Scheme::Trapezoid);
     let paths = courses.iter().map(|own| (&own.time[..], &own.states[..]));

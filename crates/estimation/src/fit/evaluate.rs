@@ -1,4 +1,4 @@
-//! A problem at its start values, without a solve.
+//! Evaluates a problem at its start values, without a solve.
 
 use crate::innovations;
 use crate::posed::{Posed, Stands};
@@ -8,23 +8,24 @@ use crate::search::starts::{Start, given};
 use pilotage_collocation::Collocation;
 use pilotage_sqp::Problem;
 
-/// A problem at its start values: the states are simulated, and begin where the problem says, or at their guesses.
+/// A problem at its start values. The states are simulated from the initial values of the problem or from their
+/// guesses.
 #[derive(Debug, Clone)]
 pub struct Evaluation {
     /// The objective.
     pub objective: f64,
-    /// Its derivative by each sought parameter, as the search sees it, by central differences that stay in its
-    /// range.
+    /// Its derivative with respect to each sought parameter, in the coordinates of the search, by central differences
+    /// that stay in the range.
     pub gradient: Vec<(String, f64)>,
-    /// For each run and measured signal, the residual at each sample in standard deviations, with log-normal noise that
-    /// of the logarithms; NaN where nothing was measured.
+    /// For each run and measured signal, the residual at each sample in standard deviations. For log-normal noise it is
+    /// that of the logarithms. NaN where nothing was measured.
     pub residuals: Vec<Vec<Vec<f64>>>,
 }
 
-/// Step of the differences, relative to a parameter's size.
+/// Step of the differences, relative to the size of a parameter.
 const STEP: f64 = 1e-5;
 
-/// The problem at its start values.
+/// Evaluates the problem at its start values.
 pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
     let start = given(posed);
     let at = |start: &Start| match posed.filter {
@@ -42,7 +43,7 @@ pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
                 theta.parameters[place] = value;
                 at(&theta)
             };
-            // At an end of its range, from there inwards.
+            // One-sided at a bound of the range.
             let (up, down) = ((own + size).min(most), (own - size).max(least));
             let name = match stands {
                 Stands::Subjects(all) => format!("{} ({})", unknown.name, all[k].0),

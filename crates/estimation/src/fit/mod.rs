@@ -1,15 +1,15 @@
-//! The fit of a problem: starts, the SQP from each, the best on ever finer meshes.
+//! The fit of a problem: an SQP from several starts, and the best on successively finer meshes.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! | --- | --- |
-//! | `race` | all starts, and which is best |
+//! | `race` | all starts, and selection of the best |
 //! | `solve` | the SQP from one point |
 //! | `refine` | finer meshes |
-//! | `unfinished` | the best parameters where no start has converged |
-//! | `check` | the same parameters, simulated |
-//! | `predicted` | what is predicted from sample to sample, where noise drives the system |
-//! | [`evaluate`] | the problem at its starts, without a search |
-//! | `watch` | who looks on, and may end it |
+//! | `unfinished` | the best parameters if no start has converged |
+//! | `check` | simulation with the same parameters |
+//! | `predicted` | fit of one-step predictions, if noise drives the system |
+//! | [`evaluate`] | the problem at its start values, without a search |
+//! | `watch` | the observer, who may end the fit |
 
 mod check;
 pub mod evaluate;
@@ -44,20 +44,21 @@ use std::time::Instant;
 use unfinished::best_met;
 use watch::Watch;
 
-/// What an observer of a fit sees.
+/// Progress of a fit, as passed to the observer.
 #[derive(Debug, Clone, Copy)]
 pub struct Progress<'a> {
-    /// Which start, from 0.
+    /// Index of the start, from 0.
     pub start: usize,
-    /// Of how many.
+    /// Number of starts.
     pub starts: usize,
-    /// How often the mesh has been refined.
+    /// Number of refinements of the mesh.
     pub refinement: usize,
-    /// The iterate; none where it is asked between iterates whether to go on.
+    /// The iterate. None if the observer is only asked whether to continue.
     pub iteration: Option<&'a Iteration>,
 }
 
-/// Sees each iterate, and is asked between them; `Break` ends the fit with the best iterate so far and that status.
+/// Called with each iterate, and between iterates. `Break` ends the fit with the best iterate so far and the given
+/// status.
 pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + Send + 'a;
 
 /// Fits a problem.
@@ -110,7 +111,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     found.cuts = looped.as_ref().map(Looped::cuts).unwrap_or_default();
     let figures = looped.iter().flat_map(Looped::found);
     found.derived.extend(figures);
-    // On a mesh that was refined since, the objective may have fallen below.
+    // After a refinement of the mesh the objective may be lower.
     found.lower = lower.filter(|start| found.starts[*start].1 < found.objective);
     found.events = seen_events(posed, &last, &found, &watch);
     found.cut = cut(&found, &watch);
@@ -141,7 +142,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     found
 }
 
-/// The events of a solution whose states fulfil the equations.
+/// The events of a solution whose states satisfy the equations.
 fn seen_events(posed: &Posed<'_>, solved: &Solved, fit: &Fit, watch: &Watch<'_, '_>) -> Events {
     let clock = Instant::now();
     match fit.is_met() {
@@ -153,7 +154,7 @@ fn seen_events(posed: &Posed<'_>, solved: &Solved, fit: &Fit, watch: &Watch<'_, 
     }
 }
 
-/// How a start ended, and its objective; not a number where its states do not nearly fulfil the equations.
+/// Status and objective of a start; NaN if its states are far from satisfying the equations.
 fn end(posed: &Posed<'_>, solved: Option<&Solved>, watch: &Watch<'_, '_>) -> (Status, f64) {
     match solved {
         Some(own) => {
@@ -167,7 +168,7 @@ fn end(posed: &Posed<'_>, solved: Option<&Solved>, watch: &Watch<'_, '_>) -> (St
     }
 }
 
-/// What ended a fit before all starts and refinements were done, if anything has.
+/// What ended a fit before all starts and refinements were completed, if anything.
 fn cut(fit: &Fit, watch: &Watch<'_, '_>) -> Option<Status> {
     let status = watch.over()?;
     let is_undone = |own: &(Status, f64)| own.0 == status;

@@ -1,4 +1,4 @@
-//! The fit of what is predicted from sample to sample, from the response on.
+//! The fit of one-step predictions, starting from the fit of the response.
 
 use super::check::free_run;
 use super::cut;
@@ -21,7 +21,7 @@ use pilotage_sqp::{Iterate, Solution, Status};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The fit, from the response that was found and from others.
+/// Fits from the best response and from others.
 pub(super) fn predicted(
     posed: &Posed<'_>,
     (response, refinement): (Solved, Refinement),
@@ -54,7 +54,7 @@ pub(super) fn predicted(
         .collect();
     found.refinement = Refinement {
         iterations: refinement.iterations + best.iterations,
-        // The response is where the search began, and nothing that was found is of its mesh.
+        // The response is only the initial guess, and the result does not depend on its mesh.
         error: f64::NAN,
         changes: Vec::new(),
         is_limited: false,
@@ -88,7 +88,7 @@ pub(super) fn predicted(
     found
 }
 
-/// `Σ weight e²/s` and the negative logarithm of the likelihood.
+/// `Σ weight e²/s` and the negative log-likelihood.
 fn likelihoods(posed: &Posed<'_>, runs: &[RunFit]) -> (f64, f64) {
     let ahead = runs.iter().zip(&posed.data);
     let ahead = ahead.filter_map(|(run, data)| Some((run.ahead.as_ref()?, data.line.weight)));
@@ -100,7 +100,8 @@ fn likelihoods(posed: &Posed<'_>, runs: &[RunFit]) -> (f64, f64) {
     })
 }
 
-/// What was found, simulated without noise, and whether that came to its end; else the states stay those of the response.
+/// Simulation with the estimates without noise, and whether it was completed. Otherwise the states remain those of the
+/// response.
 fn simulated(
     posed: &Posed<'_>,
     best: &Predicted<'_>,
@@ -134,7 +135,7 @@ fn simulated(
     (Solved { problem, solution }, is_whole)
 }
 
-/// Conditions of stability that hold with a multiplier.
+/// Stability conditions with a nonzero multiplier.
 fn on_stability_bound(posed: &Posed<'_>, best: &Predicted<'_>) -> Vec<Diagnostic> {
     let (names, eta) = (&posed.names.parameters, &best.solution.iterate.eta);
     let held = (posed.names.stability..names.len()).filter(|k| eta[*k] != 0.0);

@@ -1,4 +1,4 @@
-//! The race of the starts: those that are behind after some iterations are left.
+//! The race of the starts: those that are behind after some iterations are dropped.
 
 use super::solve::{nearer, once, rescaled, solve};
 use super::watch::Watch;
@@ -10,23 +10,24 @@ use crate::search::starts::Start;
 use pilotage_sqp::Status;
 use rayon::prelude::*;
 
-/// Iterations of each start before those that are behind are left.
+/// Iterations of each start before those that are behind are dropped.
 const HEAT: usize = 30;
 
-/// Starts that go on after that, at most.
+/// Maximum number of starts that continue after that.
 const FINALISTS: usize = 3;
 
-/// Largest violation of the scaled constraints with which a start is compared with others.
+/// Largest violation of the scaled constraints with which starts are compared.
 const NEARLY: f64 = 0.1;
 
-/// Objectives that differ by less than this part are equal.
+/// Objectives with a smaller relative difference are equal.
 const EQUAL: f64 = 1e-8;
 
-/// How often a start that is better than the best that has converged goes on, with the iteration limit anew.
+/// Maximum number of continuations of a start that is better than the best converged one, each with a new iteration
+/// limit.
 const EXTENSIONS: usize = 3;
 
-/// All starts, solved: those that are behind after some iterations are left, but never the given one. None where it was
-/// over before the start began.
+/// Solves all starts. Those that are behind after some iterations are dropped, except the given one. None for a start
+/// not begun before the fit was ended.
 pub(super) fn raced(
     posed: &Posed<'_>,
     starts: &[Start],
@@ -41,7 +42,8 @@ pub(super) fn raced(
         let from = begin(posed, start, &|| watch.is_over());
         let see = |iteration: &_| watch.see(k, 0, iteration);
         let limit = if is_race { limit.min(HEAT) } else { limit };
-        // Of several the given one is solved as it is: a coarser mesh may lead all of them past a narrow valley.
+        // If there are several starts, the given one is solved as it is: a coarser mesh could lead all of them past a
+        // narrow valley.
         if is_race && k == 0 {
             return Some(once(posed, from, limit, &see));
         }
@@ -79,14 +81,14 @@ fn is_unfinished(solved: &Option<Solved>) -> bool {
     status == Some(Status::IterationLimit)
 }
 
-/// It was no limit of the user's that ended this start: it was behind.
+/// Marks a start as dropped: it was behind, and no limit set by the user ended it.
 fn leave(solved: &mut Option<Solved>) {
     if let Some(own) = solved {
         own.solution.status = Status::Stopped;
     }
 }
 
-/// Solves these on, each from where it is.
+/// Continues these starts from their current iterates.
 fn go_on(
     posed: &Posed<'_>,
     solved: &mut [Option<Solved>],
@@ -105,8 +107,7 @@ fn go_on(
     }
 }
 
-/// The starts that go on: of those that have not converged the given one, and the first few that are better than the
-/// best that has.
+/// The unconverged starts that continue: the given one, and the first few that are better than the best converged one.
 fn finalists(solved: &[Option<Solved>]) -> Vec<usize> {
     let best = least(solved);
     let is_open = |k: &usize| solved[*k].as_ref().is_some_and(|own| !has_converged(own));
@@ -123,7 +124,7 @@ fn finalists(solved: &[Option<Solved>]) -> Vec<usize> {
     finalists.map(|(_, k)| k).collect()
 }
 
-/// A start that has not converged, and is better all the same than the best that has.
+/// A start that has not converged but is better than the best converged one.
 pub(super) fn better(solved: &[Option<Solved>]) -> Option<usize> {
     let best = least(solved);
     let objective = |own: &Option<Solved>| match own {
@@ -135,9 +136,9 @@ pub(super) fn better(solved: &[Option<Solved>]) -> Option<usize> {
     (best < f64::MAX && own < best - SAME * best.abs()).then_some(k)
 }
 
-/// The start with the best objective of those that have converged, or of all if none has. Of several with the same it is
-/// that with the smallest error of its mesh, since on a coarse mesh other parameters may do as well; these errors are
-/// told too.
+/// The start with the best objective among the converged ones, or among all if none converged. Among equal objectives,
+/// the one with the smallest mesh error is selected, since on a coarse mesh other parameters may fit equally well.
+/// These errors are returned too.
 pub(super) fn best_of(
     solved: &[Option<Solved>],
     watch: &Watch<'_, '_>,
@@ -176,11 +177,10 @@ pub(super) fn has_answer(solved: &[Option<Solved>]) -> bool {
     solved.iter().flatten().any(has_converged)
 }
 
-/// In which class a start is, and its objective there.
+/// Class of a start, and its objective in that class.
 type Rank = (u8, f64);
 
-/// Those that have converged come first, then those whose states fulfil the equations, then the others by how far they
-/// are from that.
+/// Converged starts come first, then those whose states satisfy the equations, then the others by their violation.
 fn rank(solved: &Option<Solved>) -> Rank {
     match solved {
         Some(own) if has_converged(own) => (0, own.solution.iterate.f),
@@ -190,7 +190,7 @@ fn rank(solved: &Option<Solved>) -> Rank {
     }
 }
 
-/// The least objective of those that have converged.
+/// The lowest objective of the converged starts.
 fn least(solved: &[Option<Solved>]) -> f64 {
     let converged = solved.iter().flatten().filter(|own| has_converged(own));
     let objectives = converged.map(|own| own.solution.iterate.f);

@@ -1,4 +1,4 @@
-//! A solution on ever finer meshes.
+//! Refines the mesh of a solution.
 
 use super::solve::solve;
 use super::watch::Watch;
@@ -11,15 +11,15 @@ use crate::search::solved::{Refinement, STIFF_SCHEME};
 use pilotage_collocation::{Collocation, refined};
 use pilotage_sqp::Status;
 
-/// How often a mesh is refined at most.
+/// Maximum number of refinements.
 const MOST_REFINEMENTS: usize = 12;
 
-/// A solution, and the local errors of its mesh where they are known.
+/// A solution, and the local errors of its mesh if known.
 type Estimated = (Solved, Option<Vec<Vec<f64>>>);
 
-/// The same on meshes that are refined until their errors are small enough, each solve from the one before. Where one
-/// does not converge, the search goes on from a simulation of what was found last; where that does not either, it ends
-/// with the mesh before.
+/// Refines the mesh until its errors are small enough, each solve starting from the previous one. If a solve does not
+/// converge, the search continues from a simulation of the last solution. If that does not converge either, the
+/// previous mesh is kept.
 pub(super) fn refine(
     posed: &Posed<'_>,
     (mut solved, mut known): Estimated,
@@ -60,7 +60,7 @@ pub(super) fn refine(
 }
 
 impl Refinement {
-    /// Tells of a mesh.
+    /// Records the data of a mesh.
     fn take(&mut self, solved: &Solved, errors: &[Vec<f64>]) {
         let largest = errors.iter().flatten().copied().fold(0.0, f64::max);
         self.error = if self.is_done { largest } else { f64::NAN };
@@ -73,8 +73,8 @@ fn errors(solved: &Solved, watch: &Watch<'_, '_>) -> Vec<Vec<f64>> {
     (solved.problem).mesh_errors(&solved.solution.iterate.z, &|| watch.is_over())
 }
 
-/// The problem on a mesh that is finer where its errors are large, and its variables there; none where that has too
-/// many intervals.
+/// The problem on a mesh refined where its errors are large, and its variables there. None if it has too many
+/// intervals.
 fn finer(solved: &Solved, errors: &[Vec<f64>], tolerance: f64) -> Option<(Collocation, Vec<f64>)> {
     let problem = &solved.problem;
     let pairs = problem.runs.iter().zip(errors);
@@ -88,8 +88,8 @@ fn finer(solved: &Solved, errors: &[Vec<f64>], tolerance: f64) -> Option<(Colloc
     Some((finer, z))
 }
 
-/// The problem where a simulation with what was found leads, on a mesh for that, with the scheme for stiff equations
-/// unless the user named another.
+/// The problem along a simulation with the estimates, on a mesh for that simulation, with the scheme for stiff
+/// equations unless the user selected another.
 fn simulated(posed: &Posed<'_>, solved: &Solved, watch: &Watch<'_, '_>) -> (Collocation, Vec<f64>) {
     let theta = solved.problem.physical_theta(&solved.solution.iterate.z);
     let point = Point {
@@ -101,7 +101,7 @@ fn simulated(posed: &Posed<'_>, solved: &Solved, watch: &Watch<'_, '_>) -> (Coll
     at_point(posed, &point, Some(scheme), &|| watch.is_over())
 }
 
-/// By how much each scaled shared parameter differs.
+/// Change of each scaled shared parameter.
 fn changes(before: &Solved, after: &Solved) -> Vec<f64> {
     let [before, after] = [before, after].map(|own| {
         let theta = own.problem.physical_theta(&own.solution.iterate.z);

@@ -1,4 +1,4 @@
-//! The SQP from one point, begun again with other scales where it makes no progress.
+//! The SQP from one point, restarted with other scales if it makes no progress.
 
 use crate::posed::Posed;
 use crate::search::solved::Solved;
@@ -6,16 +6,16 @@ use pilotage_collocation::{Collocation, Scales};
 use pilotage_sqp::{Iteration, SqpOptions, Status, Work};
 use std::ops::ControlFlow;
 
-/// [`SqpOptions::short_step`]: with longer ones some starts whose states swing up fail.
+/// [`SqpOptions::short_step`]: with longer steps some starts fail whose states swing up.
 const SHORT_STEP: f64 = 0.01;
 
-/// How often a solve that makes no progress is begun again, with scales of the size that it has found.
+/// Maximum number of restarts of a solve without progress, with scales of the current size.
 const RESCALED: usize = 3;
 
-/// Sees each iterate of a solve.
+/// Called with each iterate of a solve.
 pub type SeeIterates<'a> = dyn Fn(&Iteration) -> ControlFlow<Status> + Sync + 'a;
 
-/// Where a search goes on: on a coarser mesh first, where that is much smaller. What that cost stands beside.
+/// Improves an initial guess on a coarser mesh, if that is much smaller. Returns the work it took as well.
 pub fn nearer(
     posed: &Posed<'_>,
     (problem, z): (Collocation, Vec<f64>),
@@ -27,7 +27,7 @@ pub fn nearer(
     ((problem, z), work)
 }
 
-/// Solves from a point, with other scales where it makes no progress.
+/// Solves from a point, with other scales if it makes no progress.
 pub fn solve(
     posed: &Posed<'_>,
     from: (Collocation, Vec<f64>),
@@ -57,7 +57,7 @@ pub(super) fn once(
     Solved { problem, solution }
 }
 
-/// Options of a solve with so many iterations at most.
+/// Options of a solve with an iteration limit.
 pub(crate) fn sqp_options(posed: &Posed<'_>, limit: usize) -> SqpOptions {
     SqpOptions {
         tolerance: posed.file.options.tolerance,
@@ -67,9 +67,9 @@ pub(crate) fn sqp_options(posed: &Posed<'_>, limit: usize) -> SqpOptions {
     }
 }
 
-/// The same problem with scales of the size that states and parameters have now, and its variables there.
+/// The same problem with scales of the current size of states and parameters, and its variables.
 pub(super) fn rescaled(posed: &Posed<'_>, solved: &Solved) -> (Collocation, Vec<f64>) {
-    /// A scale falls to this part at once, at most: what passes through zero keeps a size.
+    /// Smallest factor by which a scale is reduced at once, so that variables passing through zero keep a scale.
     const LEAST: f64 = 1e-3;
     let problem = &solved.problem;
     let z = &solved.solution.iterate.z;

@@ -1,5 +1,6 @@
-//! What stands for a fit in which no start has converged. Iterates on the way to an optimum do not fulfil the equations,
-//! and their objectives are those of no run; so the best parameters so far are those with which a simulation is best.
+//! The result of a fit in which no start has converged. Iterates on the way to an optimum do not satisfy the equations,
+//! and their objectives do not belong to any run. The best parameters so far are therefore those with the best
+//! simulation.
 
 use super::check::simulation;
 use super::watch::Watch;
@@ -13,9 +14,9 @@ use pilotage_sqp::{Iterate, Kkt, Problem, Solution, Status};
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Of starts of which none has converged the one with the least objective where the equations are met: as the solver
-/// left it, or simulated with its parameters. The given start as it begins is among them. None where nothing is met, or
-/// the constraints are what cannot be met.
+/// If no start has converged, the one with the lowest objective that satisfies the equations: as the solver left it, or
+/// simulated with its parameters. The given start in its initial state is also considered. None if none satisfies the
+/// equations, or if the constraints are infeasible.
 pub(super) fn best_met(
     posed: &Posed<'_>,
     given: &Start,
@@ -44,7 +45,7 @@ pub(super) fn best_met(
         .min_by(|(_, a), (_, b)| objective(a).total_cmp(&objective(b)))
 }
 
-/// What the solver left where that fulfils the equations, else a simulation with its parameters.
+/// The solver's last iterate if it satisfies the equations, else a simulation with its parameters.
 fn settled(posed: &Posed<'_>, own: &Solved, stop: &Stop<'_>) -> Option<Solved> {
     let (problem, solution) = (&own.problem, &own.solution);
     let z = &solution.iterate.z;
@@ -72,8 +73,8 @@ fn begun(posed: &Posed<'_>, given: &Start, left: &Solution, stop: &Stop<'_>) -> 
     Some(at(found, left))
 }
 
-/// A simulation in place of the solution to which a solver has come. It fulfils the equations, if not those of a mesh;
-/// what it may violate are the constraints.
+/// A simulation in place of the solver's last iterate. It satisfies the equations, though not those of a mesh, but may
+/// violate the constraints.
 fn at((problem, z): (Collocation, Vec<f64>), left: &Solution) -> Solved {
     let iterate = Iterate::new(&problem, z);
     let (lower, upper) = problem.limits();
@@ -92,7 +93,7 @@ fn at((problem, z): (Collocation, Vec<f64>), left: &Solution) -> Solved {
     Solved { problem, solution }
 }
 
-/// Puts shared parameters that an iterate has out of their ranges on their ends.
+/// Clamps shared parameters to their ranges.
 fn keep_ranges(posed: &Posed<'_>, theta: &mut [f64]) {
     for (unknown, stands) in &posed.unknowns {
         if let Stands::Shared(_) | Stands::Subjects(_) = stands {

@@ -1,4 +1,4 @@
-//! Who looks on: told of each iterate, and asked whether to go on.
+//! The observer of a fit: it is called with each iterate, and asked whether to continue.
 
 use super::{Observer, Progress};
 use pilotage_sqp::{Iteration, Status};
@@ -6,10 +6,10 @@ use std::ops::ControlFlow;
 use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
-/// Time for simulations of what a fit has come to after it was ended.
+/// Time allowed for simulations of the result after the fit was ended.
 const GRACE: Duration = Duration::from_secs(2);
 
-/// The observer of a fit, and what it has said. Once it has said that it is over, it is over.
+/// The observer of a fit, and the status with which it ended the fit. Once ended, the fit stays ended.
 pub(super) struct Watch<'a, 'o> {
     observer: Mutex<&'a mut Observer<'o>>,
     starts: usize,
@@ -17,7 +17,7 @@ pub(super) struct Watch<'a, 'o> {
 }
 
 impl<'a, 'o> Watch<'a, 'o> {
-    /// Of a fit from so many starts.
+    /// For a fit with this number of starts.
     pub fn new(observer: &'a mut Observer<'o>, starts: usize) -> Self {
         Self {
             observer: Mutex::new(observer),
@@ -26,7 +26,7 @@ impl<'a, 'o> Watch<'a, 'o> {
         }
     }
 
-    /// Shows an iterate of a start after so many refinements.
+    /// Passes on an iterate of a start after a number of refinements.
     pub fn see(
         &self,
         start: usize,
@@ -36,18 +36,18 @@ impl<'a, 'o> Watch<'a, 'o> {
         self.ask(start, refinement, Some(iteration))
     }
 
-    /// Whether to stop, asked from within long work without iterates.
+    /// Whether to stop, asked during long work without iterates.
     pub fn is_over(&self) -> bool {
         self.ask(0, 0, None).is_break()
     }
 
-    /// Whether a simulation that began then, to tell what a fit has come to, is to end: one that is over has little time
-    /// left for it.
+    /// Whether a simulation of the result that began at this time must end: after the fit was ended it has little time
+    /// left.
     pub fn is_late(&self, begin: Instant) -> bool {
         begin.elapsed() > GRACE && self.is_over()
     }
 
-    /// With what the observer has ended it, if it has.
+    /// The status with which the observer ended the fit, if it did.
     pub fn over(&self) -> Option<Status> {
         self.over.get().copied()
     }
@@ -72,7 +72,7 @@ impl<'a, 'o> Watch<'a, 'o> {
             Err(_) => ControlFlow::Continue(()),
         };
         if let ControlFlow::Break(status) = go_on {
-            // Another thread may have been first, with a status as good.
+            // Another thread may have set a status first, which is equally valid.
             let _ = self.over.set(status);
         }
         go_on

@@ -1,4 +1,4 @@
-//! A solution, solved again: with an unknown fixed, or with other data.
+//! Solves a solution again: with a fixed unknown, or with other data.
 
 use super::likelihood::Likelihood;
 use super::limits::Limits;
@@ -12,10 +12,10 @@ use pilotage_sqp::{Iterate, Iteration, Solution, SparseQp, SqpOptions, Status, s
 use rand_distr::{Distribution, StandardNormal};
 use std::ops::ControlFlow;
 
-/// Most iterations from a start that is near.
+/// Maximum number of iterations from a nearby start.
 const NEAR: usize = 100;
 
-/// What is kept of a search.
+/// The stored result of a search.
 #[derive(Debug, Clone)]
 pub struct Optimum {
     solution: Solution,
@@ -24,7 +24,7 @@ pub struct Optimum {
 }
 
 impl Optimum {
-    /// Of what a search has come to.
+    /// Stores the result of a search.
     pub(crate) fn of(found: &Predicted<'_>) -> Self {
         Self {
             solution: found.solution.clone(),
@@ -42,7 +42,7 @@ pub(crate) struct Again<'p> {
 }
 
 impl<'p> Again<'p> {
-    /// None where no noise drives the system.
+    /// None if no noise drives the system.
     pub fn new(posed: &'p Posed<'p>, optimum: &'p Optimum) -> Option<Self> {
         let mut likelihood = Likelihood::of(posed)?;
         likelihood.parts = optimum.parts;
@@ -63,7 +63,7 @@ impl<'p> Again<'p> {
         linearised(self.posed, &found)
     }
 
-    /// What the objective is multiplied with.
+    /// Scale factor of the objective.
     pub fn factor(&self) -> f64 {
         self.program(self.likelihood).factor
     }
@@ -74,7 +74,7 @@ impl<'p> Again<'p> {
         scaled.map(|(z, scale)| z * scale).collect()
     }
 
-    /// The program of a likelihood, as scaled as that of the fit.
+    /// The program of a likelihood, scaled as in the fit.
     fn program<'a>(&self, likelihood: Likelihood<'a>) -> Program<'a>
     where
         'p: 'a,
@@ -83,7 +83,7 @@ impl<'p> Again<'p> {
         Program::new(self.posed, likelihood, scales, &self.unknowns())
     }
 
-    /// Where a coordinate stands among the unknowns.
+    /// Index of a coordinate among the unknowns.
     fn place(&self, at: Coordinate) -> usize {
         match at {
             Coordinate::Shared(k) => k,
@@ -95,7 +95,7 @@ impl<'p> Again<'p> {
         }
     }
 
-    /// Searches from these scaled unknowns: by Fisher's information, and with the curvature itself where that is slow.
+    /// Searches from these scaled unknowns: with Fisher information first, then with the Hessian if that is slow.
     fn searched(
         &self,
         program: &mut Program<'_>,
@@ -144,7 +144,7 @@ impl<'p> Again<'p> {
         }
     }
 
-    /// For each unknown what the residual of its prior changes by where its mean is drawn around the optimum.
+    /// For each unknown, the change of its prior's residual when the prior's mean is drawn around the optimum.
     fn shifts(&self, gauss: &mut dyn FnMut() -> f64) -> Vec<f64> {
         let unknowns = self.unknowns();
         let mut all = vec![0.0; unknowns.len()];
@@ -154,7 +154,7 @@ impl<'p> Again<'p> {
         all
     }
 
-    /// What could have been recorded of all runs, if the optimum were true: for each signal and run.
+    /// Simulated recordings of all runs, assuming that the optimum is true: for each signal and run.
     fn simulated(&self, gauss: &mut dyn FnMut() -> f64) -> Vec<Vec<Vec<f64>>> {
         let unknowns = self.unknowns();
         let theta = &unknowns[..self.posed.shared];

@@ -1,23 +1,23 @@
-//! What was predicted for each sample of a run from the samples before it.
+//! Predictions of each sample of a run from the samples before it.
 
 use super::likelihood::{Likelihood, MOST_PARTS, NEGLIGIBLE};
 use crate::posed::Posed;
 use pilotage_filter::{Course, Innovation};
 use std::f64::consts::PI;
 
-/// Predictions of a run and what they missed; NaN where nothing was measured.
+/// Predictions of a run and their innovations; NaN where nothing was measured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ahead {
-    /// What each sensor should show at each sample, by the samples before, in the unit of its signal.
+    /// Model output for each sensor at each sample, predicted from earlier samples, in the unit of its signal.
     pub predicted: Vec<Vec<f64>>,
-    /// For each measured signal and sample the innovation over its standard deviation; of signals of one sample each by
-    /// those before it too.
+    /// For each measured signal and sample, the innovation divided by its standard deviation. Within a sample, each
+    /// signal is also predicted from the signals before it.
     pub innovations: Vec<Vec<f64>>,
-    /// The standard deviations of these, in the unit of the signal.
+    /// Standard deviations of the innovations, in the unit of the signal.
     pub deviations: Vec<Vec<f64>>,
 }
 
-/// The predictions of a run whose states begin there; none where no noise drives the system.
+/// The predictions of a run from these initial states. None if no noise drives the system.
 pub(crate) fn ahead(posed: &Posed<'_>, j: usize, initial: &[f64], theta: &[f64]) -> Option<Ahead> {
     let mut likelihood = Likelihood::of(posed)?;
     let sum =
@@ -52,7 +52,7 @@ pub(crate) fn ahead(posed: &Posed<'_>, j: usize, initial: &[f64], theta: &[f64])
 }
 
 impl Ahead {
-    /// −2 log likelihood of all that was recorded, with its constants.
+    /// −2 log-likelihood of the recording, including constants.
     pub fn surprise(&self) -> f64 {
         let values = self
             .innovations
@@ -65,7 +65,7 @@ impl Ahead {
             .sum()
     }
 
-    /// Sum of the squares of the innovations over their variances.
+    /// Sum of the squared innovations divided by their variances.
     pub fn chi2(&self) -> f64 {
         let all = self.innovations.iter().flatten();
         all.filter(|z| z.is_finite()).map(|z| z * z).sum()

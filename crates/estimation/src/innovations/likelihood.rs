@@ -1,4 +1,4 @@
-//! The likelihood of what was recorded, by what the filter predicted, and its derivatives.
+//! The likelihood of the recordings from the predictions of the filter, and its derivatives.
 
 use crate::posed::unknowns::Unknown;
 use crate::posed::{Posed, Stands};
@@ -7,40 +7,40 @@ use pilotage_filter::{Course, Filter, Innovation, Jet, Record, SLOPES};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Parts of an interval beyond which no more are tried.
+/// Maximum number of parts of an interval.
 pub(super) const MOST_PARTS: usize = 64;
 
-/// A change of −2 log likelihood that is of no importance.
+/// Negligible change of −2 log-likelihood.
 pub(super) const NEGLIGIBLE: f64 = 1e-3;
 
-/// The innovations of a problem as functions of its unknowns: the shared parameters, and then for each run the initial
-/// values of its states that are free, its own parameters among them.
+/// The innovations of a problem as functions of its unknowns: the shared parameters, followed by the free initial
+/// states of each run, including its own parameters.
 #[derive(Debug, Clone, Copy)]
 pub struct Likelihood<'p> {
     posed: &'p Posed<'p>,
     filter: &'p Filter,
-    /// In how many parts an interval between samples is taken.
+    /// Number of parts into which an interval between samples is divided.
     pub parts: usize,
-    /// For each signal and run what was recorded, in the place of the problem's.
+    /// Recorded values for each signal and run, replacing those of the problem.
     pub recorded: Option<&'p [Vec<Vec<f64>>]>,
-    /// For each unknown what the residual of its prior is more, if anything.
+    /// For each unknown, a value added to the residual of its prior, if any.
     pub shifts: Option<&'p [f64]>,
-    /// How often each run counts, if not once.
+    /// How often each run counts. Once if none.
     pub counts: Option<&'p [usize]>,
 }
 
-/// The innovations of a run and their derivatives by its unknowns, shared ones first.
+/// The innovations of a run and their derivatives with respect to its unknowns, shared ones first.
 pub struct RunRows {
     /// Signal, sample, error and variance of each.
     pub innovations: Vec<Innovation<0>>,
-    /// Derivatives of the errors, a row for each.
+    /// Derivatives of the errors, one row per innovation.
     pub errors: DMatrix<f64>,
-    /// The same of the variances.
+    /// Derivatives of the variances, likewise.
     pub variances: DMatrix<f64>,
 }
 
 impl<'p> Likelihood<'p> {
-    /// Of a problem that noise drives.
+    /// For a problem driven by noise.
     pub fn of(posed: &'p Posed<'p>) -> Option<Self> {
         Some(Self {
             posed,
@@ -52,7 +52,7 @@ impl<'p> Likelihood<'p> {
         })
     }
 
-    /// The states of a run that begin where they are sought.
+    /// The states of a run with sought initial values.
     pub fn free(&self, j: usize) -> Vec<usize> {
         let known = self.posed.runs[j].initial.iter().enumerate();
         known
@@ -60,7 +60,7 @@ impl<'p> Likelihood<'p> {
             .collect()
     }
 
-    /// Where the unknowns of each run stand.
+    /// Index ranges of the unknowns of each run.
     pub fn own(&self) -> Vec<Range<usize>> {
         let mut first = self.posed.shared;
         let range = |j: usize| {
@@ -71,7 +71,7 @@ impl<'p> Likelihood<'p> {
         (0..self.posed.runs.len()).map(range).collect()
     }
 
-    /// Where the states of a run begin by these unknowns.
+    /// Initial states of a run for these unknowns.
     pub fn initial(&self, j: usize, unknowns: &[f64]) -> Vec<f64> {
         let mut own = unknowns[self.own()[j].clone()].iter();
         let known = self.posed.runs[j].initial.iter();
@@ -80,7 +80,7 @@ impl<'p> Likelihood<'p> {
             .collect()
     }
 
-    /// A run, filtered, with derivatives by a part of its unknowns, shared ones first.
+    /// Filters a run, with derivatives with respect to some of its unknowns, shared ones first.
     fn differentiated(&self, j: usize, unknowns: &[f64], first: usize) -> Course<SLOPES> {
         let jet = |value: f64, place: Option<usize>| Jet {
             value,
@@ -100,14 +100,14 @@ impl<'p> Likelihood<'p> {
             .differentiated(&record, &states, &theta, self.parts)
     }
 
-    /// A run, filtered from where its states begin.
+    /// Filters a run from these initial states.
     pub fn from(&self, j: usize, initial: &[f64], theta: &[f64]) -> Course<0> {
         let measured = self.measured(j);
         let record = self.record(j, &measured);
         self.filter.run(&record, initial, theta, self.parts)
     }
 
-    /// What was recorded of a run, by signals.
+    /// Recorded values of a run, by signals.
     fn measured(&self, j: usize) -> Vec<Vec<f64>> {
         let all = self.recorded.unwrap_or(&self.posed.told.recorded);
         all.iter().map(|own| own[j].clone()).collect()
@@ -125,7 +125,7 @@ impl<'p> Likelihood<'p> {
         }
     }
 
-    /// What could have been recorded of a run whose states begin there, by signals; with numbers of unit variance.
+    /// Simulated recordings of a run from these initial states, by signals, with random numbers of unit variance.
     pub fn simulated(
         &self,
         j: usize,
@@ -139,13 +139,13 @@ impl<'p> Likelihood<'p> {
             .simulated(&record, initial, theta, self.parts, gauss)
     }
 
-    /// A run, filtered.
+    /// Filters a run.
     pub fn filtered(&self, j: usize, unknowns: &[f64]) -> Course<0> {
         let theta = &unknowns[..self.posed.shared];
         self.from(j, &self.initial(j, unknowns), theta)
     }
 
-    /// `Σ weight (ln s + e²/s)` of all runs; not a number outside of the domain.
+    /// `Σ weight (ln s + e²/s)` over all runs, plus the priors; NaN outside the domain.
     pub fn value(&self, unknowns: &[f64]) -> f64 {
         let runs: Vec<f64> = (0..self.posed.runs.len())
             .into_par_iter()
@@ -193,7 +193,7 @@ impl<'p> Likelihood<'p> {
         all
     }
 
-    /// The terms of what is known beforehand.
+    /// The terms of the priors.
     pub fn priors<'a>(&'a self, unknowns: &'a [f64]) -> impl Iterator<Item = PriorTerm> + 'a {
         let all = self.posed.unknowns.iter();
         all.flat_map(move |(unknown, stands)| {
@@ -210,7 +210,7 @@ impl<'p> Likelihood<'p> {
         })
     }
 
-    /// Where an unknown stands among all.
+    /// Indices of an unknown among all unknowns.
     pub fn places(&self, stands: &Stands) -> Vec<usize> {
         match stands {
             Stands::Shared(k) => vec![*k],
@@ -229,7 +229,7 @@ impl<'p> Likelihood<'p> {
         }
     }
 
-    /// The same with so many parts of each interval that twice as many change nothing of importance.
+    /// The same with enough parts of each interval that twice as many make no significant difference.
     pub fn refined(self, unknowns: &[f64]) -> Self {
         let mut own = self;
         let mut value = own.value(unknowns);
@@ -254,7 +254,7 @@ impl<'p> Likelihood<'p> {
 }
 
 impl RunRows {
-    /// Of a run that does not count.
+    /// For a run that does not count.
     fn empty(unknowns: usize) -> Self {
         Self {
             innovations: Vec::new(),
@@ -279,7 +279,7 @@ impl RunRows {
         }
     }
 
-    /// Takes the derivatives of a pass over.
+    /// Copies the derivatives of a pass.
     fn fill(&mut self, course: &Course<SLOPES>, first: usize) {
         let last = self.errors.ncols().min(first + SLOPES);
         for (i, own) in course.innovations.iter().enumerate() {
@@ -290,7 +290,7 @@ impl RunRows {
         }
     }
 
-    /// Rows of a least-squares problem with the same gradient, and Fisher's information as its normal matrix
+    /// Rows of a least-squares problem with the same gradient, and with the Fisher information as its normal matrix
     /// ([`pilotage_inference::Row`]): `e'/√s` with the residual `e/√s`, and `s'/(√2 s)` with `(e²/s - 1)/√2`.
     pub fn scored(&self) -> [(DMatrix<f64>, DVector<f64>); 2] {
         let count = self.innovations.len();
@@ -308,16 +308,16 @@ impl RunRows {
     }
 }
 
-/// `((p - mean)/sd)²` of an unknown, where `p` is what the prior is of.
+/// `((p - mean)/sd)²` of an unknown, where `p` is the quantity to which the prior applies.
 #[derive(Debug, Clone, Copy)]
 pub struct PriorTerm {
-    /// Where the unknown stands.
+    /// Index of the unknown.
     pub place: usize,
     /// The term.
     pub value: f64,
     /// `(p - mean)/sd`.
     pub residual: f64,
-    /// The derivative of that by the unknown.
+    /// The derivative of the residual with respect to the unknown.
     pub slope: f64,
 }
 

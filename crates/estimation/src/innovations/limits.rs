@@ -1,4 +1,4 @@
-//! What parameters and the begins of runs must fulfil.
+//! Constraints on the parameters and on the initial states of runs.
 
 use super::likelihood::Likelihood;
 use crate::posed::Posed;
@@ -9,18 +9,19 @@ use pilotage_expression::{Node, Tape};
 /// Inequalities `lower ≤ g ≤ upper` over the unknowns of a [`Likelihood`].
 pub struct Limits<'p> {
     posed: &'p Posed<'p>,
-    /// Where the unknowns of each run stand, and which of its states they are.
+    /// Index range of the unknowns of each run, and the corresponding states.
     own: Vec<(std::ops::Range<usize>, Vec<usize>)>,
-    /// What is bounded where each run begins.
+    /// The bounded expressions at the start of each run.
     begin: Tape,
-    /// Which bounds of the problem these are.
+    /// Indices of these bounds among those of the problem.
     bounds: Vec<usize>,
     lower: Vec<f64>,
     upper: Vec<f64>,
 }
 
 impl<'p> Limits<'p> {
-    /// Of a problem. Limits of outputs along the path are none: with process noise no path is known.
+    /// The limits of a problem. Limits of outputs along the path are left out: with process noise the path is not
+    /// known.
     pub fn of(posed: &'p Posed<'p>, likelihood: &Likelihood<'_>) -> Self {
         let system = &posed.model.system;
         let first = system.outputs.len() - posed.bounds.len();
@@ -56,7 +57,7 @@ impl<'p> Limits<'p> {
         (&self.lower, &self.upper)
     }
 
-    /// Which of the problem's bounds hold where each run begins.
+    /// Indices of the problem's bounds that apply at the start of each run.
     pub fn bounds(&self) -> &[usize] {
         &self.bounds
     }
@@ -79,7 +80,7 @@ impl<'p> Limits<'p> {
         all
     }
 
-    /// Derivatives by each unknown.
+    /// Derivatives with respect to each unknown.
     pub fn slopes(&self, unknowns: &[f64]) -> Vec<Vec<f64>> {
         let by = |k: usize| {
             let mark = |(i, value): (usize, &f64)| Dual64::new(*value, f64::from(u8::from(i == k)));
@@ -92,7 +93,7 @@ impl<'p> Limits<'p> {
         (0..unknowns.len()).map(by).collect()
     }
 
-    /// Second derivative by two unknowns of the sum with these multipliers.
+    /// Second derivative, with respect to two unknowns, of the sum with these multipliers.
     pub fn curvature(&self, unknowns: &[f64], eta: &[f64], [a, b]: [usize; 2]) -> f64 {
         let mut marked: Vec<HyperDual64> = unknowns.iter().map(|v| HyperDual64::from(*v)).collect();
         marked[a].eps1 = 1.0;

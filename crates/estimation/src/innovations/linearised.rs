@@ -9,8 +9,8 @@ use pilotage_collocation::{Sensitivities, Sensitivity};
 use pilotage_inference::{Data, Run};
 use std::ops::Range;
 
-/// The least-squares problem of a solution. Its rows are those of Fisher's scoring, of unit variance where the model is
-/// right.
+/// The least-squares problem of a solution. Its rows are those of Fisher scoring, with unit variance if the model is
+/// correct.
 pub(crate) fn linearised(posed: &Posed<'_>, at: &Predicted<'_>) -> Linearised {
     let likelihood = &at.program.likelihood;
     let unknowns = at.unknowns();
@@ -54,7 +54,7 @@ pub(crate) fn linearised(posed: &Posed<'_>, at: &Predicted<'_>) -> Linearised {
     }
 }
 
-/// Gradients of the constraints that hold with a multiplier, over shared parameters and those of each run.
+/// Gradients of the constraints with nonzero multipliers, over the shared parameters and those of each run.
 fn active(
     posed: &Posed<'_>,
     at: &Predicted<'_>,
@@ -65,7 +65,7 @@ fn active(
     let count = posed.constraints.count();
     let of_run = (eta.len() - count) / posed.runs.len().max(1);
     let rows = |places: &[usize], held: &mut dyn Iterator<Item = usize>| {
-        // A multiplier is negative at a lower limit, from where it is allowed to grow.
+        // A multiplier is negative at a lower limit, where the constraint may only increase.
         let row = |i: usize| {
             RowDVector::from_iterator(
                 places.len(),
@@ -118,7 +118,7 @@ impl Rows {
         self.residuals.push(residual);
     }
 
-    /// Of each signal its innovations, and then their variances.
+    /// Adds, for each signal, its innovations and then their variances.
     fn add_signals(&mut self, rows: &RunRows, signals: usize, weight: f64) -> Vec<Range<usize>> {
         let mut ranges = Vec::new();
         let scored = rows.scored();
@@ -150,7 +150,7 @@ impl Rows {
         Run {
             shared: all.columns(0, shared).into_owned(),
             own: all.columns(shared, self.width - shared).into_owned(),
-            // Innovations are white from one to the next, however far apart these are.
+            // Successive innovations are white for any spacing.
             time: (0..self.residuals.len()).map(|k| k as f64).collect(),
             residuals: DVector::from_vec(self.residuals),
             signals,

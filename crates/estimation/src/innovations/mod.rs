@@ -1,14 +1,15 @@
-//! The fit of what is predicted from one sample to the next, where noise drives the system.
+//! The fit of one-step predictions, for systems driven by noise.
 //!
-//! It begins where the responses of [`mod@crate::fit`] ended: unknowns of which these know nothing, such as densities, are
-//! at their starts there. The search is Fisher's scoring by the SQP of `pilotage-sqp`, and where that is slow Newton's method.
+//! It begins at the responses fitted by [`mod@crate::fit`]. Unknowns that do not affect the response, such as
+//! densities, begin at their start values. The search is Fisher scoring with the SQP of `pilotage-sqp`, and Newton's
+//! method if that is slow.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! | --- | --- |
-//! | `likelihood` | innovations, and their derivatives |
+//! | `likelihood` | innovations and their derivatives |
 //! | `limits` | ranges and constraints |
 //! | `program` | both as a nonlinear program |
-//! | `ahead` | predictions and innovations of a run, as results have them |
+//! | `ahead` | predictions and innovations of a run, for results |
 //! | `linearised` | a solution as a least-squares problem, for its covariance |
 //! | `again` | a solution, solved again: profiles and bootstraps |
 
@@ -37,44 +38,44 @@ use program::Program;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 
-/// Solutions of the response from which the search begins, at most.
+/// Maximum number of response solutions from which the search begins.
 const MOST_BEGINS: usize = 3;
 
-/// Parameters that differ by less than this part are those of one solution.
+/// Parameters with a smaller relative difference belong to the same solution.
 const SAME: f64 = 1e-3;
 
-/// Iterations by Fisher's information; a search that needs more goes on with the curvature itself.
+/// Maximum number of iterations with Fisher information. A search that needs more continues with the Hessian.
 const SCORED: usize = 25;
 
-/// Searches from one begin: with other scales, with more parts of each interval, or with the curvature itself.
+/// Maximum number of searches from one initial guess: with other scales, more parts of each interval, or the Hessian.
 const ROUNDS: usize = 5;
 
-/// Scaled unknowns beyond this want another scale.
+/// Scaled unknowns above this require another scale.
 const LARGE: f64 = 10.0;
 
-/// What a search has come to.
+/// The result of a search.
 pub struct Predicted<'p> {
     /// The program that was solved.
     pub(crate) program: Program<'p>,
     /// Its solution.
     pub(crate) solution: Solution,
-    /// Iterations of all searches from that begin.
+    /// Iterations of all searches from that initial guess.
     pub(crate) iterations: usize,
 }
 
 impl Predicted<'_> {
-    /// What was found.
+    /// The estimated unknowns.
     pub fn unknowns(&self) -> Vec<f64> {
         self.program.unknowns(&self.solution.iterate.z)
     }
 
-    /// The objective `Σ weight (ln s + e²/s)`, with what is known beforehand.
+    /// The objective `Σ weight (ln s + e²/s)`, plus the priors.
     pub fn objective(&self) -> f64 {
         self.solution.iterate.f / self.program.factor
     }
 }
 
-/// The unknowns of a response, and magnitudes of them.
+/// An initial guess: the unknowns of a response, and their magnitudes.
 #[derive(Debug, Clone)]
 pub(crate) struct Begin {
     unknowns: Vec<f64>,
@@ -82,7 +83,7 @@ pub(crate) struct Begin {
 }
 
 impl Begin {
-    /// Of a solution of the response.
+    /// From a solution of the response.
     fn of(likelihood: &Likelihood<'_>, runs: usize, solved: &Solved) -> Self {
         let (problem, z) = (&solved.problem, &solved.solution.iterate.z);
         let mut unknowns = problem.physical_theta(z);
@@ -104,7 +105,7 @@ impl Begin {
     }
 }
 
-/// The objective at a start, free states at their guesses; not a number where no noise drives the system.
+/// The objective at a start, with free states at their guesses; NaN if no noise drives the system.
 pub(crate) fn value(posed: &Posed<'_>, start: &Start) -> f64 {
     let Some(likelihood) = Likelihood::of(posed) else {
         return f64::NAN;
@@ -118,7 +119,7 @@ pub(crate) fn value(posed: &Posed<'_>, start: &Start) -> f64 {
     likelihood.refined(&unknowns).value(&unknowns)
 }
 
-/// Where the search begins: at the best response, and at others that converged elsewhere.
+/// Initial guesses of the search: the best response, and others that converged elsewhere.
 pub(crate) fn begins(posed: &Posed<'_>, solved: &[Option<Solved>]) -> Vec<Begin> {
     let Some(likelihood) = Likelihood::of(posed) else {
         return Vec::new();
@@ -137,10 +138,10 @@ pub(crate) fn begins(posed: &Posed<'_>, solved: &[Option<Solved>]) -> Vec<Begin>
     begins
 }
 
-/// Sees each iterate of the search from a begin, by its number.
+/// Called with each iterate of a search and the number of its initial guess.
 pub(crate) type See<'a> = dyn Fn(usize, &Iteration) -> ControlFlow<Status> + Sync + 'a;
 
-/// The searches from the best response and from other begins; the best first.
+/// Searches from the best response and from other initial guesses. The best result comes first.
 pub(crate) fn predicted<'p>(
     posed: &'p Posed<'p>,
     best: &Solved,
@@ -165,7 +166,7 @@ pub(crate) fn predicted<'p>(
     all
 }
 
-/// The search from one begin.
+/// Searches from one initial guess.
 fn searched<'p>(
     posed: &'p Posed<'p>,
     likelihood: Likelihood<'p>,

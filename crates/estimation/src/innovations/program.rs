@@ -1,5 +1,5 @@
-//! The nonlinear program: −2 log likelihood over scaled unknowns, with Fisher's information for its curvature, or with what
-//! differences of its gradient say.
+//! The nonlinear program: −2 log-likelihood over scaled unknowns. Its Hessian is the Fisher information, or is computed
+//! by finite differences of the gradient.
 
 use super::likelihood::Likelihood;
 use super::limits::Limits;
@@ -9,10 +9,10 @@ use pilotage_sqp::problem::Pattern;
 use pilotage_sqp::{Hessian, Problem, SparseProblem};
 use std::sync::{Arc, Mutex};
 
-/// Step of the differences, in scaled unknowns: central ones of a gradient that is exact but for rounding.
+/// Step of the differences, in scaled unknowns: central differences of a gradient that is exact up to rounding.
 const STEP: f64 = 1e-5;
 
-/// Least derivative of a constraint by which it is scaled.
+/// Smallest derivative by which a constraint is scaled.
 const LEAST: f64 = 1e-12;
 
 /// Derivatives at a point, in scaled unknowns.
@@ -25,23 +25,23 @@ struct Linear {
 
 /// The program of a problem.
 pub struct Program<'p> {
-    /// What is minimised.
+    /// The objective.
     pub likelihood: Likelihood<'p>,
-    /// What holds.
+    /// The constraints.
     pub limits: Limits<'p>,
     /// Magnitude of each unknown.
     pub scales: Vec<f64>,
-    /// What the objective is multiplied with: per measured value it is of the order of one.
+    /// Scale factor of the objective, which makes it of the order of one per measured value.
     pub factor: f64,
-    /// Whether the curvature is that of differences. Fisher's information is the mean of the curvature over data: it is
-    /// quicker to have, and a poor model of a density that the data do not tell from zero.
+    /// Whether the Hessian is computed by differences. Fisher information is the mean of the Hessian over data: it is
+    /// cheaper, but a poor model for a density that the data do not distinguish from zero.
     pub is_exact: bool,
-    /// An unknown that stays at a scaled value.
+    /// An unknown held at a scaled value.
     pub fixed: Option<(usize, f64)>,
-    /// Number of shared parameters, and where the unknowns of the runs stand.
+    /// Number of shared parameters, and index ranges of the unknowns of the runs.
     shared: usize,
     own: Vec<std::ops::Range<usize>>,
-    /// Scaled limits, and what they were divided by.
+    /// Scaled limits, and their scale factors.
     ends: (Vec<f64>, Vec<f64>),
     sizes: Vec<f64>,
     weights: Vec<f64>,
@@ -49,7 +49,7 @@ pub struct Program<'p> {
 }
 
 impl<'p> Program<'p> {
-    /// Of a problem's likelihood, with unknowns of these magnitudes about a point.
+    /// For a problem's likelihood, with unknowns of these magnitudes around a point.
     pub fn new(
         posed: &'p Posed<'p>,
         likelihood: Likelihood<'p>,
@@ -91,7 +91,7 @@ impl<'p> Program<'p> {
         }
     }
 
-    /// The unknowns of scaled ones.
+    /// Unknowns from scaled ones.
     pub fn unknowns(&self, z: &[f64]) -> Vec<f64> {
         z.iter().zip(&self.scales).map(|(z, s)| z * s).collect()
     }
@@ -105,7 +105,8 @@ impl<'p> Program<'p> {
             .collect()
     }
 
-    /// Pairs of unknowns that may have a common derivative: shared ones, and those of each run with these and each other.
+    /// Pairs of unknowns with a possibly nonzero second derivative: shared ones, and those of each run with these and
+    /// with each other.
     fn pairs(&self) -> Pattern {
         let shared = 0..self.shared;
         let mut all: Pattern = shared
@@ -134,7 +135,7 @@ impl<'p> Program<'p> {
         own
     }
 
-    /// The curvature by differences of the gradient, in the order of the pattern; none where that is not finite.
+    /// The Hessian by differences of the gradient, in the order of the pattern. None if it is not finite.
     fn differences(&self, z: &[f64]) -> Option<Vec<f64>> {
         let at = |k: usize, by: f64| {
             let mut moved = z.to_vec();
@@ -188,7 +189,7 @@ impl<'p> Program<'p> {
         }
     }
 
-    /// What a run has of its own stays where it is while the run does not count: its curvature is that of the scales.
+    /// Keeps the own unknowns of a run that does not count in place: their curvature is that of the scales.
     fn hold_uncounted(&self, values: &mut [f64]) {
         let uncounted = (0..self.own.len()).filter(|j| !self.likelihood.counts(*j));
         let held: Vec<usize> = uncounted.flat_map(|j| self.own[j].clone()).collect();
@@ -202,7 +203,7 @@ impl<'p> Program<'p> {
         }
     }
 
-    /// The sum of the runs' information on two unknowns.
+    /// Sum over the runs of the information on two unknowns.
     fn entry(&self, blocks: &[DMatrix<f64>], i: usize, k: usize) -> f64 {
         let runs = self.own.iter().zip(blocks);
         let place = |own: &std::ops::Range<usize>, k: usize| match k < self.shared {
@@ -275,16 +276,14 @@ impl SparseProblem for Program<'_> {
     }
 
     fn hessian(&self, z: &[f64], _: &[f64], eta: &[f64], kind: Hessian, values: &mut [f64]) {
-        values.copy_from_slice(&self.linear(z).hessian);
-        self.hold_uncounted(values);
-        if kind == Hessian::GaussNewton {
-            return;
-        }
-        if let Some(own) = self.is_exact.then(|| self.differences(z)).flatten() {
-            values.copy_from_slice(&own);
+        let is_exact = kind != Hessian::GaussNewton;
+        let exact = (is_exact && self.is_exact).then(|| self.differences(z));
+        match exact.flatten() {
+            Some(own) => values.copy_from_slice(&own),
+            None => values.copy_from_slice(&self.linear(z).hessian),
         }
         self.hold_uncounted(values);
-        if eta.iter().all(|own| *own == 0.0) {
+        if !is_exact || eta.iter().all(|own| *own == 0.0) {
             return;
         }
         let unknowns = self.unknowns(z);

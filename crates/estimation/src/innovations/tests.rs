@@ -1,4 +1,4 @@
-//! The program's derivatives against differences of the objective.
+//! Compares the program's derivatives with differences of the objective.
 
 use super::likelihood::Likelihood;
 use super::program::Program;
@@ -106,7 +106,7 @@ fn derivatives_of_the_program_are_those_of_differences() {
             assert!((jacobian[9 * i + k] - slope).abs() < 1e-6, "{i} {k}");
         }
     }
-    // The curvature by differences is that of differences of the objective.
+    // The Hessian by differences agrees with second differences of the objective.
     let (mut values, lambda) = (vec![0.0; program.hessian_pattern().len()], []);
     let mut exact = program;
     exact.is_exact = true;

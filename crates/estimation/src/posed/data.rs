@@ -1,4 +1,4 @@
-//! The runs: their columns, what drives the system in them, and at which times.
+//! The runs: their columns, inputs and sample times.
 
 use crate::problem::error::ProblemError;
 use crate::problem::file::{Change, Hold, ProblemFile, RunLine};
@@ -7,52 +7,52 @@ use pilotage_cosim::description::Said;
 use pilotage_series::{Series, SeriesError};
 use pilotage_units::Unit;
 
-/// How long before its first row a run may begin, of its length.
+/// Maximum time from the start of a run to its first row, relative to the run's length.
 const FARTHEST: f64 = 1000.0;
 
-/// Where the values of an input come from.
+/// Source of the values of an input.
 #[derive(Debug, Clone)]
 pub enum Source {
     /// A column of each run.
     Column {
         /// Its name.
         name: Said<String>,
-        /// Unit of the input, where it has one.
+        /// Unit of the input, if it has one.
         unit: Option<String>,
-        /// What it does between two samples.
+        /// Interpolation between samples.
         hold: Hold,
-        /// What is taken where a sample is missing; that between its neighbours if this is.
+        /// Value of missing samples. If none, they are interpolated between their neighbours.
         missing: Option<f64>,
     },
-    /// Whether a column of each run has a number: 1, else 0.
+    /// 1 where a column of each run has a number, else 0.
     Presence(Said<String>),
-    /// For each run, from when on each value holds; the first from the begin.
+    /// For each run, values and the times from which they hold. The first holds from the start.
     Given(Vec<Vec<(f64, f64)>>),
 }
 
-/// A run as it was read.
+/// A run as read from its file.
 #[derive(Debug)]
 pub struct RunData<'f> {
-    /// What the problem says of it.
+    /// Its entry in the problem.
     pub line: &'f RunLine,
     /// Its columns.
     pub series: Series,
-    /// Seconds in the unit of its times.
+    /// The unit of its times, in seconds.
     seconds: f64,
 }
 
-/// The samples of a run: its rows, and others at which something changes.
+/// The samples of a run: its rows, and additional times at which something changes.
 #[derive(Debug, Clone)]
 pub struct Rows {
     /// Times \[s\].
     pub time: Vec<f64>,
-    /// Inputs at each.
+    /// Inputs at each sample.
     pub inputs: Vec<Vec<f64>>,
-    /// The row of the file, of those that are one.
+    /// Row of the file for each sample, if it is one.
     pub rows: Vec<Option<usize>>,
 }
 
-/// An input over time: samples, and how it goes on between them.
+/// An input over time: samples and their interpolation.
 struct Signal {
     time: Vec<f64>,
     values: Vec<f64>,
@@ -63,7 +63,7 @@ impl<'f> RunData<'f> {
     /// Reads a run.
     ///
     /// # Errors
-    /// When the file cannot be read, has a number that is not finite, or begins after its start time.
+    /// When the file cannot be read, has a number that is infinite, or begins before its start time.
     pub fn read(line: &'f RunLine) -> Result<Self, ProblemError> {
         let unread = |error| match error {
             SeriesError::Read { .. } => ProblemError::unread(Some(&line.place), &line.file, &error),
@@ -81,7 +81,7 @@ impl<'f> RunData<'f> {
         Ok(own)
     }
 
-    /// Refuses numbers that are not finite, and times that are not within the run.
+    /// Rejects infinite numbers, and times outside the run.
     fn check(&self) -> Result<(), ProblemError> {
         let Self { line, series, .. } = self;
         let file = line.file.display();
@@ -132,7 +132,7 @@ impl<'f> RunData<'f> {
         Ok(())
     }
 
-    /// What it is called.
+    /// Its name.
     pub fn name(&self) -> String {
         self.line.name.clone()
     }
@@ -144,25 +144,25 @@ impl<'f> RunData<'f> {
             unit => unit,
         };
         let own = time / self.seconds;
-        // The digits that a conversion to seconds and back leaves.
+        // Rounds away the error of a conversion to seconds and back.
         let rounded: f64 = format!("{own:.12e}").parse().unwrap_or(own);
         format!("{rounded} {unit}")
     }
 
-    /// What changes within it, and when \[s\].
+    /// The changes within it, and their times \[s\].
     pub fn changes(&self) -> impl Iterator<Item = (f64, &'f Change)> {
         let seconds = self.seconds;
         let changes = self.line.changes.iter();
         changes.map(move |change| (change.time * seconds, change))
     }
 
-    /// When it begins \[s\].
+    /// Its start time \[s\].
     pub fn begin(&self) -> f64 {
         let start = self.line.start_time.as_ref();
         start.map_or(self.series.time[0], |start| start.value * self.seconds)
     }
 
-    /// The mean of a column's samples where it begins; none where it has none there.
+    /// Mean of a column's samples at the start time. None if it has none there.
     pub fn at_begin(&self, values: &[f64]) -> Option<f64> {
         let begin = self.begin();
         let rows = self.series.time.iter().zip(values);
@@ -171,15 +171,15 @@ impl<'f> RunData<'f> {
         (!there.is_empty()).then(|| there.iter().sum::<f64>() / there.len() as f64)
     }
 
-    /// When it ends \[s\].
+    /// Its end time \[s\].
     pub fn end(&self) -> f64 {
         self.series.time[self.series.time.len() - 1]
     }
 
-    /// A column in a unit.
+    /// A column, converted to a unit.
     ///
     /// # Errors
-    /// Where there is none, or its unit does not fit.
+    /// When it does not exist, or its unit is incompatible.
     pub fn column(
         &self,
         name: &Said<String>,
@@ -217,10 +217,10 @@ impl<'f> RunData<'f> {
             .collect())
     }
 
-    /// The samples with these inputs; `run` is its number.
+    /// The samples with these inputs. `run` is the number of the run.
     ///
     /// # Errors
-    /// Where a column is missing.
+    /// When a column is missing.
     pub fn rows(&self, run: usize, sources: &[Source]) -> Result<Rows, ProblemError> {
         let signals: Vec<Signal> = (sources.iter())
             .map(|source| self.signal(run, source))
@@ -321,8 +321,8 @@ impl<'f> RunData<'f> {
     }
 }
 
-/// Where a column has no samples for much longer than between most of those that it has: a straight line would be made
-/// up. A column that is recorded less often than others has empty cells, and no such gap.
+/// Where a column has no samples for much longer than its usual spacing, so that interpolation would invent data. A
+/// column recorded at a lower rate than others has empty cells but no such gap.
 fn gap(rows: &[f64], known: &[f64]) -> Option<[f64; 2]> {
     const MUCH: f64 = 5.0;
     let (first, last) = (*rows.first()?, *rows.last()?);
@@ -343,7 +343,7 @@ fn gap(rows: &[f64], known: &[f64]) -> Option<[f64; 2]> {
     (longest[1] - longest[0] > MUCH * usual).then_some([longest[0], longest[1]])
 }
 
-/// Values at these times; where one is NaN, that on the straight line between its neighbours.
+/// Values at these times. NaNs are replaced by linear interpolation between their neighbours.
 pub fn filled(time: &[f64], values: &[f64]) -> Vec<f64> {
     let known = time.iter().zip(values).filter(|(_, value)| !value.is_nan());
     let (times, known) = known.unzip();
@@ -370,7 +370,7 @@ impl Signal {
         self.between(self.time.partition_point(|t| *t <= time), time)
     }
 
-    /// In a row of the file: of rows of one time each has its own.
+    /// In a row of the file: rows with equal times have separate values.
     fn at_row(&self, time: f64, row: usize, times: &[f64]) -> f64 {
         let all_there = self.time.len() == times.len();
         match all_there && self.time[row] == time {
@@ -379,7 +379,7 @@ impl Signal {
         }
     }
 
-    /// Between the sample before that of a number and it.
+    /// Between the sample `next` and the one before it.
     fn between(&self, next: usize, time: f64) -> f64 {
         let (from, to) = (next.saturating_sub(1), next.min(self.time.len() - 1));
         let span = self.time[to] - self.time[from];
@@ -387,12 +387,12 @@ impl Signal {
             return self.values[from];
         }
         let part = ((time - self.time[from]) / span).clamp(0.0, 1.0);
-        // Exact at both ends: a rounding error would be a jump.
+        // Exact at both ends: a rounding error would act as a jump.
         (1.0 - part) * self.values[from] + part * self.values[to]
     }
 }
 
-/// Refuses runs in which an FMU has a time event.
+/// Rejects runs in which an FMU has a time event.
 pub(crate) fn check_times(
     file: &ProblemFile,
     joint: &Joint,
@@ -436,7 +436,7 @@ mod tests {
         let kept = |is_kept: &dyn Fn(usize) -> bool| -> Vec<f64> {
             (0..=300).filter(|k| is_kept(*k)).map(|k| rows[k]).collect()
         };
-        // All, every third, and one lost here and there.
+        // All samples, every third, and single samples lost.
         assert_eq!(gap(&rows, &rows), None);
         assert_eq!(gap(&rows, &kept(&|k| k % 3 == 0)), None);
         assert_eq!(gap(&rows, &kept(&|k| k % 50 != 7)), None);

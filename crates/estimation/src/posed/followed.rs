@@ -1,19 +1,19 @@
-//! States over time from which a search begins.
+//! Initial state trajectories of a search.
 //!
-//! A closed loop with wrong parameters may well be unstable, and then its simulation is no start. So states that were
-//! measured follow their recordings, and the others are simulated as these drive them: every loop through a measured
-//! state is open.
+//! A closed loop with wrong parameters may be unstable, and its simulation is then no usable initial guess. Therefore
+//! measured states follow their recordings, and the others are simulated as driven by these: every loop through a
+//! measured state is open.
 
 use crate::posed::data::filled;
 use pilotage_collocation::{Course, Differentiated, Quality, Run, Stop};
 use pilotage_expression::System;
 
-/// A system some states of which are inputs.
+/// A system in which some states are replaced by inputs.
 #[derive(Debug)]
 pub struct Followed {
-    /// The equations; inputs for the states stand behind the others.
+    /// The equations. Inputs that replace states come after the others.
     model: Differentiated,
-    /// Which states.
+    /// The replaced states.
     states: Vec<usize>,
     /// The runs, with the recordings as inputs.
     runs: Vec<Run>,
@@ -23,7 +23,7 @@ pub struct Followed {
 pub type Recorded<'r> = (usize, &'r [Vec<f64>]);
 
 impl Followed {
-    /// The system whose states these are; `None` where none was measured in every run.
+    /// The system with these states replaced. `None` if none was measured in every run.
     pub fn new(system: &System, runs: &[Run], recorded: &[Recorded<'_>]) -> Option<Self> {
         let is_known = |own: &Vec<f64>| own.iter().any(|value| value.is_finite());
         let recorded = recorded.iter().filter(|(_, all)| all.iter().all(is_known));
@@ -50,7 +50,7 @@ impl Followed {
         })
     }
 
-    /// A run with these parameters from these initial states.
+    /// Simulates a run with these parameters from these initial states.
     pub fn simulate(
         &self,
         run: usize,
@@ -69,7 +69,7 @@ impl Followed {
                 x[*state] = *value;
             }
         }
-        // At a jump the samples before and behind it have inputs of their own.
+        // At a jump the samples before and after it have separate inputs.
         for (place, inputs) in course.samples.iter().zip(&run.inputs) {
             for (state, value) in self.states.iter().zip(&inputs[first..]) {
                 course.states[*place][*state] = *value;
@@ -79,7 +79,7 @@ impl Followed {
     }
 }
 
-/// The system with inputs for these states, which stay where they are.
+/// The system with additional inputs for these states, whose derivatives are zero.
 fn opened(system: &System, states: &[usize]) -> System {
     let mut open = System {
         inputs: system.inputs + states.len(),

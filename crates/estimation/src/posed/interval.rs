@@ -1,15 +1,15 @@
-//! Between which values expressions lie, by interval arithmetic (Moore, *Interval Analysis*, 1966): wider than need
-//! be where a variable stands twice, never narrower.
+//! Ranges of expressions by interval arithmetic (Moore, *Interval Analysis*, 1966): never too narrow, but possibly too
+//! wide if a variable occurs twice.
 
 use pilotage_expression::{Function, Graph, Operation, Operator};
 
-/// Lower and upper end.
+/// Lower and upper bound.
 pub type Interval = [f64; 2];
 
-/// Every number.
+/// All real numbers.
 pub const ALL: Interval = [f64::NEG_INFINITY, f64::INFINITY];
 
-/// The interval of each node, where the variables have these.
+/// The interval of each node, given those of the variables.
 pub fn intervals(graph: &Graph, variables: &[Interval]) -> Vec<Interval> {
     let mut found: Vec<Interval> = Vec::with_capacity(graph.operations().len());
     for operation in graph.operations() {
@@ -34,7 +34,7 @@ pub fn intervals(graph: &Graph, variables: &[Interval]) -> Vec<Interval> {
     found
 }
 
-/// What two intervals share; none where that is nothing.
+/// Intersection of two intervals. None if it is empty.
 pub fn shared(a: Interval, b: Interval) -> Option<Interval> {
     let both = [a[0].max(b[0]), a[1].min(b[1])];
     (both[0] <= both[1]).then_some(both)
@@ -73,7 +73,7 @@ fn reciprocal(a: Interval) -> Interval {
 }
 
 fn product(a: Interval, b: Interval) -> Interval {
-    // An end at infinity is never reached: 0 times it is 0.
+    // An infinite bound is never attained: 0 times it is 0.
     let times = |x: f64, y: f64| if x == 0.0 || y == 0.0 { 0.0 } else { x * y };
     let ends = [
         times(a[0], b[0]),
@@ -94,7 +94,7 @@ mod tests {
     use rand_chacha::rand_core::SeedableRng;
     use rand_distr::{Distribution, Uniform};
 
-    /// Values at random points lie within.
+    /// Values at random points lie within their intervals.
     #[test]
     fn values_lie_within_their_intervals() {
         let mut graph = Graph::default();

@@ -1,9 +1,8 @@
-//! A problem as equations: one system whose states, inputs and parameters are those that are sought or recorded.
+//! A problem as one system of equations, whose states, inputs and parameters are sought or recorded.
 //!
-//! What differs from run to run is an input that is constant in the run, or jumps where it changes. What is sought
-//! for each run is a state whose derivative is zero and whose initial value is free, so that it is eliminated run by
-//! run as the others are. An initial state that depends on sought parameters is added to its state, which then
-//! begins at zero.
+//! Values that differ between runs are inputs that are constant in each run or jump at a change. A parameter sought per
+//! run is a state with zero derivative and a free initial value, so that it is eliminated run by run like the other
+//! states. An initial state that depends on sought parameters is added to its state, which then starts at zero.
 
 mod assembly;
 pub mod data;
@@ -31,51 +30,51 @@ use pilotage_filter::Filter;
 use pilotage_linear::eigenvalues;
 use std::sync::Arc;
 
-/// Most mesh intervals of all runs together.
+/// Maximum number of mesh intervals of all runs together.
 pub(crate) const MOST_INTERVALS: usize = 400_000;
 
 /// A problem that is ready to be discretised.
 #[derive(Debug)]
 pub struct Posed<'f> {
-    /// What the file says.
+    /// The problem file.
     pub file: &'f ProblemFile,
-    /// The instances.
+    /// The connected instances.
     pub joint: Joint,
-    /// The same without limits of outputs, where they saturate there: what is linear is linear within the limits.
+    /// The same without saturation at output limits, if outputs saturate. Linear analysis applies within the limits.
     pub(crate) unlimited: Option<Joint>,
     /// The equations: measured outputs first, then bounded ones.
     pub model: Arc<Differentiated>,
-    /// Bounds of the latter.
+    /// Bounds of the bounded outputs.
     pub bounds: Vec<Bound>,
-    /// What parameters must fulfil.
+    /// Constraints on the parameters.
     pub constraints: ParameterConstraints,
-    /// What messages call bounds and constraints.
+    /// Names of bounds and constraints in messages.
     pub names: Names,
-    /// The runs that are fitted; their mesh is their samples.
+    /// The fitted runs. Their mesh consists of their samples.
     pub runs: Vec<Run>,
-    /// What is sought, and where it stands.
+    /// The unknowns, and their places in the equations.
     pub unknowns: Vec<(Unknown, Stands)>,
     /// Number of shared parameters.
     pub shared: usize,
-    /// The states, those of the runs' own parameters behind.
+    /// The states. Those for the runs' own parameters come last.
     pub states: Vec<State>,
-    /// What is told of a solution.
+    /// Expressions to evaluate at a solution.
     pub told: Told,
-    /// What the solver's objective is, per unit of the problem's.
+    /// The solver's objective divided by that of the problem.
     pub factor: f64,
-    /// What predicts a sample from those before it, where noise drives the system.
+    /// The filter that predicts a sample from earlier ones, if noise drives the system.
     pub filter: Option<Filter>,
-    /// Measured states as inputs, for the start of a search.
+    /// The system with measured states as inputs, for the initial guess of a search.
     pub followed: Option<Followed>,
-    /// What was read, of each run that is fitted.
+    /// Data of each fitted run, as read.
     pub data: Vec<RunData<'f>>,
 }
 
-/// How an instance is opened.
+/// A function that opens an instance.
 pub type Open<'o> = &'o dyn Fn(&InstanceDescription) -> Result<Part, ProblemError>;
 
 impl<'f> Posed<'f> {
-    /// Where an unknown stands among the parameters of a [start](crate::search::starts::Start).
+    /// Indices of an unknown among the parameters of a [start](crate::search::starts::Start).
     pub(crate) fn places(&self, stands: &Stands) -> Vec<usize> {
         match stands {
             Stands::State(k) => vec![self.shared + k - self.joint.model.states.len()],
@@ -83,8 +82,8 @@ impl<'f> Posed<'f> {
         }
     }
 
-    /// Names of the states whose initial values each run leaves open: those that are `free`. Ones that are `steady` are
-    /// searched too, and their equations tell them.
+    /// Names of the states with `free` initial values in each run. Those with `steady` are searched too, but determined
+    /// by their equations.
     pub fn free_states(&self) -> impl Iterator<Item = &String> {
         let is_free = |state: &&String| {
             let line = self.file.initial_line(state);
@@ -102,15 +101,15 @@ impl<'f> Posed<'f> {
         self.shared + self.runs.len() * (own + self.free_states().count())
     }
 
-    /// Name of the unit of what was measured, by its number, where it has one.
+    /// Name of the unit of a measured quantity, by its number, if it has one.
     pub fn unit_of(&self, k: usize) -> Option<&str> {
         self.file.measured[k].unit(&self.joint)
     }
 
-    /// The problem of a file.
+    /// Poses the problem of a file.
     ///
     /// # Errors
-    /// When anything in it does not fit: with file, line and column.
+    /// When anything in it is inconsistent. The error states file, line and column.
     pub fn new(file: &'f ProblemFile, open: Open<'_>) -> Result<Self, ProblemError> {
         let mut parts = Vec::new();
         let named = file.named_signals();
@@ -180,7 +179,7 @@ pub(crate) fn variables(
     all
 }
 
-/// Eigenvalues of the joint system's Jacobian with these states at the end of the first run; none where it is not known.
+/// Eigenvalues of the joint system's Jacobian with these states at the end of the first run. Empty if it is not finite.
 pub(crate) fn poles(posed: &Posed<'_>, x: &[f64], theta: &[f64]) -> Vec<Complex<f64>> {
     let system = &posed.model.system;
     let n = posed.joint.model.states.len();
@@ -203,8 +202,8 @@ pub(crate) fn poles(posed: &Posed<'_>, x: &[f64], theta: &[f64]) -> Vec<Complex<
     }
 }
 
-/// What the objective is multiplied with, so that residuals are not all tiny against the solver's tolerance: they are
-/// where the noise level is not told and the data are small.
+/// Scale factor of the objective. It keeps residuals above the solver's tolerance if no noise level is given and the
+/// data are small.
 fn factor(runs: &[Run]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for recording in runs.iter().flat_map(|run| &run.measured) {

@@ -1,4 +1,4 @@
-//! The expressions of a problem, in its names, compiled.
+//! The expressions of a problem, compiled with its names.
 
 use crate::posed::ranges::check_range;
 use crate::posed::unknowns::{Meaning, Parameters, no_parameter};
@@ -13,30 +13,31 @@ use pilotage_language::syntax::column;
 use pilotage_units::Product;
 use std::collections::HashMap;
 
-/// What a noise level calls the value that the model predicts.
+/// Name of the predicted value in a noise level.
 pub const PREDICTED: &str = "y";
 
 /// The expressions of a problem file.
 #[derive(Debug)]
 pub struct Named {
-    /// Names of the signals, in the order of the graph's variables behind the time.
+    /// Names of the signals, in the order of the graph's variables after time.
     pub signals: Vec<String>,
-    /// Names of recorded columns, behind the signals, and where each is first named; then comes the predicted value.
+    /// Names of recorded columns, which come after the signals, each with the place where it is first named. The
+    /// predicted value follows.
     pub columns: Vec<Said<String>>,
-    /// Names of the parameters behind that: those that are not tied.
+    /// Names of the parameters that are not tied, which come next.
     pub parameters: Vec<String>,
     /// The expressions.
     pub compiled: CompiledExpressions,
-    /// Where each formula stands in the compiled list, by what it is of.
+    /// Index of each formula in the compiled list.
     places: HashMap<Of, usize>,
 }
 
-/// What an expression is of.
+/// Role of an expression.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Of {
     /// A tied parameter.
     Tied(String),
-    /// What was measured, by its number.
+    /// The measured quantity of this number.
     Measured(usize),
     /// Its noise level.
     Deviation(usize),
@@ -52,7 +53,7 @@ pub enum Of {
     Constraint(usize),
     /// A derived quantity.
     Derived(String),
-    /// What a run sets: the parameter and the expression as it is written.
+    /// A value set by a run: the parameter and the expression as written.
     Set(String, String),
 }
 
@@ -60,7 +61,7 @@ impl Named {
     /// Compiles the expressions of a file.
     ///
     /// # Errors
-    /// When a name means nothing, units do not fit, or parameters are tied in a circle.
+    /// When a name is unknown, units are incompatible, or parameters are tied in a cycle.
     pub fn new(
         file: &ProblemFile,
         joint: &Joint,
@@ -74,7 +75,7 @@ impl Named {
             columns: Vec::new(),
         };
         let signals = joint.signals();
-        // Inputs that nothing drives are numbers, and signals all the same.
+        // Inputs that are not driven are numbers, but also signals.
         for name in &signals {
             builder.expressions.add_signal(name, joint.unit(name));
         }
@@ -102,7 +103,7 @@ impl Named {
         })
     }
 
-    /// The place of an expression in the compiled list.
+    /// Index of an expression in the compiled list.
     pub fn place(&self, of: &Of) -> Option<usize> {
         self.places.get(of).copied()
     }
@@ -112,7 +113,7 @@ struct Builder {
     expressions: Expressions,
     places: HashMap<Of, usize>,
     columns: Vec<Said<String>>,
-    /// Inputs that nothing drives.
+    /// Inputs that are not driven.
     free_inputs: Vec<String>,
 }
 
@@ -149,7 +150,8 @@ impl Builder {
         Ok(())
     }
 
-    /// Refuses an input that nothing drives where parameters alone may stand: it is a number, but a signal by its name.
+    /// Rejects an input that is not driven where only parameters are allowed: it is a number, but its name is that of a
+    /// signal.
     fn check_constant(
         &self,
         file: &ProblemFile,
@@ -268,7 +270,7 @@ fn add_all(
     Ok(())
 }
 
-/// The unit of a density: the square of that to which the noise is added, times seconds. None where that has none.
+/// Unit of a density: the square of the unit of the noise, times seconds. None if that has no unit.
 fn density_unit(signal: &str, joint: &Joint) -> Option<String> {
     let unit = Product::parse(joint.unit(signal)?)?;
     let added = match joint.model.states.iter().any(|own| own == signal) {
@@ -278,7 +280,7 @@ fn density_unit(signal: &str, joint: &Joint) -> Option<String> {
     Some(added.density().to_string())
 }
 
-/// Refuses the predicted value outside of noise levels.
+/// Rejects the predicted value outside noise levels.
 fn check_prediction(file: &ProblemFile, formula: &Formula) -> Result<(), ProblemError> {
     match formula.names().any(|name| name == PREDICTED) {
         true => {
@@ -291,7 +293,7 @@ fn check_prediction(file: &ProblemFile, formula: &Formula) -> Result<(), Problem
 }
 
 impl Of {
-    /// What messages call it, with a blank where no expression takes it.
+    /// Its name in messages. It contains a space if no expression can refer to it.
     fn name(&self) -> String {
         match self {
             Self::Tied(name) => name.clone(),
@@ -307,7 +309,7 @@ impl Of {
         }
     }
 
-    /// The value that a run sets.
+    /// A value set by a run.
     pub fn set(name: &str, value: &Formula) -> Self {
         Self::Set(name.to_owned(), value.expression.text.clone())
     }

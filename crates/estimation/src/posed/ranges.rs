@@ -1,4 +1,4 @@
-//! Ranges of parameters: where a value lies, where a search begins, what the model itself takes.
+//! Checks of parameter ranges: of values, of start values, and against the range of the model.
 
 use crate::posed::unknowns::Unknown;
 use crate::problem::error::ProblemError;
@@ -7,8 +7,8 @@ use crate::system::joint::Joint;
 use crate::system::part::About;
 use pilotage_text::document::Place;
 
-/// Refuses a range beyond that of the model, which takes no value from there: neither would what was fitted be read
-/// again, nor does an FMU have to compute with it.
+/// Rejects a range beyond that of the model. A value outside it could not be read back into the model, and an FMU need
+/// not support it.
 pub fn check_model_range(line: &Sought, about: &About, joint: &Joint) -> Result<(), ProblemError> {
     let is_below = |a: Option<f64>, b: Option<f64>| a.zip(b).is_some_and(|(a, b)| a < b);
     if !is_below(line.min, about.min) && !is_below(about.max, line.max) {
@@ -31,7 +31,7 @@ pub fn check_model_range(line: &Sought, about: &About, joint: &Joint) -> Result<
     Err(ProblemError::maybe_at(line.name.place.as_ref(), fault))
 }
 
-/// Refuses a number that is out of a parameter's range.
+/// Rejects a number outside a parameter's range.
 pub fn check_range(
     name: &str,
     value: f64,
@@ -51,7 +51,7 @@ pub fn check_range(
     }
 }
 
-/// Refuses a search that begins where it may not be.
+/// Rejects an invalid start value of a search.
 pub fn check_start(unknown: &Unknown) -> Result<(), ProblemError> {
     let Unknown { name, start, .. } = unknown;
     let fault = |text: String| ProblemError::maybe_at(unknown.place.as_ref(), text);

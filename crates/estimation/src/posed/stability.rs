@@ -1,7 +1,8 @@
-//! Conditions under which instances, alone or wired, are stable where the first run begins.
+//! Conditions for stability of instances, alone or connected, where the first run begins.
 //!
-//! Of the linearised equations the characteristic polynomial (Berkowitz, Inf. Process. Lett. 18, 1984), and the first
-//! column of Routh's array (Gantmacher, *The Theory of Matrices*, vol. 2, ch. XV, §3), as expressions of the parameters.
+//! The characteristic polynomial of the linearised equations (Berkowitz, Inf. Process. Lett. 18, 1984) and the first
+//! column of its Routh array (Gantmacher, *The Theory of Matrices*, vol. 2, ch. XV, §3), as expressions of the
+//! parameters.
 
 use crate::problem::error::ProblemError;
 use crate::problem::file::ProblemFile;
@@ -10,30 +11,30 @@ use pilotage_expression::{Graph, Model, Node};
 use pilotage_text::counted;
 use std::collections::HashMap;
 
-/// The slowest decay of an instance that counts as stable \[1/s\].
+/// Slowest decay of an instance that counts as stable \[1/s\].
 const MARGIN: f64 = 1e-6;
 
-/// The slowest decay of a closed loop that does \[1/s\]: what is left of a slow mode fades within a thousand seconds;
-/// runs of seconds cannot tell more.
+/// Slowest decay of a closed loop that counts as stable \[1/s\]: a slow mode decays within a thousand seconds. Runs of
+/// seconds cannot determine more.
 const LOOP_MARGIN: f64 = 1e-3;
 
-/// What messages call all instances wired.
+/// Name of the connected instances in messages.
 pub const CLOSED_LOOP: &str = "the closed loop";
 
-/// Most states of what is kept stable: the polynomial of more loses its digits.
+/// Maximum number of states for a stability condition: the polynomial of larger systems loses precision.
 const MOST_STATES: usize = 20;
 
-/// Where a problem is linearised.
+/// The point at which a problem is linearised.
 pub struct Point<'a> {
     pub joint: &'a Joint,
     pub file: &'a ProblemFile,
-    /// Nodes of the parameters and of inputs that nothing drives.
+    /// Nodes of the parameters and of inputs that are not driven.
     pub values: &'a HashMap<String, Node>,
     /// States and inputs of the joint model.
     pub initial: &'a (Vec<f64>, Vec<f64>),
 }
 
-/// Expressions that are above zero where all is stable that a file says, and of what each is the stability.
+/// Expressions that are positive if everything listed in the file is stable, each with the name of the stable system.
 pub fn conditions(graph: &mut Graph, at: &Point<'_>) -> Result<Vec<(Node, String)>, ProblemError> {
     let mut all = Vec::new();
     let (joint, stability) = (at.joint, &at.file.stability);
@@ -65,7 +66,7 @@ pub fn conditions(graph: &mut Graph, at: &Point<'_>) -> Result<Vec<(Node, String
     Ok(all)
 }
 
-/// Conditions of one model, whose states begin at `first` among those of all.
+/// Conditions of one model, whose states begin at index `first` of all states.
 fn of_model(
     graph: &mut Graph,
     at: &Point<'_>,
@@ -87,7 +88,7 @@ fn of_model(
     let mut variables = vec![graph.constant(0.0)];
     variables.extend(states[first..][..n].iter().map(|x| graph.constant(*x)));
     for name in &model.inputs {
-        // Of an instance alone, what drives it elsewhere is 0.
+        // For an instance alone, inputs driven by others are 0.
         let name = format!("{prefix}{name}");
         let place = at.joint.model.inputs.iter().position(|own| *own == name);
         variables.push(graph.constant(place.map_or(0.0, |place| inputs[place])));
@@ -102,11 +103,11 @@ fn of_model(
     Ok(routh(graph, polynomial, margin))
 }
 
-/// Coefficients of `det(s I - A)`, that of the highest power first; the matrix column by column.
+/// Coefficients of `det(s I - A)`, highest power first. The matrix is given column by column.
 ///
-/// With the last rows and columns `M` of the matrix, the row `R` before them, the column `C` and the entry `a`, the
-/// polynomial of one row more is that of `M` times the Toeplitz matrix of `1, -a, -RC, -RMC, -RM²C, ...`
-/// (Berkowitz 1984). Nothing is divided, and what is zero stays zero: a chain of lags keeps its digits.
+/// With the last rows and columns `M` of the matrix, the row `R` and the column `C` before them, and the entry `a`, the
+/// polynomial with one more row is that of `M` times the Toeplitz matrix of `1, -a, -RC, -RMC, -RM²C, ...` (Berkowitz
+/// 1984). There are no divisions, and zeros stay zero: a chain of lags keeps its precision.
 fn characteristic(graph: &mut Graph, a: &[Vec<Node>]) -> Vec<Node> {
     let n = a.len();
     let zero = graph.constant(0.0);
@@ -140,7 +141,7 @@ fn characteristic(graph: &mut Graph, a: &[Vec<Node>]) -> Vec<Node> {
     polynomial
 }
 
-/// The first column of Routh's array behind its first entry, of the polynomial about `-margin`.
+/// The first column of the Routh array after its first entry, for the polynomial expanded about `-margin`.
 fn routh(graph: &mut Graph, mut p: Vec<Node>, margin: f64) -> Vec<Node> {
     let n = p.len() - 1;
     // Horner's scheme: p(s - margin).
@@ -178,7 +179,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// The polynomial vanishes at the eigenvalues, and Routh's column is positive where all are left of the margin.
+        /// The polynomial vanishes at the eigenvalues, and Routh's column is positive if all are left of the margin.
         #[test]
         fn polynomial_and_column_agree_with_the_eigenvalues(
             n in 1_usize..=7, entries in prop::collection::vec(-2.0..2.0_f64, 49), shift in -3.0..1.0_f64

@@ -1,4 +1,4 @@
-//! What each parameter of a problem is: a number, sought, or tied to others.
+//! The role of each parameter of a problem: a number, sought, or tied to others.
 
 use crate::posed::ranges::{check_model_range, check_range, check_start};
 use crate::problem::error::ProblemError;
@@ -16,60 +16,60 @@ use std::collections::HashMap;
 pub struct Unknown {
     /// Its name.
     pub name: String,
-    /// Name of its unit, where it has one.
+    /// Name of its unit, if it has one.
     pub unit: Option<String>,
     /// Where the search starts.
     pub start: f64,
-    /// Least value.
+    /// Minimum value.
     pub min: Option<f64>,
-    /// Greatest value.
+    /// Maximum value.
     pub max: Option<f64>,
     /// Typical magnitude.
     pub nominal: Option<f64>,
-    /// The search goes along its logarithm.
+    /// The search uses its logarithm.
     pub log: bool,
-    /// What is known of it beforehand.
+    /// Its prior.
     pub prior: Option<Prior>,
-    /// For what it has a value of its own.
+    /// What it has separate values for.
     pub per: Per,
-    /// Where it is sought.
+    /// Its place in the file.
     pub place: Option<Place>,
 }
 
-/// What a parameter is.
+/// Role of a parameter.
 #[derive(Debug, Clone)]
 pub enum Meaning {
     /// A number.
     Number(f64),
-    /// Sought: its place among the unknowns.
+    /// Sought: its index among the unknowns.
     Unknown(usize),
     /// Tied to others.
     Tied(Formula),
 }
 
-/// All parameters of a problem: those of the instances, inputs that nothing drives, and the problem's own.
+/// All parameters of a problem: those of the instances, inputs that are not driven, and the problem's own.
 #[derive(Debug)]
 pub struct Parameters {
     /// Their names.
     pub names: Vec<String>,
-    /// What each is.
+    /// The role of each.
     pub meanings: HashMap<String, Meaning>,
-    /// What is sought.
+    /// The sought parameters.
     pub unknowns: Vec<Unknown>,
     /// Units of the problem's own parameters.
     own_units: HashMap<String, Option<String>>,
 }
 
-/// The number of a sensor that is sought.
+/// Name of a sensor's sought gain or offset.
 pub fn calibration(what: &str, column: &str) -> String {
     format!("{what}({column})")
 }
 
 impl Parameters {
-    /// The parameters of a file whose instances are these.
+    /// The parameters of a file with these instances.
     ///
     /// # Errors
-    /// Where a line means nothing, or a start is missing or out of range.
+    /// When a line refers to nothing, or a start is missing or out of range.
     pub fn new(file: &ProblemFile, joint: &Joint) -> Result<Self, ProblemError> {
         let fed = |name: &String| file.inputs.iter().any(|fed| fed.signal.value == *name);
         let inputs = joint
@@ -108,7 +108,7 @@ impl Parameters {
         Ok(all)
     }
 
-    /// Name of a parameter's unit, where it has one.
+    /// Name of a parameter's unit, if it has one.
     pub fn unit<'a>(&'a self, name: &str, joint: &'a Joint) -> Option<&'a str> {
         match self.own_units.get(name) {
             Some(unit) => unit.as_deref(),
@@ -116,7 +116,7 @@ impl Parameters {
         }
     }
 
-    /// The values that the system says.
+    /// Applies the values set by the system.
     fn set(&mut self, file: &ProblemFile, joint: &Joint) -> Result<(), ProblemError> {
         for setting in &file.system.settings {
             let name = &setting.name;
@@ -139,7 +139,7 @@ impl Parameters {
         Ok(())
     }
 
-    /// Least and greatest value of a parameter, where there are such.
+    /// Minimum and maximum value of a parameter, if any.
     pub fn range(&self, name: &str, joint: &Joint) -> [Option<f64>; 2] {
         match self.meanings.get(name) {
             Some(Meaning::Unknown(k)) => [self.unknowns[*k].min, self.unknowns[*k].max],
@@ -150,7 +150,7 @@ impl Parameters {
         }
     }
 
-    /// All parameters of an instance that have no line of their own, without those of its FMU that are start values of
+    /// Seeks all parameters of an instance without lines of their own, except those of its FMU that are start values of
     /// states.
     fn seek_all(
         &mut self,
@@ -247,7 +247,7 @@ impl Parameters {
         Ok(())
     }
 
-    /// A parameter of the problem's own.
+    /// Declares a parameter of the problem itself.
     fn declare(
         &mut self,
         line: &Sought,
@@ -272,7 +272,7 @@ impl Parameters {
         Ok(())
     }
 
-    /// What is sought of a sensor.
+    /// Adds the sought gain and offset of a sensor.
     fn calibrate(&mut self, measured: &Measured, joint: &Joint) -> Result<(), ProblemError> {
         let unit = match &measured.of {
             Quantity::Signal(name) => joint.unit(name).map(str::to_owned),
@@ -319,7 +319,7 @@ impl Parameters {
     }
 }
 
-/// Why a name is none of the parameters with these names.
+/// Why a name is not one of the parameters with these names.
 pub fn no_parameter(
     name: &Said<String>,
     file: &ProblemFile,

@@ -1,4 +1,4 @@
-//! What can be wrong with a problem.
+//! Errors in a problem.
 
 use pilotage_cosim::DescriptionError;
 use pilotage_language::ModelFileError;
@@ -9,36 +9,36 @@ use pilotage_text::suggestion::{did_you_mean, suggestion};
 use std::fs::DirEntry;
 use std::path::Path;
 
-/// Why there is no problem to solve.
+/// Why a problem cannot be posed.
 #[derive(Debug, thiserror::Error)]
 pub enum ProblemError {
-    /// Not TOML, an unknown field, a missing one, or one of another kind.
+    /// Not TOML, or an unknown field, a missing field or a field of the wrong type.
     #[error(transparent)]
     Document(#[from] DocumentError),
     /// A mistake in an expression, or in a model file.
     #[error(transparent)]
     Expression(#[from] ModelFileError),
-    /// A mistake in what is said of the system.
+    /// A mistake in the description of the system.
     #[error(transparent)]
     System(#[from] DescriptionError),
     /// A run that cannot be read.
     #[error(transparent)]
     Series(#[from] SeriesError),
-    /// A mistake at a place.
+    /// A mistake at a place in a file.
     #[error("{place}: {fault}")]
     At {
-        /// Where.
+        /// The place.
         place: Place,
-        /// What is wrong, and what to do.
+        /// What is wrong, and how to correct it.
         fault: String,
     },
-    /// A model that cannot be a part of a problem.
+    /// A model that cannot be part of a problem, or a mistake without a place.
     #[error("{0}")]
     Part(String),
 }
 
 impl ProblemError {
-    /// A mistake at a place.
+    /// A mistake at a place in a file.
     pub fn at(place: &Place, fault: impl Into<String>) -> Self {
         Self::At {
             place: place.clone(),
@@ -46,7 +46,7 @@ impl ProblemError {
         }
     }
 
-    /// A file that is named at a place and cannot be read: with the nearest name beside it, where it is not there.
+    /// A file, named at a place, that cannot be read. If it does not exist, the most similar file name is suggested.
     pub fn unread(place: Option<&Place>, file: &Path, error: &dyn std::error::Error) -> Self {
         let folder = file.parent().filter(|_| !file.exists());
         let entries = folder.and_then(|folder| match folder.as_os_str().is_empty() {
@@ -61,7 +61,7 @@ impl ProblemError {
         Self::maybe_at(place, error_chain(error) + &near)
     }
 
-    /// A mistake at a place, where there is one.
+    /// A mistake at a place, if the place is known.
     pub fn maybe_at(place: Option<&Place>, fault: impl Into<String>) -> Self {
         match place {
             Some(place) => Self::at(place, fault),

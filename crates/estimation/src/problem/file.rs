@@ -1,4 +1,4 @@
-//! What a problem file says: instances, what was measured, what is sought. Nothing is opened here.
+//! Contents of a problem file: instances, measured signals and sought parameters. No other file is opened here.
 
 use pilotage_collocation::Scheme;
 use pilotage_cosim::SystemDescription;
@@ -16,36 +16,36 @@ pub struct ProblemFile {
     pub file: String,
     /// Its text.
     pub text: String,
-    /// The folder from which it names others.
+    /// The folder to which its paths are relative.
     pub folder: PathBuf,
-    /// Instances and wires.
+    /// Instances and connections.
     pub system: SystemDescription,
-    /// Columns that drive inputs.
+    /// Inputs driven by columns.
     pub inputs: Vec<Fed>,
     /// Measured signals.
     pub measured: Vec<Measured>,
     /// White noise that drives the system.
     pub process_noise: Vec<ProcessNoise>,
-    /// What is sought, in the order of the file.
+    /// Sought parameters, in the order of the file.
     pub parameters: Vec<Sought>,
-    /// Initial states, in the order of the file: later lines go before.
+    /// Initial states, in the order of the file. Later lines take precedence.
     pub initial: Vec<(Said<String>, Initial)>,
     /// Constraints on signals and parameters.
     pub constraints: Vec<Constraint>,
-    /// What is told beside the parameters: expressions of them.
+    /// Derived quantities: expressions of parameters that are reported beside them.
     pub derived: Vec<(Said<String>, Formula)>,
-    /// What is to be stable.
+    /// What must be stable.
     pub stability: Stability,
     /// The runs.
     pub runs: Vec<RunLine>,
-    /// How it is solved.
+    /// Options of the fit.
     pub options: Options,
-    /// Where the step of the mesh stands, if it does.
+    /// Place of the mesh step, if the file gives one.
     pub mesh_place: Option<Place>,
 }
 
 impl ProblemFile {
-    /// Where an expression of it begins.
+    /// Place where an expression of the file begins.
     pub fn place(&self, formula: &Formula) -> Place {
         let position = formula.position(&self.text);
         Place {
@@ -57,7 +57,8 @@ impl ProblemFile {
 }
 
 impl ProblemFile {
-    /// The line of `[initial]` that is meant for a state: its own, else the last pattern.
+    /// Index of the line of `[initial]` that applies to a state: the line with its name, else the last matching
+    /// pattern.
     pub(crate) fn initial_line(&self, state: &str) -> Option<usize> {
         let mut lines = self.initial.iter().map(|(name, _)| &name.value);
         let own = lines.clone().position(|name| name == state);
@@ -65,7 +66,7 @@ impl ProblemFile {
         own.or_else(|| lines.rposition(|name| !matching(name, &state).is_empty()))
     }
 
-    /// Names of what is measured or bounded.
+    /// Names of the measured and bounded signals.
     pub(crate) fn named_signals(&self) -> HashSet<String> {
         let mut names = HashSet::new();
         let mut take = |formula: &Formula| names.extend(formula.names().map(str::to_owned));
@@ -93,25 +94,25 @@ pub struct Fed {
     pub signal: Said<String>,
     /// Name of the column.
     pub column: Said<String>,
-    /// What it does between two samples.
+    /// Interpolation between samples.
     pub hold: Hold,
 }
 
-/// What a column does between two samples.
+/// Interpolation of a column between two samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Hold {
-    /// It goes on a straight line.
+    /// Linear.
     Linear,
-    /// It keeps its value until the next sample.
+    /// Zero-order hold.
     Zero,
 }
 
 /// A measured signal.
 #[derive(Debug, Clone)]
 pub struct Measured {
-    /// Where it stands.
+    /// Place of the entry in the file.
     pub place: Place,
-    /// What was measured: a signal, or an expression.
+    /// The measured quantity: a signal or an expression.
     pub of: Quantity,
     /// Name of the column.
     pub column: Said<String>,
@@ -119,132 +120,132 @@ pub struct Measured {
     pub sd: Deviation,
     /// Gain of the sensor.
     pub gain: Calibration,
-    /// What the sensor adds.
+    /// Offset of the sensor.
     pub offset: Calibration,
-    /// The noise.
+    /// Distribution of the noise.
     pub noise: Noise,
 }
 
-/// What was measured.
+/// A measured quantity.
 #[derive(Debug, Clone)]
 pub enum Quantity {
-    /// A signal by its name.
+    /// The signal of this name.
     Signal(String),
-    /// An expression, in a unit of this name.
+    /// An expression, with the name of its unit.
     Expression(Formula, Option<String>),
 }
 
-/// White noise that is added to an input of an instance, or to the derivative of a state.
+/// White noise added to an input of an instance or to the derivative of a state.
 #[derive(Debug, Clone)]
 pub struct ProcessNoise {
     /// `instance.input`, or `instance.state`.
     pub signal: Said<String>,
-    /// Its power spectral density: a number, or an expression of parameters, in the square of the signal's unit (of a
-    /// state, of its derivative's) times seconds.
+    /// Power spectral density: a number or an expression of parameters. Its unit is the square of the signal's unit
+    /// (for a state, of its derivative's unit) times seconds.
     pub density: Formula,
 }
 
 /// A noise level.
 #[derive(Debug, Clone)]
 pub enum Deviation {
-    /// A number, or an expression with parameters.
+    /// A number or an expression of parameters.
     Formula(Formula),
-    /// A column: one for each sample.
+    /// A column with one value per sample.
     Column(Said<String>),
 }
 
-/// A number of a sensor.
+/// Gain or offset of a sensor.
 #[derive(Debug, Clone)]
 pub enum Calibration {
-    /// A number, or an expression of parameters.
+    /// A number or an expression of parameters.
     Formula(Formula),
-    /// Sought, with one value for all runs or one for each.
+    /// Sought, with one value for all runs or one per run or subject.
     Sought(Per),
 }
 
-/// What is distributed as the noise is.
+/// Distribution of the noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Noise {
-    /// Gauss's distribution.
+    /// Normal.
     Normal,
-    /// The logarithm has Gauss's distribution.
+    /// Log-normal: the logarithm is normally distributed.
     LogNormal,
-    /// Laplace's distribution.
+    /// Laplace.
     Laplace,
-    /// Student's distribution, with this many degrees of freedom.
+    /// Student's t, with this many degrees of freedom.
     Student(f64),
-    /// Huber's: normal up to this many standard deviations, exponential beyond.
+    /// Huber: normal up to this many standard deviations, exponential beyond.
     Huber(f64),
 }
 
-/// For what a parameter has a value of its own.
+/// What a parameter has separate values for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Per {
-    /// One for all.
+    /// One value for all runs.
     All,
-    /// One for each run.
+    /// One value per run.
     Run,
-    /// One for the runs of a subject.
+    /// One value per subject, shared by the subject's runs.
     Subject,
 }
 
 /// A line of `[parameters]`.
 #[derive(Debug, Clone)]
 pub struct Sought {
-    /// Its name, `instance.*` for all of an instance.
+    /// Its name, or `instance.*` for all parameters of an instance.
     pub name: Said<String>,
     /// Where the search starts.
     pub start: Option<f64>,
-    /// Least value.
+    /// Minimum value.
     pub min: Option<f64>,
-    /// Greatest value.
+    /// Maximum value.
     pub max: Option<f64>,
     /// Typical magnitude.
     pub nominal: Option<f64>,
-    /// Its unit, of a parameter of the problem's own.
+    /// Its unit, if the parameter is declared by the problem itself.
     pub unit: Option<String>,
-    /// Not sought: it keeps its start value.
+    /// Not sought: the parameter keeps its start value.
     pub fixed: bool,
-    /// Tied to others by an expression.
+    /// Expression of other parameters that this parameter is tied to.
     pub value: Option<Formula>,
-    /// For what it has a value of its own.
+    /// What it has separate values for.
     pub per: Per,
-    /// The search goes along its logarithm.
+    /// The search uses its logarithm.
     pub log: bool,
-    /// What is known of it beforehand: mean and standard deviation.
+    /// Prior: mean and standard deviation.
     pub prior: Option<Prior>,
 }
 
-/// What is known of a parameter beforehand.
+/// Prior of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prior {
-    /// Mean, of the logarithm where `log` says so.
+    /// Mean, of the logarithm if `log` is set.
     pub mean: f64,
-    /// Standard deviation of the same.
+    /// Standard deviation, of the logarithm if `log` is set.
     pub sd: f64,
-    /// It is the logarithm that has Gauss's distribution.
+    /// The logarithm is normally distributed.
     pub log: bool,
 }
 
-/// What is known of an initial state.
+/// Condition on an initial state.
 #[derive(Debug, Clone)]
 pub enum Initial {
-    /// Nothing.
+    /// Free.
     Free,
     /// Its derivative is zero.
     Steady,
-    /// The first measurement.
+    /// It is the first measurement.
     FirstSample,
-    /// An expression of parameters.
+    /// It is an expression of parameters.
     Formula(Formula),
 }
 
 /// `lb ≤ g ≤ ub`.
 #[derive(Debug, Clone)]
 pub struct Constraint {
-    /// Where it stands.
+    /// Place of the constraint in the file.
     pub place: Place,
-    /// What is bounded.
+    /// The bounded expression.
     pub formula: Formula,
     /// Lower bound.
     pub min: f64,
@@ -254,7 +255,7 @@ pub struct Constraint {
     pub at: Holds,
 }
 
-/// Where a constraint holds.
+/// Where a constraint applies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Holds {
     /// At every sample.
@@ -267,84 +268,84 @@ pub enum Holds {
     Parameters,
 }
 
-/// What is to be stable.
+/// What must be stable.
 #[derive(Debug, Clone, Default)]
 pub struct Stability {
     /// Instances.
     pub models: Vec<Said<String>>,
-    /// All instances, wired.
+    /// The closed loop of all connected instances.
     pub closed_loop: Option<Place>,
 }
 
 /// A run.
 #[derive(Debug, Clone)]
 pub struct RunLine {
-    /// Its file, from the folder in which the command runs.
+    /// Its file, relative to the working directory.
     pub file: PathBuf,
-    /// What it is called: the shortest end of its path that no other run has.
+    /// Its name: the shortest end of its path that no other run shares.
     pub name: String,
-    /// Where it is named.
+    /// Place of the run in the problem file.
     pub place: Place,
-    /// False where it is for validation alone.
+    /// False for a run used only for validation.
     pub fits: bool,
     /// Weight of its residuals.
     pub weight: f64,
-    /// Whose run it is.
+    /// The subject who flew the run.
     pub subject: Option<String>,
-    /// When it begins, in the unit of its times; with its first row where this is missing.
+    /// Start time, in the unit of the run's times. If missing, the time of the first row.
     pub start_time: Option<Said<f64>>,
-    /// What differs in it.
+    /// Values that apply to this run.
     pub set: Vec<Set>,
-    /// What changes within it, in the order of time.
+    /// Changes within the run, in order of time.
     pub changes: Vec<Change>,
 }
 
-/// What changes at a time of a run.
+/// A change at a time of a run.
 #[derive(Debug, Clone)]
 pub struct Change {
-    /// When, in the unit of the run's times.
+    /// Time of the change, in the unit of the run's times.
     pub time: f64,
-    /// Where that stands.
+    /// Place of that time in the file.
     pub place: Place,
-    /// The values from then on.
+    /// The values from that time on.
     pub set: Vec<Set>,
 }
 
 impl RunLine {
-    /// All that is set in it, from its begin or later.
+    /// All values set in the run, at its start or later.
     pub fn sets(&self) -> impl Iterator<Item = &Set> {
         let changes = self.changes.iter().flat_map(|change| &change.set);
         self.set.iter().chain(changes)
     }
 }
 
-/// A value of a run.
+/// A value set for a run.
 #[derive(Debug, Clone)]
 pub struct Set {
-    /// What has it.
+    /// Name of the variable.
     pub name: Said<String>,
     /// The value.
     pub value: Formula,
 }
 
-/// How a problem is solved.
+/// Options of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// What is minimised.
+    /// The objective to minimise.
     pub objective: Objective,
-    /// The collocation scheme; none where one that suits the equations is to be taken.
+    /// The collocation scheme. If none, a scheme that suits the equations is selected.
     pub scheme: Option<Scheme>,
-    /// Where the nodes are.
+    /// Placement of the nodes.
     pub mesh: Mesh,
-    /// Scaled KKT residual at which the solve has converged.
+    /// Scaled KKT residual below which the solve has converged.
     pub tolerance: f64,
-    /// Starts, the given one among them.
+    /// Number of starts, including the given one.
     pub starts: usize,
     /// Iteration limit of each solve.
     pub max_iterations: usize,
-    /// What limits of outputs do.
+    /// How limits of outputs are treated.
     pub limits: Limits,
-    /// How residuals become a covariance; none where the number of runs is to tell.
+    /// Estimator of the covariance. If none, it is selected by the number of runs.
     pub covariance: Option<Method>,
 }
 
@@ -363,36 +364,36 @@ impl Default for Options {
     }
 }
 
-/// What limits of outputs do in a fit.
+/// How limits of outputs are treated in a fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Limits {
-    /// They are constraints at all samples, as in the paper: a solution does not go there.
+    /// They are constraints at all samples, as in the paper: a solution does not exceed them.
     Constrain,
-    /// Outputs saturate there, as in a simulation.
+    /// Outputs saturate at them, as in a simulation.
     Saturate,
 }
 
-/// What is minimised.
+/// The objective to minimise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Objective {
-    /// What is recorded, against a simulation without noise.
+    /// Deviation of the recording from a simulation without noise.
     Response,
-    /// What is recorded, against what is predicted from all that was recorded before.
+    /// Deviation of the recording from its prediction from all earlier samples.
     PredictionError,
 }
 
-/// Where the nodes of a mesh are.
+/// Placement of the nodes of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mesh {
-    /// At the samples, and between them until the estimated relative error of the states is below this.
+    /// At the samples, and refined between them until the estimated relative error of the states is below this.
     Tolerance(f64),
-    /// This far from each other, about \[s\].
+    /// Approximately this far apart \[s\].
     Step(f64),
     /// At the samples.
     Samples,
 }
 
-/// The names that a name or a pattern `instance.*` means.
+/// The names that a name or a pattern `instance.*` matches.
 pub fn matching<'n>(pattern: &str, names: &'n [String]) -> Vec<&'n String> {
     let is_meant = |name: &&String| match pattern.strip_suffix('*') {
         Some(begin) if begin.ends_with('.') => name.starts_with(begin),

@@ -1,4 +1,4 @@
-//! What a problem file says, and what is wrong with it.
+//! Contents of a problem file, and errors in it.
 
 pub mod error;
 pub mod file;

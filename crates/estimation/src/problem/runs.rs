@@ -1,12 +1,12 @@
-//! What runs are called, and runs that stand twice.
+//! Names of runs, and detection of duplicate runs.
 
 use crate::problem::error::ProblemError;
 use crate::problem::file::{RunLine, Set};
 use std::fs::canonicalize;
 use std::path::{Component, Path, PathBuf};
 
-/// Gives each run the shortest end of its path that no other file has. Where a file stands several times, all but the
-/// first have a number behind that.
+/// Names each run by the shortest end of its path that no other file shares. If a file is listed several times, all but
+/// the first get a number as suffix.
 pub fn name(runs: &mut [RunLine]) {
     let paths: Vec<Vec<String>> = runs.iter().map(|run| parts(&run.file)).collect();
     for (k, run) in runs.iter_mut().enumerate() {
@@ -22,7 +22,7 @@ pub fn name(runs: &mut [RunLine]) {
     }
 }
 
-/// The parts of a path; one that goes nowhere is none.
+/// The components of a path, without `.`.
 fn parts(path: &Path) -> Vec<String> {
     let parts = path.components().filter(|part| *part != Component::CurDir);
     parts
@@ -30,15 +30,15 @@ fn parts(path: &Path) -> Vec<String> {
         .collect()
 }
 
-/// The last parts, so many or all.
+/// The last `count` parts, or all if there are fewer.
 fn end(parts: &[String], count: usize) -> &[String] {
     &parts[parts.len().saturating_sub(count)..]
 }
 
-/// Refuses a run that is fitted twice: each of its data would count twice.
+/// Rejects a run that is fitted twice, since its data would count twice.
 ///
 /// # Errors
-/// When two entries have one file and the same settings.
+/// When two entries have the same file and the same settings.
 pub fn check_twice(runs: &[RunLine]) -> Result<(), ProblemError> {
     let file = |run: &RunLine| canonicalize(&run.file).unwrap_or_else(|_| run.file.clone());
     let fitted = runs.iter().filter(|run| run.fits);
@@ -57,7 +57,7 @@ pub fn check_twice(runs: &[RunLine]) -> Result<(), ProblemError> {
     Ok(())
 }
 
-/// Whether the settings of two runs differ in their weight at most.
+/// Whether the settings of two runs differ at most in their weight.
 fn is_alike(a: &RunLine, b: &RunLine) -> bool {
     let start = |run: &RunLine| run.start_time.as_ref().map(|time| time.value);
     a.subject == b.subject
@@ -66,7 +66,7 @@ fn is_alike(a: &RunLine, b: &RunLine) -> bool {
         && changed(a) == changed(b)
 }
 
-/// What changes in a run, and when.
+/// The changes in a run, and their times.
 fn changed(run: &RunLine) -> Vec<(f64, Vec<(&str, &str)>)> {
     let changes = run.changes.iter();
     changes
@@ -74,7 +74,7 @@ fn changed(run: &RunLine) -> Vec<(f64, Vec<(&str, &str)>)> {
         .collect()
 }
 
-/// What is set, in an order that is not that of the file.
+/// Names and values that are set, sorted: their order in the file does not matter.
 fn told(set: &[Set]) -> Vec<(&str, &str)> {
     let pairs = set
         .iter()

@@ -1,5 +1,5 @@
-//! What a problem can tell, before it is solved: what its runs excite, and which parameters nothing that is measured depends
-//! on where the search begins.
+//! Analysis of a problem before it is solved: what its runs excite, and which parameters do not affect any measured
+//! signal where the search begins.
 
 use crate::posed::{Posed, Stands};
 use crate::problem::file::Deviation;
@@ -15,41 +15,43 @@ use pilotage_inference::{Data, Direction, Inference};
 use pilotage_sqp::Iterate;
 use pilotage_text::counted;
 
-/// Starts at which the problem is linearised.
+/// Maximum number of starts at which the problem is linearised.
 const STARTS: usize = 3;
-/// A parameter whose standard deviation is so many times its size is hardly told.
+/// A parameter is poorly determined if its standard deviation exceeds this multiple of its size.
 const WEAK: f64 = 10.0;
 
-/// What a problem can tell.
+/// Analysis of a problem before it is solved.
 #[derive(Debug, Clone)]
 pub struct Beforehand {
-    /// What the runs excite; none where instances do not close one loop of a pilot and a vehicle.
+    /// What the runs excite. None if the instances do not form a single loop of a pilot and a vehicle.
     pub excitation: Option<Excitation>,
-    /// What is more than that tells.
+    /// Present if more is sought than the excitation determines.
     pub starved: Option<Starved>,
-    /// What is measured, by the parameters; none where that is not known, of FMUs, which calls may end, and
-    /// where noise drives the system.
+    /// Identifiability of the parameters. None if it is unknown, for FMUs, since a call may end them, and if noise
+    /// drives the system.
     pub identifiability: Option<Identifiability>,
 }
 
-/// Local identifiability where the search begins: the sensitivity of what is measured to the parameters, at several starts.
+/// Local identifiability where the search begins: the sensitivity of the measured signals to the parameters, at several
+/// starts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Identifiability {
-    /// At how many starts.
+    /// Number of starts.
     pub starts: usize,
-    /// Singular values of the sensitivities at the given start, each parameter's of length 1, the largest first.
+    /// Singular values of the sensitivity at the given start, in descending order. Each parameter's column has length
+    /// 1.
     pub singular_values: Vec<f64>,
-    /// For each shared parameter, as the search sees it, the least standard deviation over the starts with noise as large as
-    /// `sd` says; infinite where it cannot be told.
+    /// For each shared parameter, in the coordinates of the search, the least standard deviation over the starts with
+    /// the noise given by `sd`. Infinite if it is not identifiable.
     pub deviations: Vec<(String, f64)>,
-    /// Directions that nothing measured changes along at the given start, in words, whose parameters take part in such a
-    /// direction at all others.
+    /// Directions that do not affect any measured signal at the given start, in words. Only those whose parameters are
+    /// part of such a direction at all other starts.
     pub flat: Vec<String>,
-    /// Parameters whose standard deviation is ten times their size and more, likewise; none where a `sd` is missing.
+    /// Parameters whose standard deviation exceeds ten times their size, in words. Empty if an `sd` is missing.
     pub weak: Vec<String>,
 }
 
-/// What a problem can tell, by one linearisation at each of a few starts.
+/// Analyses a problem by one linearisation at each of a few starts.
 pub fn beforehand(posed: &Posed<'_>, stop: &Stop<'_>) -> Beforehand {
     let excitation = excitation(posed);
     let is_shared = |stands: &Stands| !matches!(stands, Stands::State(_));
@@ -64,7 +66,7 @@ pub fn beforehand(posed: &Posed<'_>, stop: &Stop<'_>) -> Beforehand {
         starved: excitation
             .as_ref()
             .and_then(|own| own.starved(asked, signals)),
-        // Noise that drives the system moves nothing that is simulated.
+        // Process noise does not affect a simulation.
         identifiability: match has_fmu || posed.filter.is_some() {
             true => None,
             false => identifiability(posed, stop),
@@ -74,8 +76,8 @@ pub fn beforehand(posed: &Posed<'_>, stop: &Stop<'_>) -> Beforehand {
 }
 
 impl Beforehand {
-    /// What speaks against a fit: more is sought than lines tell; what nothing depends on before the solve is open after it,
-    /// and the fit does not say so by itself.
+    /// Diagnostics of a fit: more is sought than the spectral lines determine, or a parameter that was not identifiable
+    /// before the solve is still undetermined after it and the fit does not report this itself.
     pub fn doubts(&self, fit: &Fit) -> Vec<Diagnostic> {
         let is_flat = fit
             .diagnostics
@@ -100,7 +102,7 @@ impl Beforehand {
             .collect()
     }
 
-    /// What speaks against a fit, before the solve.
+    /// Diagnostics before the solve, in words.
     pub fn words(&self) -> Vec<String> {
         let mut all: Vec<String> = self.starved.iter().map(ToString::to_string).collect();
         if let Some(own) = &self.identifiability {
@@ -112,7 +114,7 @@ impl Beforehand {
     }
 }
 
-/// None where no start has finite derivatives.
+/// None if no start has finite derivatives.
 fn identifiability(posed: &Posed<'_>, stop: &Stop<'_>) -> Option<Identifiability> {
     if posed.shared == 0 {
         return None;
@@ -145,7 +147,7 @@ fn identifiability(posed: &Posed<'_>, stop: &Stop<'_>) -> Option<Identifiability
     })
 }
 
-/// The problem, linearised at a start. None where that is not finite.
+/// The problem, linearised at a start. None if that is not finite.
 fn at_start(posed: &Posed<'_>, start: &Start, stop: &Stop<'_>) -> Option<Data> {
     let (problem, z) = begin(posed, start, stop);
     let at = Iterate::new(&problem, z);
@@ -162,9 +164,9 @@ fn deviations(inference: &Inference<'_>) -> Vec<f64> {
     (0..inference.flat.len()).map(of).collect()
 }
 
-/// Parameters that are hardly told at any start, in words.
+/// Parameters that are poorly determined at all starts, in words.
 fn weak(posed: &Posed<'_>, names: &[String], deviations: &[f64], data: &Data) -> Vec<String> {
-    // One that is missing is 1.
+    // A missing one defaults to 1.
     let is_missing =
         |sd: &Deviation| matches!(sd, Deviation::Formula(own) if own.number() == Some(1.0));
     if posed.file.measured.iter().any(|own| is_missing(&own.sd)) {
@@ -175,7 +177,7 @@ fn weak(posed: &Posed<'_>, names: &[String], deviations: &[f64], data: &Data) ->
         |((_, sd), size): &((&String, &f64), &f64)| sd.is_finite() && **sd > WEAK * **size;
     let words = |((name, sd), size): ((&String, &f64), &f64)| {
         format!(
-            "`{name}` is hardly told: with noise as large as `sd` says its standard deviation is {sd:.1e}, and its size {size:.1e}"
+            "`{name}` is poorly determined: with noise as large as `sd` says its standard deviation is {sd:.1e}, and its size {size:.1e}"
         )
     };
     told.filter(is_weak).map(words).collect()

@@ -1,19 +1,19 @@
-//! With what the runs of a fit began, beside the sought parameters.
+//! Initial values of the runs of a fit, other than the sought parameters.
 
 use crate::posed::Posed;
 use crate::problem::file::matching;
 use crate::result::{Fit, Found};
 
 impl Fit {
-    /// The initial states that were estimated, each with its value in each run.
+    /// The estimated initial states, each with its value in each run.
     pub fn initial(&self, posed: &Posed<'_>) -> Vec<Found> {
         let is_free = |k: &usize| posed.runs.iter().any(|run| run.initial[*k].is_none());
         let free = (0..posed.joint.model.states.len()).filter(is_free);
         free.map(|k| self.begun(posed, k)).collect()
     }
 
-    /// What was not sought and has other values than the models say: initial states of which the problem says
-    /// something, parameters, and inputs that nothing drives.
+    /// Values that were not sought and differ from those of the models: initial states set by the problem, parameters,
+    /// and inputs that are not driven.
     pub fn given(&self, posed: &Posed<'_>) -> Vec<Found> {
         let model = &posed.joint.model;
         let count = model.states.len() + model.inputs.len() + model.parameters.len();
@@ -24,7 +24,7 @@ impl Fit {
         given.map(|k| self.begun(posed, k)).collect()
     }
 
-    /// Whether a parameter or an input has another value in a run than its model says, though it was not sought.
+    /// Whether a parameter or an input that was not sought differs in some run from its model's value.
     fn is_given(&self, posed: &Posed<'_>, k: usize) -> bool {
         let name = name_of(posed, k);
         let is_fed = posed
@@ -38,7 +38,7 @@ impl Fit {
         !is_fed && !is_found && about.is_some_and(|about| is_other(about.start))
     }
 
-    /// A variable where the runs begin: one value where that is the same in all.
+    /// Initial value of a variable: a single value if it is the same in all runs.
     fn begun(&self, posed: &Posed<'_>, k: usize) -> Found {
         let name = name_of(posed, k);
         let values = self
@@ -59,7 +59,7 @@ impl Fit {
     }
 }
 
-/// The name of a variable of the joint model: of its states, inputs and parameters, in this order.
+/// Name of a variable of the joint model, numbered over its states, inputs and parameters in this order.
 fn name_of<'p>(posed: &'p Posed<'_>, k: usize) -> &'p String {
     let model = &posed.joint.model;
     let (inputs, parameters) = (model.states.len(), model.states.len() + model.inputs.len());
@@ -70,7 +70,7 @@ fn name_of<'p>(posed: &'p Posed<'_>, k: usize) -> &'p String {
     }
 }
 
-/// Whether `[initial]` says something of a state.
+/// Whether a line of `[initial]` applies to a state.
 fn has_line(posed: &Posed<'_>, state: &String) -> bool {
     let mut lines = posed.file.initial.iter();
     lines.any(|(line, _)| !matching(&line.value, std::slice::from_ref(state)).is_empty())

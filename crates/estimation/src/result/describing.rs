@@ -1,9 +1,10 @@
-//! Describing functions of pilot and loop, straight from runs whose target or disturbance is a sum of sines, beside what was
-//! fitted ([`pilotage_inference::spectrum`]).
+//! Describing functions of pilot and loop, computed directly from runs whose target or disturbance is a sum of sines,
+//! beside those of the fit ([`pilotage_inference::spectrum`]).
 //!
-//! They are there where two instances close one loop, and the output of the one that acts on the other is measured, with a
-//! target in its unit or a disturbance of it. The error is the target minus what is measured. What was fitted is the same
-//! ratio of responses to the forcing function; of a pilot that sees the error alone that is the pilot.
+//! They exist if two instances form a loop, the output of the instance that acts on the other (the vehicle) is
+//! measured, and there is a target in its unit or a disturbance of it. The error is the target minus the measured
+//! output. The fitted functions are the same ratios of responses to the forcing function. For a pilot that sees only
+//! the error, that ratio is the pilot's transfer function.
 
 use crate::posed::Posed;
 use crate::posed::data::RunData;
@@ -17,10 +18,10 @@ use pilotage_expression::Node;
 use pilotage_inference::spectrum::{Describing, Excitation, Flight};
 use pilotage_linear::StateSpace;
 
-/// Which columns are what, by their numbers in the file.
+/// Roles of the columns, by their numbers in the file.
 #[derive(Debug, Clone, Copy)]
 struct Roles {
-    /// The input that is the target; none where a disturbance alone drives the loop.
+    /// The input that is the target. None if only a disturbance drives the loop.
     target: Option<usize>,
     /// The measured signals.
     position: usize,
@@ -36,15 +37,15 @@ struct Columns {
     stick: Option<Vec<f64>>,
 }
 
-/// The responses of a fitted loop.
+/// Frequency responses of a fitted loop.
 pub struct FittedLoop {
     roles: Roles,
-    /// From the inputs of the file to what is measured, in closed loop.
+    /// From the inputs of the file to the measured signals, in closed loop.
     closed: StateSpace,
 }
 
 impl FittedLoop {
-    /// Of a solution, linear at the end of the first run. None where the problem has no such loop.
+    /// From a solution, linearised at the end of the first run. None if the problem has no such loop.
     pub fn new(posed: &Posed<'_>, solved: &Solved) -> Option<Self> {
         Self::with(posed, solved, &solved.theta())
     }
@@ -56,14 +57,15 @@ impl FittedLoop {
         Some(Self { roles, closed })
     }
 
-    /// From the error to the stick, where an input of the file drives the loop at ω [rad/s]; NaN where no stick is measured.
+    /// From the error to the stick, for the loop driven by an input of the file, at ω [rad/s]. NaN if no stick is
+    /// measured.
     pub fn pilot(&self, omega: f64) -> Complex<f64> {
         let nothing = Complex::new(f64::NAN, f64::NAN);
         let stick = self.roles.stick.map(|stick| self.transfer(stick, omega));
         stick.map_or(nothing, |stick| stick / self.error(omega))
     }
 
-    /// From the error to the position, likewise.
+    /// From the error to the position, as above.
     pub fn open_loop(&self, omega: f64) -> Complex<f64> {
         self.transfer(self.roles.position, omega) / self.error(omega)
     }
@@ -80,7 +82,7 @@ impl FittedLoop {
     }
 }
 
-/// What the runs of a problem say of its pilot and loop, beside a solution. Empty where it has no such loop.
+/// Describing functions of pilot and loop from the runs, beside those of a solution. Empty if there is no such loop.
 pub(crate) fn describing(posed: &Posed<'_>, solved: &Solved) -> Describing {
     let Some(fitted) = FittedLoop::new(posed, solved) else {
         return Describing::default();
@@ -97,7 +99,7 @@ pub(crate) fn describing(posed: &Posed<'_>, solved: &Solved) -> Describing {
     )
 }
 
-/// What the runs of a problem excite, of the loop as above; none where there is no such loop.
+/// What the runs of a problem excite in that loop. None if there is no such loop.
 pub(crate) fn excitation(posed: &Posed<'_>) -> Option<Excitation> {
     let roles = Roles::of(posed)?;
     let runs = posed.data.iter();
@@ -109,7 +111,7 @@ pub(crate) fn excitation(posed: &Posed<'_>) -> Option<Excitation> {
 }
 
 impl Roles {
-    /// Of a problem in which two instances close one loop.
+    /// Roles in a problem in which two instances form a loop.
     fn of(posed: &Posed<'_>) -> Option<Self> {
         let description = &posed.file.system;
         opening(description)?;
@@ -129,7 +131,7 @@ impl Roles {
         found.iter().rev().max_by_key(rank).copied()
     }
 
-    /// Where a pilot acts through the one wire and sees through the other.
+    /// Roles if a pilot acts through the wire `out` and sees through the wire `back`.
     fn between(posed: &Posed<'_>, [out, back]: [&Wire; 2]) -> Option<Self> {
         let description = &posed.file.system;
         let [pilot, vehicle] = ends(description, out);
@@ -204,8 +206,8 @@ impl Columns {
     }
 }
 
-/// From the inputs of the file to what is measured, at the end of the first run. None where a derivative is no finite
-/// number.
+/// From the inputs of the file to the measured signals, at the end of the first run. None if a derivative is not
+/// finite.
 fn linear(posed: &Posed<'_>, solved: &Solved, theta: &[f64]) -> Option<StateSpace> {
     let (problem, z) = (&solved.problem, &solved.solution.iterate.z);
     let x = problem.states_at_samples(z, 0).pop()?;
@@ -238,7 +240,7 @@ fn linear(posed: &Posed<'_>, solved: &Solved, theta: &[f64]) -> Option<StateSpac
     found.check_finite().ok().map(|()| found)
 }
 
-/// The variable of the equations that is an input of the joint model.
+/// The variable of the equations that corresponds to an input of the joint model.
 fn input(posed: &Posed<'_>, name: &str) -> Option<usize> {
     let (model, system) = (&posed.joint.model, &posed.model.system);
     let place = model.inputs.iter().position(|own| own == name)?;

@@ -1,4 +1,4 @@
-//! What may speak against a result, with the words and the code of each.
+//! Diagnostics of a result, with the message and the code of each.
 
 use crate::posed::stability::CLOSED_LOOP;
 use crate::result::events::Event;
@@ -7,152 +7,153 @@ use pilotage_sqp::Status;
 use pilotage_text::counted;
 use std::fmt;
 
-/// What speaks against a result.
+/// A reason to doubt a result.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Diagnostic {
     /// The solver did not converge.
     NotConverged(Status),
-    /// The states do not fulfil the equations, or constraints do not hold: the largest scaled violation.
+    /// The states do not satisfy the equations, or constraints are violated: the largest scaled violation.
     NotMet(f64),
-    /// A parameter lies on an end of its range.
+    /// A parameter lies on a bound of its range.
     AtBound {
         /// Its name.
         name: String,
-        /// The end.
+        /// The bound.
         bound: f64,
-        /// Whether it follows from others.
+        /// Whether it is tied to other parameters.
         is_tied: bool,
     },
-    /// A constraint that a solve which did not converge violates.
+    /// A constraint that is violated by a solve that did not converge.
     Violated {
         /// The constraint.
         name: String,
-        /// By how much, scaled.
+        /// Its violation, scaled.
         by: f64,
     },
-    /// The limit of an output, which is no constraint where noise drives the system, is exceeded without that noise.
+    /// The limit of an output is exceeded by a simulation without process noise. With process noise it is not a
+    /// constraint.
     BeyondLimit {
         /// The limit, and the run.
         name: String,
-        /// By how much at most, in the output's unit.
+        /// The largest excess, in the output's unit.
         by: f64,
     },
-    /// The limit of an output holds the solution as a constraint.
+    /// The limit of an output is active as a constraint.
     OnLimit {
         /// The limit.
         name: String,
-        /// At so many samples.
+        /// Number of samples at which it is active.
         samples: usize,
     },
-    /// With process noise: what was predicted from sample to sample is missed by what is not white.
+    /// With process noise: the innovations are not white.
     Coloured {
         /// The column.
         measured: String,
-        /// The least probability of a run's innovations, were they white.
+        /// The smallest p-value of a run's innovations under the hypothesis of whiteness.
         p: f64,
     },
-    /// With process noise: a sample is predicted nearly exactly, and the likelihood may have no maximum.
+    /// With process noise: a sample is predicted almost exactly, and the likelihood may have no maximum.
     Unbounded {
         /// The column.
         measured: String,
-        /// Least standard deviation of an innovation, in its unit.
+        /// Smallest standard deviation of an innovation, in the column's unit.
         sd: f64,
     },
-    /// The system grows.
+    /// The system is unstable.
     UnstableLoop {
-        /// How fast \[1/s\].
+        /// Growth rate \[1/s\].
         growth: f64,
-        /// `[stability]` keeps it stable where the first run begins.
+        /// Whether `[stability]` keeps it stable where the first run begins.
         is_kept: bool,
     },
-    /// What is stable because the fit is kept from less: a condition of `[stability]` is active.
+    /// Stable only because of a constraint: a condition of `[stability]` is active.
     OnStabilityBound(String),
-    /// The mesh could not be refined until its error is as small as was asked for.
+    /// The mesh could not be refined to the requested error.
     MeshError {
         /// The estimated relative error of the states.
         error: f64,
-        /// What was asked for.
+        /// The requested tolerance.
         tolerance: f64,
         /// Whether the iteration limit ended the refinement.
         is_limited: bool,
     },
-    /// The states' estimated relative error is large on a mesh that the problem gives.
+    /// The estimated relative error of the states is large on a mesh given by the problem.
     CoarseMesh(f64),
-    /// A simulation with what was found has another objective.
+    /// A simulation with the estimates has a different objective.
     Simulated {
         /// The objective of the collocation.
         objective: f64,
-        /// That of the simulation; none where it does not come to an end.
+        /// That of the simulation. None if the simulation fails.
         simulated: Option<f64>,
     },
-    /// A limit or the user ended the fit before all starts and refinements were done.
+    /// A limit or the user ended the fit before all starts and refinements were completed.
     Cut {
         /// What ended it.
         status: Status,
-        /// Starts that were not done.
+        /// Number of starts that were not completed.
         starts: usize,
-        /// Whether the mesh was still to be refined.
+        /// Whether the mesh still had to be refined.
         refinement: bool,
-        /// Whether events of FMUs were still to be looked for.
+        /// Whether events of FMUs still had to be searched for.
         events: bool,
     },
-    /// A start was better than what was found, and did not converge.
+    /// A start had a lower objective than the result but did not converge.
     LowerStart {
-        /// Which, from 1.
+        /// Its number, from 1.
         start: usize,
         /// How it ended.
         status: Status,
         /// Its objective.
         objective: f64,
     },
-    /// The last refinement of the mesh still moved the parameters, by this part of their size.
+    /// The last refinement of the mesh still changed the parameters, by this fraction of their size.
     MeshMoves(f64),
-    /// Of so many starts one alone led here.
+    /// Only one of this many starts led to the result.
     Alone(usize),
-    /// The model explains little of what was recorded.
+    /// The model explains little of the recording.
     PoorFit {
         /// The measured column.
         measured: String,
-        /// Variance accounted for, 1 at best.
+        /// Variance accounted for, at most 1.
         explained: f64,
     },
-    /// Residuals are correlated with an input that came before.
+    /// Residuals are correlated with earlier values of an input.
     InputLeft {
         /// The measured column.
         measured: String,
         /// The column that drives an input.
         input: String,
-        /// By which time the input came before, where the correlation is largest \[s\].
+        /// Lag of the residuals behind the input at the largest correlation \[s\].
         lag: f64,
-        /// That correlation.
+        /// The correlation at that lag.
         correlation: f64,
     },
-    /// Samples that break away from their neighbours in the residuals, and come back.
+    /// Outliers: samples whose residuals deviate from those of their neighbours on both sides.
     Outlier {
         /// The measured column.
         measured: String,
-        /// Run of the largest.
+        /// Run of the largest outlier.
         run: String,
         /// Its time \[s\].
         time: f64,
-        /// Recorded minus modelled there.
+        /// Its residual: recorded minus modelled.
         value: f64,
         /// Its unit.
         unit: Option<String>,
-        /// How many such samples there are.
+        /// Number of such samples.
         count: usize,
-        /// Their part of the column's sum of squares, 0 to 1.
+        /// Their fraction of the column's sum of squares, 0 to 1.
         share: f64,
     },
-    /// Residuals that jump and do not come back.
+    /// Residuals that jump and do not return.
     Jump {
         /// The measured column.
         measured: String,
         /// Name of the run.
         run: String,
-        /// Time of the first sample after it \[s\].
+        /// Time of the first sample after the jump \[s\].
         time: f64,
-        /// How far.
+        /// Size of the jump.
         size: f64,
         /// Its unit.
         unit: Option<String>,
@@ -163,7 +164,7 @@ pub enum Diagnostic {
         measured: String,
         /// Name of the run.
         run: String,
-        /// Its rms residual over the median of all runs'.
+        /// Its rms residual divided by the median over all runs.
         ratio: f64,
     },
     /// A measured signal stays at its largest or smallest value within runs: a stop, or the end of a sensor's range.
@@ -174,23 +175,23 @@ pub enum Diagnostic {
         value: f64,
         /// Its unit.
         unit: Option<String>,
-        /// Part of the samples that lie there or at the other end, 0 to 1.
+        /// Fraction of the samples at this or the opposite extreme, 0 to 1.
         part: f64,
     },
     /// Two runs of different files have the same samples.
     Copy {
         /// Name of the run.
         run: String,
-        /// Name of the one before.
+        /// Name of the earlier run.
         of: String,
-        /// How many runs are such copies.
+        /// Number of such copies.
         count: usize,
     },
-    /// Flights that do not go together, by what they say of themselves.
+    /// Flights that do not belong together according to their own comments.
     Mixed(String),
-    /// What is no finite number where the search begins.
+    /// A quantity that is not finite where the search begins.
     Undefined(String),
-    /// The solver did not converge, and an FMU failed a call on the way.
+    /// The solver did not converge, and a call of an FMU failed during the solve.
     FmuFailed {
         /// The instance.
         instance: String,
@@ -199,20 +200,20 @@ pub enum Diagnostic {
     },
     /// An FMU would have an event in a run.
     Event(Event),
-    /// What the description of an FMU says is not so.
+    /// The description of an FMU is incorrect.
     Description {
         /// The instance.
         instance: String,
-        /// What.
+        /// What is incorrect.
         note: String,
     },
-    /// Along some direction the objective is flat: the data do not tell all parameters apart.
+    /// The objective is flat along some direction: the data do not distinguish all parameters.
     Flat(f64),
-    /// The describing function of the runs is not that of the fit.
+    /// The describing function of the runs contradicts that of the fit.
     Contradicted(Contradiction),
-    /// Sines tell fewer numbers than are sought.
+    /// The spectral lines determine fewer numbers than are sought.
     Starved(Starved),
-    /// What nothing measured depends on, at several starts and after the fit.
+    /// A direction that does not affect any measured signal, at several starts and after the fit.
     Unidentifiable(String),
 }
 
@@ -398,7 +399,7 @@ impl fmt::Display for Diagnostic {
             ),
             Self::OnStabilityBound(of) => write!(
                 f,
-                "{of} lies on the bound that [stability] keeps: runs this short do not tell how it settles in the \
+                "{of} lies on the bound that [stability] keeps: runs this short do not show how it settles in the \
                  long run, or the data ask for what grows"
             ),
             Self::CoarseMesh(error) => write!(
@@ -478,8 +479,8 @@ impl fmt::Display for Diagnostic {
             Self::Description { instance, note } => write!(f, "the FMU of `{instance}`: {note}"),
             Self::Flat(curvature) => write!(
                 f,
-                "in some direction the objective is flat (scaled curvature {curvature:.1e}): the data do not tell all \
-                 parameters apart; fix one, or give it a prior"
+                "in some direction the objective is flat (scaled curvature {curvature:.1e}): the data do not \
+                 distinguish all parameters; fix one, or give it a prior"
             ),
         }
     }
@@ -490,7 +491,7 @@ fn spaced(unit: Option<&str>) -> String {
     unit.map(|unit| format!(" {unit}")).unwrap_or_default()
 }
 
-/// What a fit that was cut had still to do.
+/// The remaining work of a fit that was ended early.
 fn undone(starts: usize, refinement: bool, events: bool) -> String {
     let starts = (starts > 0).then(|| counted(starts, "start"));
     let others = [

@@ -1,4 +1,4 @@
-//! What speaks against taking a result at its word.
+//! Finds the diagnostics of a result.
 
 use crate::posed::Posed;
 use crate::problem::file::Mesh;
@@ -14,19 +14,19 @@ use pilotage_inference::residuals::LjungBox;
 use pilotage_series::flown;
 use pilotage_sqp::Status;
 
-/// A pole that grows faster is unstable \[1/s\].
+/// A pole with a larger growth rate is unstable \[1/s\].
 const GROWTH: f64 = 1e-6;
-/// A change of parameters by a refinement that matters, relative to their size; and so an error of the states.
+/// Significant change of parameters by a refinement, relative to their size; also the significant error of the states.
 const MOVES: f64 = 1e-3;
-/// Variance accounted for below which the model says little.
+/// Variance accounted for below which a fit is poor.
 const POOR: f64 = 0.5;
-/// Smallest scaled curvature that counts as one.
+/// Smallest scaled curvature that is not considered flat.
 const FLAT: f64 = 1e-9;
-/// What is undefined where all that stands in the problem is finite at its samples.
+/// What is undefined if all terms of the problem are finite at its samples.
 const SUM: &str = "the objective: its terms are finite at all samples, and their sum, a derivative or a value between \
                    samples is not";
 
-/// All that speaks against a result, the heaviest first.
+/// All diagnostics of a result, the most severe first.
 pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<Diagnostic> {
     let mut all = Vec::new();
     let dead = failed(posed, |fmu| fmu.calls.fatal());
@@ -91,7 +91,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
             .filter(|own| fit.status == Status::Converged && *own < FLAT)
             .map(Diagnostic::Flat),
     );
-    // A stick at its stops is no linear one, and its describing function is another.
+    // A stick at its stops is not linear, and its describing function differs.
     if posed.unlimited.is_none() {
         all.extend(fit.describing.contradicted().map(Diagnostic::Contradicted));
     }
@@ -131,7 +131,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     all
 }
 
-/// FMUs of which there is something to tell of failed calls.
+/// FMUs with failed calls to report.
 fn failed(posed: &Posed<'_>, trouble: impl Fn(&FmuPart) -> Option<String>) -> Vec<Diagnostic> {
     let failed = posed.joint.parts.iter().filter_map(|(instance, part)| {
         Some(Diagnostic::FmuFailed {
@@ -142,7 +142,7 @@ fn failed(posed: &Posed<'_>, trouble: impl Fn(&FmuPart) -> Option<String>) -> Ve
     failed.collect()
 }
 
-/// Whether the states' derivatives are linear in them: where they are not, what grows at one point may be an
+/// Whether the states' derivatives are linear in the states. Otherwise growth at one point may be part of an
 /// oscillation.
 fn is_linear(posed: &Posed<'_>) -> bool {
     let system = &posed.model.system;
@@ -157,7 +157,8 @@ fn is_linear(posed: &Posed<'_>) -> bool {
     slopes.iter().all(|node| !varies[node.index()])
 }
 
-/// Whether little of a measured signal is explained. A filter takes from the recording what the model alone does not say.
+/// Whether little of a measured signal is explained. A filter takes from the recording what the model alone does not
+/// explain.
 fn poor(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
     let (mut left, mut total) = (0.0, 0.0);
     for run in &fit.runs {
@@ -177,8 +178,8 @@ fn poor(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
     })
 }
 
-/// A sample that is met exactly, as the first one is where an initial state is free: then the likelihood grows without end
-/// as the sensor's noise goes to 0.
+/// A sample that is predicted exactly, as is the first one if an initial state is free: the likelihood then grows
+/// without bound as the sensor's noise tends to 0.
 fn unbounded(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
     const PART: f64 = 1e-3;
     posed.filter.as_ref()?;
@@ -193,7 +194,7 @@ fn unbounded(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
     })
 }
 
-/// Innovations that are not white: of right models in one of a thousand fits.
+/// Innovations that are not white. With a correct model this occurs in one of a thousand fits.
 fn coloured(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
     const LEVEL: f64 = 1e-3;
     posed.filter.as_ref()?;
@@ -207,7 +208,8 @@ fn coloured(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
     })
 }
 
-/// Of all pairs together one in a hundred fits of right models has such a doubt.
+/// Residuals correlated with inputs. With a correct model, one in a hundred fits has such a diagnostic, over all pairs
+/// together.
 fn of_inputs(fit: &Fit) -> Vec<Diagnostic> {
     let doubt = |own: &Beside| {
         let lag = own.crossed.left(fit.beside.len())?;
@@ -222,7 +224,7 @@ fn of_inputs(fit: &Fit) -> Vec<Diagnostic> {
     pairs.filter_map(doubt).collect()
 }
 
-/// Whether residuals are those of an answer, and more than the solver leaves over.
+/// Whether residuals belong to a solution and exceed the accuracy of the solver.
 fn is_said(fit: &Fit) -> bool {
     fit.is_answer() && fit.chi2 > fit.resolution
 }
@@ -232,7 +234,7 @@ fn of_lower(fit: &Fit) -> Option<Diagnostic> {
     let (status, objective) = fit.starts[start];
     Some(Diagnostic::LowerStart {
         start: start + 1,
-        // What ended the fit ended this start too: it would have gone on.
+        // The cause that ended the fit also ended this start, which would have continued.
         status: fit.cut.unwrap_or(status),
         objective,
     })
@@ -246,7 +248,7 @@ fn of_starts(fit: &Fit) -> Option<Diagnostic> {
 fn of_mesh(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
     let (refinement, error) = (&fit.refinement, fit.refinement.error);
     let Mesh::Tolerance(tolerance) = posed.file.options.mesh else {
-        // A local error that a simulation does not see moves no parameter either.
+        // A local error that a simulation does not show does not change a parameter either.
         let is_seen = error > MOVES && !fit.agrees();
         return is_seen.then_some(Diagnostic::CoarseMesh(error));
     };

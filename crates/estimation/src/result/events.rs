@@ -1,4 +1,4 @@
-//! Events of FMUs, between which alone their equations hold.
+//! Events of FMUs. Their equations hold only between events.
 
 use crate::posed::Posed;
 use crate::search::solved::Solved;
@@ -7,18 +7,18 @@ use pilotage_collocation::Stop;
 use pilotage_expression::Node;
 use std::fmt;
 
-/// An event that a run would have, which the fit does not know of.
+/// An event in a run that the fit does not account for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Event {
     /// The instance.
     pub instance: String,
     /// Its file.
     pub file: String,
-    /// Name of its indicator.
+    /// Name of its event indicator.
     pub indicator: String,
     /// Name of the run.
     pub run: String,
-    /// The first point of the mesh behind the event \[s\].
+    /// The first point of the mesh after the event \[s\].
     pub time: f64,
 }
 
@@ -33,7 +33,7 @@ impl fmt::Display for Event {
     }
 }
 
-/// Indicators that are smaller where a run begins are zero but for rounding.
+/// Indicators below this value at the start of a run are zero up to rounding.
 const ROUNDING: f64 = 1e-14;
 
 /// The events of a solution.
@@ -41,11 +41,11 @@ const ROUNDING: f64 = 1e-14;
 pub struct Events {
     /// The first event of each FMU in each run.
     pub found: Vec<Event>,
-    /// Whether no limit ended the look for them.
+    /// Whether the search for events was completed.
     pub is_whole: bool,
 }
 
-/// The first event of each FMU in each run, wherever the scheme takes the equations.
+/// The first event of each FMU in each run, searched at all points where the scheme evaluates the equations.
 pub(crate) fn events(posed: &Posed<'_>, solved: &Solved, stop: &Stop<'_>) -> Events {
     let mut found = Vec::new();
     let is_seen = |j: usize| {
@@ -60,10 +60,10 @@ pub(crate) fn events(posed: &Posed<'_>, solved: &Solved, stop: &Stop<'_>) -> Eve
 struct Watched<'p> {
     instance: &'p str,
     fmu: &'p FmuPart,
-    /// In the joint model.
+    /// Their nodes in the joint model.
     nodes: &'p [Node],
-    /// Which were positive where the run begins. An FMU's own start says nothing: the run has other parameters and begins
-    /// elsewhere.
+    /// Which indicators are positive at the start of the run. The FMU's own start is no reference: the run has other
+    /// parameters and other initial states.
     begin: Vec<bool>,
 }
 
@@ -75,7 +75,7 @@ fn watched<'p>(posed: &'p Posed<'_>) -> Vec<Watched<'p>> {
         let fmu = part.fmu.as_ref()?;
         let first = format!("{instance}.{}", fmu.indicators.first()?);
         let first = joint.outputs.iter().position(|own| *own == first);
-        // They stand side by side.
+        // The indicators are consecutive outputs.
         let first = first.expect("an output of the instance");
         let nodes = &joint.system.outputs[first..][..fmu.indicators.len()];
         Some(Watched {
@@ -88,7 +88,7 @@ fn watched<'p>(posed: &'p Posed<'_>) -> Vec<Watched<'p>> {
     own.collect()
 }
 
-/// Finds the first event of each FMU in a run. Gives whether it was not stopped.
+/// Finds the first event of each FMU in a run. Returns false if it was stopped.
 fn see_run(
     posed: &Posed<'_>,
     solved: &Solved,
@@ -127,8 +127,8 @@ fn see_run(
 }
 
 impl Watched<'_> {
-    /// The first indicator that has come from above zero to zero or below, or the other way (FMI 2.0.4, section 3.1),
-    /// since the first point that was seen.
+    /// The first indicator that has changed from above zero to zero or below, or vice versa (FMI 2.0.4, section 3.1),
+    /// since the first point.
     fn see(&mut self, values: &[f64]) -> Option<usize> {
         let values = self.nodes.iter().map(|node| values[node.index()]);
         if self.begin.is_empty() {

@@ -1,4 +1,4 @@
-//! What a fit leaves in its residuals: what they say of the next one, and of what drove the system.
+//! Structure left in the residuals of a fit: their autocorrelation, and their correlation with the inputs.
 
 use crate::posed::Posed;
 use crate::posed::data::filled;
@@ -10,14 +10,14 @@ use pilotage_inference::crossed::{Crossed, Pair};
 use pilotage_inference::residuals::Explained;
 use pilotage_inference::{Autoregression, Data, Run};
 
-/// The residuals of a signal in a run where something was recorded, in standard deviations, and their times \[s\].
+/// Residuals of a signal in a run at recorded samples, in standard deviations, and their times \[s\].
 fn known(run: &RunFit, k: usize, noise: Noise) -> (Vec<f64>, Vec<f64>) {
     let residuals = run.residuals(k, noise).into_iter().zip(&run.time);
     residuals.filter(|(e, _)| e.is_finite()).unzip()
 }
 
-/// The autoregressive process in the residuals of each measured signal; none where nothing was recorded, where the states that
-/// were found do not fulfil the equations, or where a filter predicts the next sample.
+/// The autoregressive process of the residuals of each measured signal. None if nothing was recorded, if the states
+/// found do not satisfy the equations, or if a filter predicts the next sample.
 pub fn processes(posed: &Posed<'_>, fit: &Fit) -> Vec<Option<Autoregression>> {
     let measured = posed.file.measured.iter().enumerate();
     let process = |(k, own): (usize, &Measured)| {
@@ -30,9 +30,9 @@ pub fn processes(posed: &Posed<'_>, fit: &Fit) -> Vec<Option<Autoregression>> {
 }
 
 impl RunFit {
-    /// How much of a measured signal is explained one step ahead: by the model and what a process makes of the residuals up
-    /// to the sample before. Of a model whose noise is on the recording alone that is its best prediction, and no more
-    /// than the free run where residuals are white.
+    /// Variance of a measured signal explained one step ahead: by the model and the process's prediction from the
+    /// residuals up to the previous sample. For a model with noise only on the recording this is its best prediction,
+    /// and no better than the simulation if residuals are white.
     pub fn one_step(&self, k: usize, noise: Noise, process: &Autoregression) -> Option<Explained> {
         let (residuals, time) = known(self, k, noise);
         let mut expected = process.one_step(&residuals, &time).into_iter();
@@ -54,9 +54,9 @@ impl RunFit {
     }
 }
 
-/// The residuals of each measured signal beside each column that drives an input, over all runs that were fitted; those
-/// whose samples are not evenly apart, and inputs that do not vary within runs, are left out. `data` are the same residuals
-/// with their derivatives, where these are known.
+/// Correlation of the residuals of each measured signal with each column that drives an input, over all fitted runs.
+/// Unevenly sampled residuals and inputs that do not vary within runs are left out. `data` holds the same residuals
+/// with their derivatives, if known.
 pub(crate) fn beside_inputs(
     posed: &Posed<'_>,
     runs: &[RunFit],
@@ -106,7 +106,7 @@ pub(crate) fn beside_inputs(
 /// Values and their times \[s\].
 type Timed = (Vec<f64>, Vec<f64>);
 
-/// Residuals of a signal in a run, and their derivatives by the shared unknowns and by the run's own.
+/// Residuals of a signal in a run, and their derivatives with respect to the shared unknowns and the run's own.
 fn linearised(run: &Run, signal: usize) -> Option<(Timed, [DMatrix<f64>; 2])> {
     let rows = run.signals.get(signal)?.clone();
     let left = run.residuals.rows(rows.start, rows.len());

@@ -1,4 +1,4 @@
-//! The loops that the instances of a problem close, each cut open at a wire, linear at the end of the first run.
+//! The loops formed by the instances of a problem, each opened at a wire and linearised at the end of the first run.
 
 use crate::posed::Posed;
 use crate::problem::file::Quantity;
@@ -10,11 +10,11 @@ use pilotage_cosim::SystemDescription;
 use pilotage_cosim::description::Wire;
 use pilotage_linear::{Figure, LoopFigures, OpenLoop, eigenvalues};
 
-/// The joint equations without a wire that closes a loop.
+/// The joint equations without one of the wires that close a loop.
 pub(crate) struct Cut<'p>(Opened<'p>);
 
 impl<'p> Cut<'p> {
-    /// Of a problem without the wire of that number.
+    /// The equations of a problem without the wire of that number.
     fn new(posed: &'p Posed<'p>, cut: usize) -> Option<Self> {
         let wire = &posed.file.system.connections[cut];
         let is_input = |name: &str| name == wire.to.value;
@@ -22,14 +22,14 @@ impl<'p> Cut<'p> {
         Opened::new(posed, &[cut], is_input, vec![signal]).map(Self)
     }
 
-    /// The loop with these shared parameters and these states at the end of the first run. None where a derivative is no
-    /// finite number.
+    /// The loop with these shared parameters and these states at the end of the first run. None if a derivative is not
+    /// finite.
     fn at(
         &self,
         x: &[f64],
         theta: &[f64],
     ) -> Option<OpenLoop<impl Fn(f64) -> Complex<f64> + use<>>> {
-        // `ẋ = A x + b w`, and what comes back to `w`.
+        // `ẋ = A x + b w`, and the signal fed back to `w`.
         let mut open = self.0.linear(x, theta)?;
         let factor = -self.0.factor;
         open.c *= factor;
@@ -46,7 +46,7 @@ impl<'p> Cut<'p> {
 
 /// A loop of a solution, with its figures.
 struct Loop<'p> {
-    /// The output whose wire is cut.
+    /// The output at whose wire the loop is opened.
     output: String,
     /// Whether there are several loops.
     is_named: bool,
@@ -55,7 +55,7 @@ struct Loop<'p> {
 }
 
 impl Loop<'_> {
-    /// Figures with the loop's name; the poles, which are those of all loops, without.
+    /// Figures, named after the loop. Poles are common to all loops and keep their names.
     fn named(&self, figures: &LoopFigures) -> Vec<Figure> {
         let mut all = figures.named();
         if self.is_named {
@@ -66,8 +66,8 @@ impl Loop<'_> {
     }
 }
 
-/// The loops of a solution. Where wires lead side by side, as from a pilot's two sticks, each is cut with the others closed
-/// (margins of one path at a time: MIL-F-9490D, 3.1.3.6).
+/// The loops of a solution. If there are parallel wires, as from a pilot's two sticks, each is opened with the others
+/// closed (margins of one path at a time: MIL-F-9490D, 3.1.3.6).
 pub(crate) struct Looped<'p> {
     loops: Vec<Loop<'p>>,
     /// The states at the end of the first run.
@@ -75,15 +75,15 @@ pub(crate) struct Looped<'p> {
 }
 
 impl<'p> Looped<'p> {
-    /// Of a solution, at the end of its first run.
+    /// From a solution, at the end of its first run.
     pub fn of(posed: &'p Posed<'p>, solved: &Solved) -> Option<Self> {
         let (problem, z) = (&solved.problem, &solved.solution.iterate.z);
         let x = problem.states_at_samples(z, 0).pop()?;
         Self::new(posed, &x, &problem.physical_theta(z))
     }
 
-    /// Of a problem with these states at the end of the first run, and shared parameters; none where no wires between two
-    /// instances open all loops, or one is not linear there.
+    /// From a problem with these states at the end of the first run and these shared parameters. None if no set of
+    /// wires between two instances opens all loops, or if a loop cannot be linearised there.
     pub fn new(posed: &'p Posed<'p>, x: &[f64], theta: &[f64]) -> Option<Self> {
         let description = &posed.file.system;
         let wires = match pilots(posed) {
@@ -107,12 +107,12 @@ impl<'p> Looped<'p> {
         })
     }
 
-    /// The outputs whose wires are cut, in the order of the figures.
+    /// The outputs at whose wires the loops are opened, in the order of the figures.
     pub fn cuts(&self) -> Vec<String> {
         self.loops.iter().map(|own| own.output.clone()).collect()
     }
 
-    /// The figures of all loops as they have become, and the poles once.
+    /// The updated figures of all loops, with the poles listed once.
     fn all(&self, of: impl Fn(&Loop<'p>) -> Option<LoopFigures>) -> Vec<Figure> {
         let mut all = Vec::new();
         for (k, own) in self.loops.iter().enumerate() {
@@ -120,7 +120,7 @@ impl<'p> Looped<'p> {
             let named = own.named(&figures).into_iter();
             all.extend(named.filter(|own| k == 0 || !own.is_of_pole()));
         }
-        // Poles come last, as of one loop.
+        // Poles come last, as for a single loop.
         all.sort_by_key(Figure::is_of_pole);
         all
     }
@@ -129,7 +129,7 @@ impl<'p> Looped<'p> {
         self.all(|own| Some(own.figures.clone()))
     }
 
-    /// The figures, as what is found.
+    /// The figures, as derived quantities.
     pub fn found(&self) -> Vec<Found> {
         let figures = self.figures().into_iter();
         let found = figures.map(|figure| Found {
@@ -142,7 +142,7 @@ impl<'p> Looped<'p> {
         found.collect()
     }
 
-    /// The same figures with shared parameters that may be far away.
+    /// The same figures at other shared parameters, which may be far away.
     pub fn again(&self, theta: &[f64]) -> Vec<f64> {
         let found = self.all(|own| {
             let moved = own.cut.at(&self.x, theta)?;
@@ -152,8 +152,8 @@ impl<'p> Looped<'p> {
         figures.iter().map(|own| own.value_in(&found)).collect()
     }
 
-    /// The same figures with other shared parameters, and a change of a state: that of a run's own parameter, which is the
-    /// same all along the run. Not numbers where they are gone.
+    /// The same figures at nearby shared parameters and with a changed state. The state is a run's own parameter, which
+    /// is constant along the run. NaN if a figure no longer exists.
     pub fn moved(&self, theta: &[f64], (state, by): (usize, f64)) -> Vec<f64> {
         let mut x = self.x.clone();
         x[state] += by;
@@ -163,7 +163,7 @@ impl<'p> Looped<'p> {
     }
 }
 
-/// The instances from which and to which a wire leads.
+/// The instances at both ends of a wire.
 pub(crate) fn ends(description: &SystemDescription, wire: &Wire) -> [String; 2] {
     [&wire.from.value, &wire.to.value].map(|end| instance(description, end))
 }
@@ -183,7 +183,7 @@ pub(crate) fn instance(description: &SystemDescription, signal: &str) -> String 
 /// `L(jω)` of an open loop.
 pub type Response = Box<dyn Fn(f64) -> Complex<f64>>;
 
-/// The open loops of a solution, as they depend on the shared parameters: those of [`Fit::cuts`](crate::Fit::cuts).
+/// The open loops of a solution as functions of the shared parameters, those of [`Fit::cuts`](crate::Fit::cuts).
 pub struct OpenLoops<'p>(Looped<'p>);
 
 impl std::fmt::Debug for OpenLoops<'_> {
@@ -193,12 +193,13 @@ impl std::fmt::Debug for OpenLoops<'_> {
 }
 
 impl<'p> OpenLoops<'p> {
-    /// Linear at the end of the first run; none where no loop is closed.
+    /// Linearised at the end of the first run. None if there is no closed loop.
     pub fn new(posed: &'p Posed<'p>, solved: &Solved) -> Option<Self> {
         Looped::of(posed, solved).map(Self)
     }
 
-    /// Each with these shared parameters, at the same states; none where one is not linear there.
+    /// The response of each loop with these shared parameters, at the same states. None if a loop cannot be linearised
+    /// there.
     pub fn with(&self, theta: &[f64]) -> Option<Vec<Response>> {
         let of = |own: &Loop<'p>| -> Option<Response> {
             Some(Box::new(own.cut.at(&self.0.x, theta)?.response))
@@ -207,7 +208,7 @@ impl<'p> OpenLoops<'p> {
     }
 }
 
-/// The instances that a column drives, as a target does a pilot, and those of which something is measured.
+/// The instances driven by a column, such as a pilot by a target, and those with a measured signal.
 fn ends_of(posed: &Posed<'_>) -> (Vec<String>, Vec<String>) {
     let (file, description) = (posed.file, &posed.file.system);
     let fed = file
@@ -226,14 +227,14 @@ fn ends_of(posed: &Posed<'_>) -> (Vec<String>, Vec<String>) {
     )
 }
 
-/// The wires from the pilots of a problem.
+/// The output wires of a problem's pilots.
 pub(crate) fn pilots(posed: &Posed<'_>) -> Vec<usize> {
     let (driven, measured) = ends_of(posed);
     of_pilots(&posed.file.system, &driven, &measured)
 }
 
-/// The wires from what is driven, which close loops: those of the first such instance, and of others of which nothing is
-/// measured. A loop inside, as of a stability augmentation, stays closed.
+/// The output wires of driven instances that close loops: those of the first such instance, and of others without a
+/// measured signal. An inner loop, such as a stability augmentation, stays closed.
 fn of_pilots(
     description: &SystemDescription,
     driven: &[String],
@@ -267,7 +268,7 @@ fn of_pilots(
     cut
 }
 
-/// The first wire without which no instance acts on itself, where with it one does.
+/// The only wire that opens all loops, if there are loops and one wire suffices.
 pub(crate) fn opening(description: &SystemDescription) -> Option<usize> {
     match openings(description)[..] {
         [own] => Some(own),
@@ -275,7 +276,7 @@ pub(crate) fn opening(description: &SystemDescription) -> Option<usize> {
     }
 }
 
-/// The same, or the first wires that lead from one instance to another without which none does.
+/// The first wire that opens all loops, or else the first set of parallel wires from one instance to another that does.
 fn openings(description: &SystemDescription) -> Vec<usize> {
     let wires = description.connections.iter();
     let edges: Vec<[String; 2]> = wires.map(|wire| ends(description, wire)).collect();
@@ -297,7 +298,7 @@ fn openings(description: &SystemDescription) -> Vec<usize> {
     all.into_iter().find(|cut| is_open(cut)).unwrap_or_default()
 }
 
-/// Whether edges lead from anywhere back to it: what nothing leads to is taken away until nothing is left.
+/// Whether a directed graph has a cycle: edges from nodes that no edge leads to are removed until none remain.
 fn has_circle(edges: &[&[String; 2]]) -> bool {
     let mut left = edges.to_vec();
     loop {

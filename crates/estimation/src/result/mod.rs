@@ -1,4 +1,4 @@
-//! What a fit has found.
+//! The result of a fit.
 
 pub mod beforehand;
 mod begun;
@@ -29,9 +29,9 @@ use pilotage_inference::spectrum::Describing;
 use pilotage_sqp::{Kkt, Status};
 use std::sync::Arc;
 
-/// A mean square of the residuals that is none, per variance of the samples or the noise.
+/// Mean square of the residuals that counts as zero, relative to the variance of the samples or the noise.
 const EXACT: f64 = 1e-6;
-/// A part of the variance of each value that is of no importance.
+/// Negligible fraction of the variance of each value.
 const NEGLIGIBLE: f64 = 1e-4;
 
 /// The result of a fit.
@@ -39,81 +39,81 @@ const NEGLIGIBLE: f64 = 1e-4;
 pub struct Fit {
     /// How the solve ended.
     pub status: Status,
-    /// `Σ w ((y - h)/sd)²`, with `Σ 2 ln sd` where noise levels are estimated, and what is known beforehand.
+    /// `Σ w ((y - h)/sd)²`, plus `Σ 2 ln sd` if noise levels are estimated, plus the priors.
     pub objective: f64,
-    /// The same where the runs are simulated with what was found; none where that was not possible.
+    /// The objective of a simulation of the runs with the estimates. None if it failed.
     pub simulated_objective: Option<f64>,
     /// `Σ w ((y - h)/sd)²` alone.
     pub chi2: f64,
-    /// Negative logarithm of the likelihood, with its constants.
+    /// Negative log-likelihood, including its constants.
     pub nllh: f64,
-    /// Measured values.
+    /// Number of measured values.
     pub samples: usize,
-    /// What was sought, and what is tied to it.
+    /// Estimated parameters, and those tied to them.
     pub parameters: Vec<Found>,
-    /// What the file derives from parameters; then, where the instances close one loop, its figures at the end of the first
-    /// run ([`pilotage_linear::LoopFigures::named`]).
+    /// Derived quantities of the file. If the instances form a loop, its figures at the end of the first run follow
+    /// ([`pilotage_linear::LoopFigures::named`]).
     pub derived: Vec<Found>,
     /// The runs.
     pub runs: Vec<RunFit>,
-    /// Iterations of the solver.
+    /// Number of solver iterations.
     pub iterations: usize,
-    /// Its last KKT residual.
+    /// Last KKT residual of the solver.
     pub kkt: Kkt,
     /// Poles of the system, linearised at the end of the first run \[1/s\].
     pub poles: Vec<[f64; 2]>,
     /// How the mesh was refined.
     pub refinement: Refinement,
-    /// An objective that is zero but for the solver's tolerance.
+    /// An objective that is zero up to the solver's tolerance.
     pub resolution: f64,
-    /// For each start how it ended, and its objective.
+    /// For each start, its status and its objective.
     pub starts: Vec<(Status, f64)>,
-    /// A start that did not converge, and was better all the same.
+    /// A start that did not converge but had a lower objective.
     pub lower: Option<usize>,
-    /// The outputs at whose wires the loops of crossover and margins are cut; none where no loop is.
+    /// The outputs at whose wires the loops are opened for crossover and margins. Empty if there is no loop.
     pub cuts: Vec<String>,
-    /// What ended the fit before all starts and refinements were done.
+    /// What ended the fit before all starts and refinements were completed.
     pub cut: Option<Status>,
     /// Events of FMUs in its runs.
     pub events: Events,
-    /// Residuals beside what drove the system; none where the equations are not met.
+    /// Correlations of the residuals with the inputs. Empty if the equations are not satisfied.
     pub beside: Vec<Beside>,
-    /// What speaks against it.
+    /// Reasons to doubt the result.
     pub diagnostics: Vec<Diagnostic>,
-    /// Difference of objectives that is of no importance.
+    /// Negligible difference of objectives.
     pub negligible: f64,
-    /// How long it took \[s\].
+    /// Duration of the fit \[s\].
     pub seconds: f64,
-    /// How sure it is.
+    /// Uncertainty of the estimates.
     pub uncertainty: Result<Uncertainty, Unsure>,
-    /// What the runs say of pilot and loop without a model.
+    /// Model-free estimates of pilot and loop from the runs.
     pub describing: Describing,
     /// The solution itself.
     pub solved: Option<Arc<Solved>>,
-    /// The solution of predictions, where noise drives the system.
+    /// The solution of the prediction-error fit, if noise drives the system.
     pub optimum: Option<Arc<Optimum>>,
-    /// Which expression is no finite number where the search begins, where a solve ended with
+    /// The expression that is not finite where the search begins, for a solve that ended with
     /// [`Status::UndefinedStart`].
     pub trouble: Option<String>,
 }
 
-/// A parameter.
+/// An estimated or derived parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
     /// Its name.
     pub name: String,
-    /// Name of its unit, where it has one.
+    /// Name of its unit, if it has one.
     pub unit: Option<String>,
-    /// Its value, or that for each run or subject, by their names.
+    /// Its value, or its values for each run or subject with their names.
     pub values: Vec<(Option<String>, f64)>,
-    /// True where it follows from others.
+    /// Whether it follows from other parameters.
     pub is_tied: bool,
-    /// The end of its range on which it lies.
+    /// The bound of its range on which it lies.
     pub bound: Option<f64>,
 }
 
 impl Found {
-    /// Its values, each with the parameter's name and, in brackets, whose it is.
+    /// Its values with the parameter's name and, in brackets, the name of the run or subject.
     pub fn named(&self) -> impl Iterator<Item = (String, f64)> {
         let named = |(label, value): &(Option<String>, f64)| match label {
             Some(label) => (format!("{} ({label})", self.name), *value),
@@ -128,7 +128,7 @@ impl Found {
         sum / self.values.len() as f64
     }
 
-    /// The mean of its values for these runs or subjects; of all where it has none for them.
+    /// Mean of its values for these runs or subjects, or of all values if it has none for them.
     pub fn mean_of(&self, labels: &[&String]) -> f64 {
         let is_own =
             |label: &Option<String>| label.as_ref().is_some_and(|own| labels.contains(&own));
@@ -141,30 +141,30 @@ impl Found {
     }
 }
 
-/// A run.
+/// A run of the fit.
 #[derive(Debug, Clone)]
 pub struct RunFit {
-    /// Its file.
+    /// Its name.
     pub name: String,
     /// Times of the samples \[s\].
     pub time: Vec<f64>,
-    /// The states, inputs and parameters of the joint model where it begins.
+    /// States, inputs and parameters of the joint model at the start of the run.
     pub begin: Vec<f64>,
-    /// The states at the samples, each by itself, as the models have them.
+    /// Trajectory of each state at the samples, in the coordinates of the models.
     pub states: Vec<Vec<f64>>,
-    /// What each sensor should show, in the unit of its signal.
+    /// Model output for each sensor, in the unit of its signal.
     pub predicted: Vec<Vec<f64>>,
-    /// What was recorded, in the same.
+    /// Recorded values, in the same units.
     pub recorded: Vec<Vec<f64>>,
-    /// The noise levels.
+    /// Standard deviations of the noise.
     pub deviations: Vec<Vec<f64>>,
-    /// What is predicted from sample to sample, where noise drives the system; what stands above is simulated without.
+    /// One-step predictions, if noise drives the system. The fields above are then simulated without noise.
     pub ahead: Option<Ahead>,
 }
 
 impl RunFit {
-    /// The residuals of a measured signal at each sample, in standard deviations; NaN where nothing was measured. Where
-    /// noise drives the system they are the innovations.
+    /// Residuals of a measured signal at each sample, in standard deviations. NaN where nothing was measured. If noise
+    /// drives the system, they are the innovations.
     pub fn residuals(&self, k: usize, noise: Noise) -> Vec<f64> {
         if let Some(ahead) = &self.ahead {
             return ahead.innovations[k].clone();
@@ -180,7 +180,7 @@ impl RunFit {
 }
 
 impl RunFit {
-    /// Root mean square of what a prediction by all earlier samples misses of a measured signal, in its unit; none where no
+    /// Root mean square error of the prediction of a measured signal from all earlier samples, in its unit. None if no
     /// noise drives the system.
     pub fn rms_ahead(&self, k: usize) -> Option<f64> {
         let ahead = self.ahead.as_ref()?;
@@ -192,12 +192,12 @@ impl RunFit {
         Some((squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
     }
 
-    /// How much of a measured signal the model explains.
+    /// Variance of a measured signal that the model explains.
     pub fn explained(&self, k: usize) -> Option<Explained> {
         Explained::of(&self.recorded[k], &self.predicted[k])
     }
 
-    /// −2 log likelihood of all that was recorded; not a number where the model gives none.
+    /// −2 log-likelihood of the recording. NaN if the model does not define it.
     pub fn surprise(&self, noises: &[Noise]) -> f64 {
         if let Some(ahead) = &self.ahead {
             return ahead.surprise();
@@ -220,7 +220,7 @@ impl Fit {
         (0..posed.runs.len()).map(run).collect()
     }
 
-    /// What a solution says.
+    /// Evaluates a solution.
     pub(crate) fn of(posed: &Posed<'_>, solved: &Solved) -> Self {
         let Solved { problem, solution } = solved;
         let z = &solution.iterate.z;
@@ -284,14 +284,14 @@ impl Fit {
         }
     }
 
-    /// Whether the states fulfil the equations and the constraints hold. Else objective and residuals are those of no run,
-    /// or what is not finite at the start.
+    /// Whether the states satisfy the equations and the constraints hold. Otherwise objective and residuals do not
+    /// belong to a run, or are not finite at the start.
     pub fn is_met(&self) -> bool {
         self.status == Status::Converged || self.kkt.primal <= MET
     }
 
-    /// Whether it is done: the solver converged, nothing was cut, no iteration limit ended the refinement of the mesh, and
-    /// the mesh is fine enough, or at least a simulation with what was found agrees.
+    /// Whether the fit is complete: the solver converged, the fit was not ended early, no iteration limit ended the
+    /// refinement of the mesh, and the mesh is fine enough or a simulation with the estimates agrees.
     pub fn is_answer(&self) -> bool {
         let is_rough = |own: &Diagnostic| matches!(own, Diagnostic::MeshError { .. });
         let has_mesh = !self.diagnostics.iter().any(is_rough) || self.agrees();
@@ -299,7 +299,7 @@ impl Fit {
         self.status == Status::Converged && !is_limited && has_mesh
     }
 
-    /// Whether a simulation with what was found has the same objective: up to a thousandth, or up to a hundredth of a
+    /// Whether a simulation with the estimates has the same objective, within a thousandth or within a hundredth of a
     /// standard deviation in each value.
     pub fn agrees(&self) -> bool {
         self.simulated_objective.is_some_and(|simulated| {
@@ -307,7 +307,7 @@ impl Fit {
         })
     }
 
-    /// How it ended, in a word: that of the solver, or what is worse.
+    /// How the fit ended, in a word: the solver's status or a more severe one.
     pub fn ending(&self) -> &'static str {
         match (self.cut, self.status) {
             (Some(cut), _) => cut.as_str(),
@@ -319,13 +319,13 @@ impl Fit {
         }
     }
 
-    /// Whether the wired system decays.
+    /// Whether the connected system is stable.
     pub fn is_stable(&self) -> bool {
         !self.poles.is_empty() && self.poles.iter().all(|pole| pole[0] < 0.0)
     }
 
-    /// How many starts ended at the best optimum. Each has a mesh of its own, so that objectives may differ by twice of what
-    /// the refinement changed the best one.
+    /// Number of starts that ended at the best optimum. Each has its own mesh, so objectives may differ by twice the
+    /// change of the best one by refinement.
     pub fn agreeing(&self) -> usize {
         let converged = self
             .starts
@@ -340,7 +340,7 @@ impl Fit {
         objectives.filter(is_near).count()
     }
 
-    /// How it ended, in a word or two.
+    /// How the fit ended, in a word or two.
     pub fn verdict(&self) -> String {
         match (self.is_answer(), self.diagnostics.len()) {
             (false, _) => format!("NOT CONVERGED ({})", self.ending()),
@@ -393,7 +393,7 @@ fn run_fit(
 fn parameters(posed: &Posed<'_>, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec<Found> {
     let mut all = Vec::new();
     for (unknown, stands) in &posed.unknowns {
-        // The solver is out of a range by its tolerance.
+        // The solver may violate a range by its tolerance.
         let found = |searched: f64| unknown.kept(unknown.found(searched));
         let values: Vec<(Option<String>, f64)> = match stands {
             Stands::Shared(k) => vec![(None, found(theta[*k]))],
@@ -421,7 +421,7 @@ fn parameters(posed: &Posed<'_>, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec
     all
 }
 
-/// Expressions of parameters, where the runs begin.
+/// Values of expressions of parameters at the start of the runs.
 fn expressed(
     posed: &Posed<'_>,
     states: &[Vec<Vec<f64>>],
@@ -460,8 +460,8 @@ fn expressed(
     all.iter().map(found).collect()
 }
 
-/// The end of a range on which one of these values lies, up to the solver's tolerance for a parameter of the size of its
-/// start, or of its nominal value where it starts at 0.
+/// The bound of a range on which one of these values lies, within the solver's tolerance for a parameter of the size of
+/// its start value, or of its nominal value if it starts at 0.
 fn reached(
     range: [Option<f64>; 2],
     values: &[(Option<String>, f64)],
@@ -473,13 +473,13 @@ fn reached(
     range.into_iter().flatten().find(is_reached)
 }
 
-/// Residuals of a measured signal beside a column that drives an input.
+/// Residuals of a measured signal and a column that drives an input.
 #[derive(Debug, Clone)]
 pub struct Beside {
     /// The measured column.
     pub measured: String,
     /// The column that drives an input.
     pub input: String,
-    /// Their correlations.
+    /// Their cross-correlations.
     pub crossed: Crossed,
 }

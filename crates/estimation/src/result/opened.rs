@@ -1,4 +1,4 @@
-//! The equations of a problem with wires taken out, linear at the end of the first run.
+//! The equations of a problem with wires removed, linearised at the end of the first run.
 
 use crate::posed::Posed;
 use crate::posed::variables;
@@ -8,16 +8,17 @@ use pilotage_expression::{Graph, Node};
 use pilotage_linear::StateSpace;
 use std::collections::HashMap;
 
-/// The joint equations without wires, from inputs to signals.
+/// The joint equations without some wires, from inputs to signals.
 pub(crate) struct Opened<'p> {
     posed: &'p Posed<'p>,
-    /// Graph of the equations, and for each of its variables where the closed ones have it: none for inputs that the wires
-    /// drove.
+    /// Graph of these equations. Each variable is mapped to its node in the closed equations; inputs driven by the
+    /// removed wires have none.
     graph: Graph,
     variables: Vec<Option<Node>>,
-    /// Those inputs, by the numbers of their variables, and the signals at the wires' other ends, in the inputs' units.
+    /// Those inputs, by the numbers of their variables, with the signals at the source ends of the wires, in the
+    /// inputs' units.
     freed: Vec<(usize, Node)>,
-    /// What the first wire multiplies its signal with, for the unit of its input.
+    /// Factor of the first wire's unit conversion.
     pub factor: f64,
     /// Names of the inputs and of the signals.
     pub inputs: Vec<String>,
@@ -27,8 +28,8 @@ pub(crate) struct Opened<'p> {
 }
 
 impl<'p> Opened<'p> {
-    /// Of a problem without the wires of these numbers, from the inputs of the joint equations that `is_input` names to
-    /// these signals. None where a wire's end is driven by something else then.
+    /// The equations of a problem without the wires of these numbers, from the inputs selected by `is_input` to these
+    /// signals. None if the end of a removed wire is then driven by something else.
     pub fn new(
         posed: &'p Posed<'p>,
         cut: &[usize],
@@ -101,8 +102,8 @@ impl<'p> Opened<'p> {
         })
     }
 
-    /// From the inputs to the signals, with these shared parameters and these states at the end of the first run. None where
-    /// a derivative is no finite number.
+    /// The linear system from the inputs to the signals, with these shared parameters and these states at the end of
+    /// the first run. None if a derivative is not finite.
     pub fn linear(&self, x: &[f64], theta: &[f64]) -> Option<StateSpace> {
         let last = self.posed.runs[0].time.len() - 1;
         let system = &self.posed.model.system.graph;
@@ -110,7 +111,7 @@ impl<'p> Opened<'p> {
         let mut point: Vec<f64> = (self.variables.iter())
             .map(|node| node.map_or(0.0, |node| told[node.index()]))
             .collect();
-        // What a wire carries is there what comes out at its other end, which another wire may lead to.
+        // The value of a freed input is the signal at its wire's source, which may depend on another freed input.
         for _ in &self.freed {
             let values = self.graph.values(&point);
             for (input, signal) in &self.freed {

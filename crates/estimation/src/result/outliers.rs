@@ -1,4 +1,4 @@
-//! Samples and runs that stand out of a fit's residuals.
+//! Outlying samples and runs in the residuals of a fit.
 
 use crate::posed::Posed;
 use crate::problem::file::Noise;
@@ -6,14 +6,14 @@ use crate::result::diagnostic::Diagnostic;
 use crate::result::{Fit, RunFit};
 use pilotage_inference::outliers::{Breaks, Kind, Values, misfit, resolution};
 
-/// Part of a signal's samples at the ends of its range that is worth a word.
+/// Fraction of a signal's samples at the ends of its range from which clipping is reported.
 const CLIPPED: f64 = 0.05;
-/// Samples in a row that stay at a value.
+/// Minimum number of consecutive samples that stay at a value.
 const STAYS: usize = 5;
-/// A coarser recording, of so many steps at most, stays anywhere.
+/// Minimum number of quantisation steps in the range: a coarser recording stays constant anywhere.
 const LEVELS: f64 = 20.0;
 
-/// Samples of a measured signal that stand out; those of a distribution with long tails are expected to.
+/// Outlying samples of a measured signal. For a distribution with long tails they are expected.
 pub fn of_samples(posed: &Posed<'_>, fit: &Fit, k: usize) -> Vec<Diagnostic> {
     let measured = &posed.file.measured[k];
     if !matches!(measured.noise, Noise::Normal | Noise::LogNormal) {
@@ -58,7 +58,7 @@ pub fn of_samples(posed: &Posed<'_>, fit: &Fit, k: usize) -> Vec<Diagnostic> {
     outlier.into_iter().chain(jump).collect()
 }
 
-/// The run in which a measured signal is fitted worst, where that is far worse than in the others.
+/// The run in which a measured signal is fitted worst, if it is far worse than in the others.
 pub fn of_runs(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
     let measured = &posed.file.measured[k];
     let has_some = |run: &&RunFit| run.recorded[k].iter().any(|y| y.is_finite());
@@ -75,7 +75,7 @@ pub fn of_runs(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
     })
 }
 
-/// A measured signal that stays at the ends of its range, for some samples within a run: at rest it may begin and end there.
+/// A measured signal that stays at the ends of its range within a run. At the start and end of a run it may be at rest.
 pub fn of_ends(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
     let runs = || fit.runs.iter().map(|run| &run.recorded[k]);
     let all: Vec<f64> = runs()
@@ -99,7 +99,7 @@ pub fn of_ends(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
     })
 }
 
-/// How many samples of a run lie at a value in stretches that are long, and no begin or end of the run.
+/// Number of samples at a value in long stretches of a run, without those at its start and end.
 fn stays(run: &[f64], value: f64) -> usize {
     let mut stretches = run.chunk_by(|a, b| (*a == value) == (*b == value));
     let is_long = |own: &&[f64]| own[0] == value && own.len() >= STAYS;
@@ -108,7 +108,7 @@ fn stays(run: &[f64], value: f64) -> usize {
     stretches.filter(is_long).map(<[f64]>::len).sum()
 }
 
-/// Runs of different files that have the same samples: of one file, with other settings, that is meant.
+/// Runs of different files with the same samples. The same file with other settings is intended.
 pub fn of_copies(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
     let of = |k: usize| {
         (0..k).find(|&first| {
@@ -127,7 +127,7 @@ pub fn of_copies(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
     })
 }
 
-/// Whether two runs have the same samples, to the bit, and something is measured there.
+/// Whether two runs have identical samples, bit by bit, and at least one is finite.
 fn has_samples(a: &RunFit, b: &RunFit) -> bool {
     let bits = |run: &RunFit| -> Vec<u64> {
         let values = run.time.iter().chain(run.recorded.iter().flatten());
@@ -145,7 +145,7 @@ fn looked_at(run: &RunFit, k: usize, noise: Noise) -> Values {
     };
     let recorded = run.recorded[k].iter().zip(&run.deviations[k]);
     let recorded: Vec<f64> = recorded.map(|(y, sd)| of(y, sd)).collect();
-    // Not what a filter predicts, which follows a break of the recording.
+    // Not the prediction of a filter, which follows a discontinuity of the recording.
     let modelled = run.predicted[k].iter().zip(&run.deviations[k]);
     Values {
         time: run.time.clone(),
@@ -155,7 +155,7 @@ fn looked_at(run: &RunFit, k: usize, noise: Noise) -> Values {
     }
 }
 
-/// Recorded minus modelled, in the unit of the signal: what the residuals are of.
+/// Recorded minus modelled, in the unit of the signal: the residuals before scaling.
 fn missed(run: &RunFit, k: usize) -> Vec<f64> {
     let ahead = run.ahead.as_ref().map(|ahead| &ahead.predicted[k]);
     let samples = run.recorded[k]
@@ -164,7 +164,7 @@ fn missed(run: &RunFit, k: usize) -> Vec<f64> {
     samples.map(|(y, h)| y - h).collect()
 }
 
-/// Standard deviation of what was recorded of a signal.
+/// Standard deviation of a recorded signal.
 fn variation(run: &RunFit, k: usize) -> f64 {
     let known: Vec<f64> = run.recorded[k]
         .iter()
@@ -175,7 +175,7 @@ fn variation(run: &RunFit, k: usize) -> f64 {
     rms(&known.iter().map(|y| y - mean).collect::<Vec<_>>())
 }
 
-/// Root mean square of what is known; NaN of nothing.
+/// Root mean square of the finite values; NaN if there are none.
 fn rms(values: &[f64]) -> f64 {
     let known: Vec<f64> = values
         .iter()

@@ -1,4 +1,4 @@
-//! The pilot of a problem alone: from each of its inputs to each of its outputs, linear at the end of the first run.
+//! The pilot of a problem alone: from each input to each output, linearised at the end of the first run.
 
 use crate::posed::Posed;
 use crate::result::loops::{Response, ends, instance, pilots};
@@ -6,19 +6,19 @@ use crate::result::opened::Opened;
 use crate::search::solved::Solved;
 use nalgebra::Complex;
 
-/// Where paths are compared \[rad/s\].
+/// Frequencies at which paths are compared \[rad/s\].
 const LOOKED_AT: [f64; 3] = [0.3, 1.0, 5.0];
-/// A part of a response that is of no importance.
+/// Negligible fraction of a response.
 const NEGLIGIBLE: f64 = 1e-9;
 const MINUS: &str = " − ";
 
-/// The paths through the pilot of a problem, as they depend on the shared parameters.
+/// The paths through the pilot of a problem, as functions of the shared parameters.
 pub struct PilotPaths<'p> {
     opened: Opened<'p>,
     x: Vec<f64>,
-    /// Each from one of the inputs to one of the signals, by their numbers.
+    /// Number of the input and number of the signal for each path.
     pairs: Vec<[usize; 2]>,
-    /// Names of the input, or of two whose difference acts, and of the output of each.
+    /// For each path, the name of the input, or of two inputs whose difference acts, and of the output.
     ends: Vec<[String; 2]>,
 }
 
@@ -29,8 +29,8 @@ impl std::fmt::Debug for PilotPaths<'_> {
 }
 
 impl<'p> PilotPaths<'p> {
-    /// Linear at the end of the first run; none where no instance is a pilot, whose output closes a loop, or none of its
-    /// inputs acts.
+    /// Linearised at the end of the first run. None if no instance is a pilot whose output closes a loop, or if none of
+    /// its inputs has an effect.
     pub fn new(posed: &'p Posed<'p>, solved: &Solved) -> Option<Self> {
         let description = &posed.file.system;
         let wires = pilots(posed);
@@ -65,12 +65,12 @@ impl<'p> PilotPaths<'p> {
             let largest = all.filter(|size| size.is_finite()).fold(0.0, f64::max);
             for input in 0..opened.inputs.len() {
                 let own = at([input, signal]);
-                // Beside the others it is rounding errors.
+                // Smaller responses are rounding errors.
                 let is_there = size([input, signal]) > NEGLIGIBLE * largest;
                 if own.iter().any(|own| !own.is_finite()) || !is_there {
                     continue;
                 }
-                // What acts on a pilot by a difference, as a target and a position by the error, is one path.
+                // Two inputs that act by their difference, such as target and position by the error, are one path.
                 let name = &opened.inputs[input];
                 let opposite = pairs[begin..]
                     .iter()
@@ -94,12 +94,12 @@ impl<'p> PilotPaths<'p> {
         })
     }
 
-    /// Names of the input, or of two whose difference acts, and of the output of each path.
+    /// For each path, the name of the input, or of two inputs whose difference acts, and of the output.
     pub fn ends(&self) -> &[[String; 2]] {
         &self.ends
     }
 
-    /// The responses with these shared parameters, at the same states; none where the pilot is not linear there.
+    /// The responses with these shared parameters, at the same states. None if the pilot cannot be linearised there.
     pub fn with(&self, theta: &[f64]) -> Option<Vec<Response>> {
         let linear = self.opened.linear(&self.x, theta)?;
         let of = |[input, signal]: &[usize; 2]| -> Response {

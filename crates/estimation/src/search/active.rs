@@ -1,20 +1,19 @@
-//! Which constraints a solve violates, and which keep it stable.
+//! Violated constraints, and active stability constraints.
 
 use crate::posed::Posed;
 use crate::search::solved::Solved;
 use pilotage_sqp::Problem;
 
-/// Scaled violations above this are told.
+/// Scaled violations above this are reported.
 const VIOLATED: f64 = 1e-6;
 
-/// A scaled condition of stability is on its limit within this.
+/// A scaled stability condition is active within this distance of its limit.
 const ON_LIMIT: f64 = 1e-6;
 
-/// Most constraints that are told.
+/// Maximum number of reported constraints.
 const MOST: usize = 3;
 
-/// The constraints that are violated most, and by how much, scaled: equations of states, bounds, constraints on
-/// parameters.
+/// The most violated constraints and their scaled violations: equations of states, bounds, constraints on parameters.
 pub(crate) fn violated(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, f64)> {
     let all = equations(posed, solved).into_iter();
     let all = all.chain(limits(posed, solved));
@@ -30,7 +29,7 @@ pub(crate) fn violated(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, f64)>
     worst
 }
 
-/// For each run and state by how much its equation is violated.
+/// For each run and state, the violation of its equation.
 fn equations(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, f64)> {
     let c = &solved.solution.iterate.c;
     let mut all = Vec::new();
@@ -48,7 +47,7 @@ fn equations(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, f64)> {
     all
 }
 
-/// By how much each inequality is violated.
+/// The violation of each inequality.
 fn limits(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, f64)> {
     let (problem, g) = (&solved.problem, &solved.solution.iterate.g);
     let (lower, upper) = problem.limits();
@@ -72,14 +71,14 @@ fn limits(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, f64)> {
     all
 }
 
-/// Limits of outputs that are exceeded, and by how much at most.
+/// Limits of outputs that are exceeded, and the largest excess.
 pub(crate) fn beyond(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, f64)> {
     let all = limits(posed, solved).into_iter();
     let is_beyond = |(name, by): &(String, f64)| name.starts_with("the limit of") && *by > VIOLATED;
     all.filter(is_beyond).take(MOST).collect()
 }
 
-/// Limits of outputs that hold the solution, and at how many samples.
+/// Limits of outputs that are active, and the number of samples at which they are.
 pub(crate) fn held(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, usize)> {
     let eta = &solved.solution.iterate.eta;
     let of_name = |(k, name): (usize, &String)| {
@@ -95,7 +94,7 @@ pub(crate) fn held(posed: &Posed<'_>, solved: &Solved) -> Vec<(String, usize)> {
         .collect()
 }
 
-/// What is stable because the solve was kept from less: conditions of stability that lie on their limits, with a
+/// Systems that are stable only because of a constraint: stability conditions that lie on their limits with a nonzero
 /// multiplier.
 pub(crate) fn on_stability_bound(posed: &Posed<'_>, solved: &Solved) -> Vec<String> {
     let iterate = &solved.solution.iterate;

@@ -1,4 +1,4 @@
-//! Where the search begins: the nonlinear program of a start, its mesh, its scheme and its scales.
+//! The beginning of a search: the nonlinear program of a start, its mesh, scheme and scales.
 
 use crate::posed::{MOST_INTERVALS, Posed, Stands};
 use crate::problem::file::{Mesh, Options};
@@ -7,27 +7,27 @@ use crate::search::starts::Start;
 use pilotage_collocation::{Collocation, Course, Quality, Run, Scales, Scheme, Stop};
 use rayon::prelude::*;
 
-/// Nodes beside the samples on the meshes to begin with, about, at most.
+/// Approximate maximum number of nodes added to the samples on initial meshes.
 const MOST_STEPS: usize = 4000;
 
-/// Error of a step of a simulation, relative to the states.
+/// Error tolerance of a simulation step, relative to the states.
 const TOLERANCE: f64 = 1e-6;
 
-/// A state that stays below this part of the size that it was taken for is simulated with its own size.
+/// A state that stays below this fraction of its assumed size is simulated again with its actual size.
 const TINY: f64 = 0.1;
 
-/// Where a search begins, or goes on.
+/// Point from which a search begins or continues.
 pub(crate) struct Point<'p> {
     /// The shared parameters.
     pub theta: &'p [f64],
-    /// Where the states of each run begin.
+    /// Initial states of each run.
     pub initial: Vec<Vec<f64>>,
-    /// Measured states are as they were recorded.
+    /// Whether measured states follow their recordings.
     pub follows: bool,
 }
 
-/// The nonlinear program of a start on a mesh that suits a simulation from there, and its variables. Where it is to
-/// stop the states stay where they are.
+/// The nonlinear program of a start on a mesh that suits a simulation from there, and its variables. If stopped, the
+/// states remain constant.
 pub fn begin(posed: &Posed<'_>, start: &Start, stop: &Stop<'_>) -> (Collocation, Vec<f64>) {
     let (theta, own) = start.parameters.split_at(posed.shared);
     let runs = 0..posed.runs.len();
@@ -39,7 +39,7 @@ pub fn begin(posed: &Posed<'_>, start: &Start, stop: &Stop<'_>) -> (Collocation,
     at_point(posed, &point, posed.file.options.scheme, stop)
 }
 
-/// The same where a search has come to. Without a scheme it is one that suits the equations there.
+/// The same from a point reached by a search. Without a scheme, one that suits the equations there is selected.
 pub(crate) fn at_point(
     posed: &Posed<'_>,
     point: &Point<'_>,
@@ -70,7 +70,7 @@ pub(crate) fn at_point(
     (problem, z)
 }
 
-/// The scheme for equations of which these are simulations, where the user named none.
+/// The scheme for equations with these simulations, if the user selected none.
 fn suited(courses: &[Course]) -> Scheme {
     match courses.iter().any(|course| course.is_stiff) {
         true => STIFF_SCHEME,
@@ -78,7 +78,7 @@ fn suited(courses: &[Course]) -> Scheme {
     }
 }
 
-/// The runs from a point, simulated, with as many steps as their meshes need.
+/// Simulations of the runs from a point, with as many steps as their meshes need.
 fn courses(posed: &Posed<'_>, point: &Point<'_>, stop: &Stop<'_>) -> Vec<Course> {
     let most = MOST_STEPS.div_ceil(posed.runs.len().max(1));
     let simulated = |(run, initial): (&Run, &Vec<f64>)| {
@@ -90,8 +90,8 @@ fn courses(posed: &Posed<'_>, point: &Point<'_>, stop: &Stop<'_>) -> Vec<Course>
     runs.map(simulated).collect()
 }
 
-/// A run, simulated. Where the problem does not say how large a state is it is taken to be of the order of one until
-/// it turns out to be smaller.
+/// Simulation of a run. If the problem does not state the size of a state, it is assumed to be of the order of one
+/// unless it turns out to be smaller.
 fn course(posed: &Posed<'_>, run: &Run, theta: &[f64], initial: &[f64], stop: &Stop<'_>) -> Course {
     let simulated = |magnitudes: &[f64]| {
         posed
@@ -119,7 +119,7 @@ fn quality(magnitudes: Vec<f64>) -> Quality {
     }
 }
 
-/// Where a run begins, with these parameters of its own.
+/// Initial states of a run with these own parameters.
 pub(crate) fn initial(posed: &Posed<'_>, own: &[f64], j: usize) -> Vec<f64> {
     let joint = posed.states.len() - own.len();
     (posed.states.iter().zip(&posed.runs[j].initial).enumerate())
@@ -130,7 +130,7 @@ pub(crate) fn initial(posed: &Posed<'_>, own: &[f64], j: usize) -> Vec<f64> {
         .collect()
 }
 
-/// How large states are, as far as that is known where they begin.
+/// Sizes of the states, as far as known at the start.
 fn sizes(posed: &Posed<'_>, initial: &[f64]) -> Vec<f64> {
     let pairs = posed.states.iter().zip(initial);
     pairs
@@ -138,7 +138,7 @@ fn sizes(posed: &Posed<'_>, initial: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The states that run away.
+/// The states that diverge.
 fn wild(posed: &Posed<'_>, course: &Course) -> Vec<usize> {
     const FARTHEST: f64 = 1e6;
     let (sizes, seen) = (sizes(posed, &course.states[0]), course.sizes());
@@ -146,7 +146,7 @@ fn wild(posed: &Posed<'_>, course: &Course) -> Vec<usize> {
     (0..sizes.len()).filter(is_wild).collect()
 }
 
-/// Of a state that runs away, the value where it begins.
+/// Replaces states that diverge by their initial values.
 fn tame(posed: &Posed<'_>, course: &mut Course) {
     let initial = course.states[0].clone();
     for k in wild(posed, course) {
@@ -180,8 +180,8 @@ pub(crate) fn scales(posed: &Posed<'_>, courses: &[Course], theta: &[f64]) -> Sc
     }
 }
 
-/// A run on the mesh that the options ask for; where they leave it open, with nodes beside the samples where its
-/// simulation needs them.
+/// A run on the requested mesh. If the mesh is adaptive, nodes are added to the samples where the simulation needs
+/// them.
 fn meshed(run: &Run, course: &Course, options: &Options) -> Run {
     let mut run = run.clone();
     match options.mesh {
@@ -192,7 +192,7 @@ fn meshed(run: &Run, course: &Course, options: &Options) -> Run {
     run
 }
 
-/// Nodes about this far apart, and wherever inputs jump.
+/// Nodes approximately this far apart, and wherever inputs jump.
 fn spread(run: &Run, step: f64) -> Vec<f64> {
     let jumps = run.time.windows(2).zip(run.inputs.windows(2));
     let jumps = jumps.filter(|(time, inputs)| time[0] == time[1] && inputs[0] != inputs[1]);

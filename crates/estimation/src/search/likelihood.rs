@@ -1,4 +1,4 @@
-//! What a measured value says by the noise that it has.
+//! Likelihood of measured values for each noise distribution.
 
 use crate::problem::file::Noise;
 use pilotage_collocation::Loss;
@@ -6,7 +6,7 @@ use statrs::function::erf::erf;
 use std::f64::consts::{LN_2, PI, SQRT_2};
 
 impl Noise {
-    /// `(y - h)/sd`; with log-normal noise of the logarithms.
+    /// `(y - h)/sd`; for log-normal noise, of the logarithms.
     pub fn residual(self, recorded: f64, predicted: f64, sd: f64) -> f64 {
         match self {
             Self::LogNormal => (recorded.ln() - predicted.ln()) / sd,
@@ -16,7 +16,7 @@ impl Noise {
         }
     }
 
-    /// −2 log likelihood of a recorded value, with its constants.
+    /// −2 log-likelihood of a recorded value, including constants.
     pub fn surprise(self, recorded: f64, predicted: f64, sd: f64) -> f64 {
         let r = self.residual(recorded, predicted, sd);
         let scale = 2.0 * sd.ln();
@@ -38,7 +38,7 @@ impl Noise {
     }
 }
 
-/// `ln Γ(x)` for x above 0: Stirling's series beyond 10, and the recurrence up to there (Abramowitz & Stegun, 6.1.41).
+/// `ln Γ(x)` for x above 0: Stirling's series beyond 10, and the recurrence below (Abramowitz & Stegun, 6.1.41).
 fn log_gamma(x: f64) -> f64 {
     let (mut x, mut product) = (x, 1.0);
     while x < 10.0 {
@@ -67,7 +67,7 @@ mod tests {
         }
     }
 
-    /// Each is a density: it integrates to 1 over the values that may be recorded.
+    /// Each is a density: it integrates to 1 over all possible recorded values.
     #[test]
     fn likelihoods_are_densities() {
         for noise in [
@@ -77,7 +77,7 @@ mod tests {
             Noise::Student(4.0),
             Noise::Huber(1.345),
         ] {
-            // y = 2 + tan(v), or exp of it where values are above 0.
+            // y = 2 + tan(v), or y = exp(tan(v)) for positive values.
             let step = 1e-5;
             let count = (PI / step) as usize;
             let sum: f64 = (1..count)

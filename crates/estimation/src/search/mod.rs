@@ -1,4 +1,4 @@
-//! Where a search begins and ends: starts, the nonlinear program of one, and what its solution is.
+//! Beginning and end of a search: starts, the nonlinear program of a start, and its solution.
 
 pub(crate) mod active;
 pub(crate) mod begin;

@@ -1,4 +1,4 @@
-//! A start that is solved, on a mesh that is refined.
+//! A solved start, and the refinement of its mesh.
 
 use crate::posed::{Posed, poles};
 use nalgebra::Complex;
@@ -6,19 +6,19 @@ use pilotage_collocation::{Collocation, Scheme, Sensitivities};
 use pilotage_inference::Data;
 use pilotage_sqp::Solution;
 
-/// Objectives that differ by less than this part are of one optimum.
+/// Objectives with a smaller relative difference belong to the same optimum.
 pub const SAME: f64 = 1e-3;
-/// Largest violation of the scaled equations and constraints with which they are met.
+/// Largest violation of the scaled equations and constraints with which they count as satisfied.
 pub const MET: f64 = 1e-4;
 
-/// Largest violation of the scaled constraints with which an objective is nearly what it will be.
+/// Largest violation of the scaled constraints with which an objective is close to its final value.
 const NEARLY: f64 = 1e-3;
 
-/// Where equations are stiff: L-stable, so that what decays within an interval is gone at its end (Hairer & Wanner,
+/// For stiff equations: L-stable, so that components that decay within an interval vanish at its end (Hairer & Wanner,
 /// *Solving Ordinary Differential Equations II*, section IV.3).
 pub(crate) const STIFF_SCHEME: Scheme = Scheme::Radau(3);
 
-/// A start, solved.
+/// A solved start.
 #[derive(Debug)]
 pub struct Solved {
     /// The nonlinear program.
@@ -28,13 +28,14 @@ pub struct Solved {
 }
 
 impl Solved {
-    /// The shared parameters, as the search sees them.
+    /// The shared parameters, in the coordinates of the search.
     pub fn theta(&self) -> Vec<f64> {
         let z = &self.solution.iterate.z;
         self.problem.physical_theta(z)
     }
 
-    /// The poles of the joint equations where the first run ends \[1/s\], with other shared parameters at the same states.
+    /// The poles of the joint equations at the end of the first run \[1/s\], with other shared parameters at the same
+    /// states.
     pub fn poles_with(&self, posed: &Posed<'_>, theta: &[f64]) -> Vec<Complex<f64>> {
         let last = self
             .problem
@@ -44,7 +45,7 @@ impl Solved {
         poles.unwrap_or_default()
     }
 
-    /// The objective where the states fulfil the scaled equations up to this violation; else infinite.
+    /// The objective if the states satisfy the scaled equations up to this violation, else infinity.
     pub(crate) fn within(&self, violation: f64) -> f64 {
         match self.solution.kkt.primal <= violation {
             true => self.solution.iterate.f,
@@ -52,18 +53,18 @@ impl Solved {
         }
     }
 
-    /// The objective where it is nearly what it will be; else infinite.
+    /// The objective if it is close to its final value, else infinity.
     pub(crate) fn nearly(&self) -> f64 {
         self.within(NEARLY)
     }
 
-    /// Where the states of each run begin, in their units.
+    /// Initial states of each run, in their units.
     pub(crate) fn initial(&self) -> Vec<Vec<f64>> {
         initial(&self.problem, &self.solution.iterate.z)
     }
 }
 
-/// Where the states of each run begin by these variables, in their units.
+/// Initial states of each run for these variables, in their units.
 pub(crate) fn initial(problem: &Collocation, z: &[f64]) -> Vec<Vec<f64>> {
     let first = |j: usize| {
         let scaled = problem.coefficients(z, j).iter();
@@ -75,29 +76,29 @@ pub(crate) fn initial(problem: &Collocation, z: &[f64]) -> Vec<Vec<f64>> {
     (0..problem.runs.len()).map(first).collect()
 }
 
-/// How a mesh was refined.
+/// Refinement of a mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refinement {
-    /// How often.
+    /// Number of refinements.
     pub rounds: usize,
-    /// Intervals of all runs.
+    /// Number of intervals of all runs.
     pub intervals: usize,
-    /// Largest estimated relative error of a state; not a number where it was not estimated.
+    /// Largest estimated relative error of a state; NaN if it was not estimated.
     pub error: f64,
-    /// Largest change of each shared parameter by the last refinement, relative to its scale.
+    /// Change of each shared parameter by the last refinement, relative to its scale.
     pub changes: Vec<f64>,
     /// Iterations of all solves.
     pub iterations: usize,
-    /// The scheme at the end.
+    /// The final scheme.
     pub scheme: Scheme,
-    /// Whether it came to its end: neither a limit of time nor the user ended it.
+    /// Whether the refinement was completed: neither a time limit nor the user ended it.
     pub is_done: bool,
     /// Whether the iteration limit ended the solve on a finer mesh.
     pub is_limited: bool,
 }
 
 impl Refinement {
-    /// Of a solution whose mesh has not been refined.
+    /// For a solution whose mesh has not been refined.
     pub(crate) fn new(solved: &Solved) -> Self {
         Self {
             rounds: 0,
@@ -116,7 +117,7 @@ impl Refinement {
         }
     }
 
-    /// Whether the scheme is that for stiff equations.
+    /// Whether the scheme is the one for stiff equations.
     pub fn is_for_stiff(&self) -> bool {
         self.scheme == STIFF_SCHEME
     }
@@ -126,6 +127,6 @@ impl Refinement {
 pub(crate) struct Linearised {
     pub data: Data,
     pub sensitivities: Sensitivities,
-    /// The number of terms that are recorded, with their levels; those behind are what is known beforehand.
+    /// Number of terms of recordings, including their levels. Priors come after them.
     pub signals: usize,
 }

@@ -1,4 +1,4 @@
-//! Where the search begins: at the given start, and elsewhere in the ranges.
+//! Starts of the search: the given one, and others drawn from the ranges.
 
 use crate::posed::Posed;
 use crate::posed::unknowns::Unknown;
@@ -6,29 +6,29 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, Uniform};
 
-/// Seed of the starts.
+/// Seed for drawing starts.
 const SEED: u64 = 0;
 
-/// Away from the given start, every other one is at most this many times larger or smaller.
+/// Of the drawn starts, every other one differs from the given start at most by this factor.
 const NEAR: f64 = 3.0;
 
-/// The others are in the range, or where it has no end at most this many times larger or smaller.
+/// The others lie in the range, or, if it is unbounded, differ at most by this factor.
 const FAR: f64 = 10.0;
 
-/// Part of the far starts of a parameter without a lower end that have the other sign than its given one.
+/// Fraction of far starts with the sign opposite to the given start, for a parameter without a lower bound.
 const TURNED: f64 = 0.3;
 
-/// Where a search begins.
+/// A start of the search.
 #[derive(Debug, Clone)]
 pub struct Start {
-    /// The shared parameters and then those of the runs, as the search sees them.
+    /// The shared parameters followed by those of the runs, in the coordinates of the search.
     pub parameters: Vec<f64>,
-    /// Measured states begin as they were recorded; else all states are simulated.
+    /// Whether measured states start as recorded. Otherwise all states are simulated.
     pub follows: bool,
 }
 
-/// So many starts. The first is the given one, with measured states as recorded, the second the same simulated; the
-/// others are drawn.
+/// Returns `count` starts. The first is the given one with measured states as recorded, the second is the same with all
+/// states simulated, the others are drawn.
 pub fn starts(posed: &Posed<'_>, count: usize) -> Vec<Start> {
     let follows = posed.followed.is_some();
     let drawn = drawn(posed, count - usize::from(follows && count > 1));
@@ -47,7 +47,7 @@ pub fn starts(posed: &Posed<'_>, count: usize) -> Vec<Start> {
     all
 }
 
-/// The given start, all states simulated.
+/// The given start, with all states simulated.
 pub fn given(posed: &Posed<'_>) -> Start {
     Start {
         parameters: drawn(posed, 1).remove(0),
@@ -55,7 +55,7 @@ pub fn given(posed: &Posed<'_>) -> Start {
     }
 }
 
-/// Parameters of so many starts. The first are the given ones; the others fill the ranges evenly (Latin hypercube:
+/// Parameters of `count` starts. The first are the given ones. The others fill the ranges evenly (Latin hypercube:
 /// McKay, Beckman & Conover, Technometrics 21, 1979).
 fn drawn(posed: &Posed<'_>, count: usize) -> Vec<Vec<f64>> {
     let mut random = ChaCha8Rng::seed_from_u64(SEED);
@@ -71,11 +71,11 @@ fn drawn(posed: &Posed<'_>, count: usize) -> Vec<Vec<f64>> {
     starts
 }
 
-/// Values of one unknown: the given start, then one from each of equal parts of its range, in random order.
+/// Values of one unknown: the given start, then one from each of several equal parts of its range, in random order.
 fn column(unknown: &Unknown, count: usize, random: &mut ChaCha8Rng) -> Vec<f64> {
     let mut parts: Vec<usize> = (1..count).collect();
     let unit = Uniform::new(0.0, 1.0).expect("not empty");
-    // Fisher and Yates.
+    // Fisher–Yates shuffle.
     for k in (1..parts.len()).rev() {
         let other = (unit.sample(random) * (k + 1) as f64) as usize;
         parts.swap(k, other.min(k));
@@ -94,7 +94,7 @@ fn column(unknown: &Unknown, count: usize, random: &mut ChaCha8Rng) -> Vec<f64> 
     all.map(|value| unknown.searched(value)).collect()
 }
 
-/// Of far starts one has the other sign, whatever was drawn: from a wrong sign no search near it leads away.
+/// Ensures that one of the far starts has the opposite sign: a search near a wrong sign does not leave it.
 fn turn_one(unknown: &Unknown, shares: &mut [f64]) {
     let far = shares.iter_mut().skip(1).step_by(2);
     if let Some(least) = far
@@ -106,7 +106,7 @@ fn turn_one(unknown: &Unknown, shares: &mut [f64]) {
     }
 }
 
-/// The value that has this share of the neighbourhood of the start below it.
+/// The quantile `share` of the neighbourhood of the start.
 fn near(unknown: &Unknown, share: f64) -> f64 {
     let start = unknown.start;
     let value = match start == 0.0 {
@@ -116,8 +116,8 @@ fn near(unknown: &Unknown, share: f64) -> f64 {
     unknown.kept(value)
 }
 
-/// The value that has this share of the range below it: of the logarithm where the range spans much more than its
-/// lower end, or has none.
+/// The quantile `share` of the range. The scale is logarithmic if the range spans much more than its lower bound, or is
+/// unbounded.
 fn far(unknown: &Unknown, share: f64) -> f64 {
     match (unknown.min, unknown.max) {
         (Some(min), Some(max)) if min > 0.0 && max > FAR * min => min * (max / min).powf(share),
@@ -131,7 +131,7 @@ fn far(unknown: &Unknown, share: f64) -> f64 {
 }
 
 impl Unknown {
-    /// Whether far starts may have the other sign.
+    /// Whether far starts may have the opposite sign.
     fn may_turn(&self) -> bool {
         let has_room = self.start > 0.0 || self.max.is_none_or(|max| max > 0.0);
         self.min.is_none() && has_room && !self.log && self.start != 0.0

@@ -1,4 +1,4 @@
-//! Where a problem stops being finite at its start.
+//! Locates where a problem is not finite at its start.
 
 use crate::posed::Posed;
 use crate::posed::variables;
@@ -9,8 +9,8 @@ use crate::system::joint::Joint;
 use crate::system::part::FmuPart;
 use pilotage_expression::Node;
 
-/// The first expression that is no finite number where a search begins, with its instance, run and time; none where
-/// all are.
+/// The first expression that is not finite where a search begins, with its instance, run and time. None if all are
+/// finite.
 pub fn at_start(posed: &Posed<'_>, start: &Start) -> Option<String> {
     let (problem, z) = begin(posed, start, &|| false);
     let theta = problem.physical_theta(&z);
@@ -26,7 +26,7 @@ pub fn at_start(posed: &Posed<'_>, start: &Start) -> Option<String> {
     })
 }
 
-/// What was recorded at a sample, a run and its number, whose term of the objective is no finite number.
+/// The measured signal at a sample (run and number) whose term of the objective is not finite.
 fn of_residuals(posed: &Posed<'_>, (j, sample): (usize, usize), at: &[f64]) -> Option<String> {
     let (told, values) = (&posed.told, posed.model.system.graph.values(at));
     let mut measured = posed.file.measured.iter().enumerate();
@@ -54,7 +54,7 @@ fn of_residuals(posed: &Posed<'_>, (j, sample): (usize, usize), at: &[f64]) -> O
     })
 }
 
-/// The same at one point of the equations' variables.
+/// The first expression that is not finite at one point of the equations' variables.
 fn at_sample(posed: &Posed<'_>, at: &[f64]) -> Option<String> {
     let values = posed.model.system.graph.values(at);
     let own: Vec<f64> = (posed.told.joint.iter())
@@ -91,7 +91,7 @@ fn at_sample(posed: &Posed<'_>, at: &[f64]) -> Option<String> {
     of_instance.or_else(of_state).or_else(of_measured)
 }
 
-/// The same of the model files, at a point of the joint model's variables.
+/// The same within model files and FMUs, at a point of the joint model's variables.
 fn in_instances(posed: &Posed<'_>, at: &[f64]) -> Option<String> {
     let joint = &posed.joint;
     let values = joint.model.system.graph.values(at);
@@ -129,7 +129,7 @@ fn in_instances(posed: &Posed<'_>, at: &[f64]) -> Option<String> {
     None
 }
 
-/// What an FMU says of a derivative or an output of its own that is not finite.
+/// The message of an FMU about a derivative or an output that is not finite.
 fn of_fmu(joint: &Joint, fmu: &FmuPart, prefix: &str, values: &[f64]) -> Option<String> {
     let (model, system) = (&joint.model, &joint.model.system);
     let states = model.states.iter().zip(&system.derivatives);

@@ -1,4 +1,4 @@
-//! Several problems on the same data: which model is it?
+//! Comparison of several models of the same data.
 
 use crate::fit::{Observer, fit};
 use crate::posed::Posed;
@@ -9,30 +9,31 @@ use crate::studies::folds::{Ask, OpenInParallel, each, fitted, left_out};
 use crate::studies::same_data::check_same;
 use pilotage_inference::choice::{Comparison, Contender, choose};
 
-/// A problem among others.
+/// One of the compared problems.
 #[derive(Debug)]
 pub struct Candidate {
     /// Its fit to all runs.
     pub fit: Fit,
-    /// Its figures; what a run says against a fit to the others is not a number where there is no such fit.
+    /// Its figures. The likelihood of a left-out run is NaN if there is no fit to the others.
     pub figures: Contender,
-    /// Whether a run that is left out has free initial states, which are estimated from it.
+    /// Whether a left-out run has free initial states, which are estimated from it.
     pub is_begun: bool,
 }
 
-/// What came of a comparison.
+/// Result of a comparison.
 #[derive(Debug)]
 pub struct Compared {
-    /// The problems, in their order.
+    /// The problems, in the given order.
     pub candidates: Vec<Candidate>,
-    /// The runs, in their order.
+    /// The runs, in order.
     pub runs: Vec<String>,
-    /// The problem that is taken, and the comparisons that led there; none with fewer than three runs that all predict, or
-    /// where a problem has no answer.
+    /// The selected problem, and the comparisons that led to it. None with fewer than three runs that all models
+    /// predict, or if a problem has no solution.
     pub choice: Option<(usize, Vec<Comparison>)>,
 }
 
-/// Fits each problem to all runs, and to all but one, for each run. `ask` is told how many fits are done, and of how many.
+/// Fits each problem to all runs, and to all but one for each run. `ask` is passed the number of completed fits and
+/// their total.
 ///
 /// # Errors
 /// When a problem cannot be posed, or has other data than the first.
@@ -52,7 +53,7 @@ pub fn compare(
         let observer: &mut Observer<'_> = &mut |_| goes_on();
         Ok(fit(posed, observer))
     })?;
-    // Runs are in the same order in all files; validation runs may stand between them.
+    // Runs have the same order in all files, possibly with validation runs between them.
     let folds = files.iter().zip(&whole).flat_map(|(file, whole)| {
         let runs = fitted(file).into_iter();
         runs.map(move |run| ((file, whole), run))

@@ -1,4 +1,4 @@
-//! The fit to some of the runs: all but one, or one alone.
+//! Fits to some of the runs: all but one, or one alone.
 
 use crate::fit::{Observer, fit};
 use crate::posed::Posed;
@@ -17,16 +17,16 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 pub type OpenInParallel<'o> =
     &'o (dyn Fn(&InstanceDescription) -> Result<Part, ProblemError> + Sync);
 
-/// Told how many fits are done, and of how many; asked again and again whether to go on.
+/// Called repeatedly with the number of completed fits and their total, and asked whether to continue.
 pub type Ask<'a> = dyn Fn(usize, usize) -> ControlFlow<Status> + Sync + 'a;
 
-/// The numbers of the runs that are fitted, among all.
+/// Indices of the fitted runs among all runs.
 pub fn fitted(file: &ProblemFile) -> Vec<usize> {
     let runs = file.runs.iter().enumerate();
     runs.filter(|(_, run)| run.fits).map(|(k, _)| k).collect()
 }
 
-/// Does work for each of these, in parallel, while [`Ask`] is told how much is done.
+/// Does work for each item in parallel, and reports the progress to [`Ask`].
 pub(crate) fn each<T: Sync, R: Send>(
     all: &[T],
     (before, whole): (usize, usize),
@@ -43,7 +43,7 @@ pub(crate) fn each<T: Sync, R: Send>(
     all.par_iter().map(one).collect()
 }
 
-/// Each fitted run by a fit to the others, which begins where that to all ended; none where such a fit has no answer.
+/// Predicts each fitted run by a fit to the others that begins at the fit to all. None if such a fit has no solution.
 ///
 /// # Errors
 /// When a problem without a run cannot be posed.
@@ -58,7 +58,7 @@ pub fn leave_one_out(
     })
 }
 
-/// A run by a fit to the others, which begins where that to all ended.
+/// Predicts a run by a fit to the others that begins at the fit to all.
 pub(crate) fn left_out(
     (file, whole): (&ProblemFile, &Fit),
     run: usize,
@@ -82,7 +82,7 @@ pub(crate) fn left_out(
     }
 }
 
-/// The fit to some runs alone, which begins where that to all ended.
+/// A fit to some runs alone that begins at the fit to all.
 pub(crate) fn alone(
     (file, whole): (&ProblemFile, &Fit),
     is_own: impl Fn(&RunLine) -> bool,
@@ -94,7 +94,7 @@ pub(crate) fn alone(
     refit(&mut file, whole, open, goes_on)
 }
 
-/// A fit from where another one ended.
+/// A fit that begins at the result of another.
 fn refit(
     file: &mut ProblemFile,
     whole: &Fit,
@@ -109,7 +109,7 @@ fn refit(
         .collect();
     for (unknown, _) in &mut posed.unknowns {
         let found = whole.parameters.iter().find(|own| own.name == unknown.name);
-        // One at the end of its range may be where nothing can begin, such as a density of 0.
+        // A search may not be able to begin at the bound of a range, such as a density of 0.
         if let Some(found) = found.filter(|own| own.bound.is_none()) {
             unknown.start = found.mean_of(&labels);
         }

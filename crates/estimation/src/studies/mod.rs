@@ -1,4 +1,4 @@
-//! What is fitted or judged again: with other data, other parts of the data, another model.
+//! Repeated fits and validation: with other data, parts of the data, or another model.
 
 pub mod comparison;
 pub mod folds;

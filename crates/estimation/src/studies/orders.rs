@@ -1,4 +1,4 @@
-//! A problem with another order of its linear model.
+//! A problem with different orders of its linear model.
 
 use crate::fit::{Observer, fit};
 use crate::posed::Posed;
@@ -12,9 +12,9 @@ use pilotage_language::file::Formula;
 use pilotage_models::library;
 use std::ops::RangeInclusive;
 
-/// A pole is added this many times as fast as those that are there, in the geometric mean.
+/// An added pole is this many times as fast as the geometric mean of the existing poles.
 const FASTER: f64 = 3.0;
-/// The zero beside it is so much faster, so that the search sees the pole.
+/// The added zero is faster than the added pole by this factor, so that the pole has an effect on the search.
 const APART: f64 = 1.1;
 
 /// A problem of one order, and its fit.
@@ -22,19 +22,19 @@ const APART: f64 = 1.1;
 pub struct Ordered {
     /// The order.
     pub order: u32,
-    /// The problem, whose search begins where the fit has ended.
+    /// The problem, with start values at the result of the fit.
     pub file: ProblemFile,
     /// The fit.
     pub fit: Fit,
 }
 
-/// The problem with each of these orders of the one instance whose model has one (`linear`). The transfer function of each
-/// order begins as the one before, if that has an answer, with a fast pole and a zero near it: a larger order does not end
-/// behind a smaller one.
+/// Fits the problem with each of these orders of the only instance whose model has an order (`linear`). The transfer
+/// function of each order begins at the previous solution, if there is one, with an added fast pole and a zero near it,
+/// so that a larger order does not fit worse than a smaller one.
 ///
 /// # Errors
-/// Where not just one instance has an order, or something beside its plain search is said of a coefficient: coefficients
-/// of another order mean other things.
+/// When not exactly one instance has an order, or a coefficient has any setting beyond a plain search: coefficients of
+/// another order have another meaning.
 pub fn ordered(
     file: &ProblemFile,
     orders: RangeInclusive<u32>,
@@ -73,7 +73,7 @@ pub fn ordered(
     Ok(all)
 }
 
-/// The one instance whose model has an order.
+/// The only instance whose model has an order.
 fn instance(file: &ProblemFile) -> Result<String, ProblemError> {
     let has_order = |source: &InstanceSource| match source {
         InstanceSource::BuiltIn(name) => library::find(name).is_some_and(|own| own.has_order),
@@ -94,7 +94,7 @@ fn instance(file: &ProblemFile) -> Result<String, ProblemError> {
     }
 }
 
-/// Refuses what is said of a coefficient beside that it is sought.
+/// Rejects settings of a coefficient other than that it is sought.
 fn check(file: &ProblemFile, instance: &str) -> Result<(), ProblemError> {
     let is_meant = |name: &str| number(name, instance).is_some();
     let fault = |name: &str| {
@@ -149,6 +149,7 @@ fn formulas(file: &ProblemFile) -> Vec<&Formula> {
             }
         }
     }
+    all.extend(file.process_noise.iter().map(|own| &own.density));
     all.extend(file.parameters.iter().filter_map(|own| own.value.as_ref()));
     all.extend(file.initial.iter().filter_map(|(_, own)| match own {
         Initial::Formula(formula) => Some(formula),
@@ -165,13 +166,13 @@ fn formulas(file: &ProblemFile) -> Vec<&Formula> {
     all
 }
 
-/// Which coefficient of an instance a name means, from 1.
+/// Number, from 1, of the coefficient of an instance with this name.
 fn number(name: &str, instance: &str) -> Option<usize> {
     let own = name.strip_prefix(instance)?.strip_prefix(".theta")?;
     own.parse().ok()
 }
 
-/// The problem with another order: all coefficients are sought, from these values or those of the model.
+/// The problem with another order. All coefficients are sought, from these values or those of the model.
 fn with_order(
     file: &ProblemFile,
     instance: &str,
@@ -217,8 +218,8 @@ fn with_order(
     file
 }
 
-/// The coefficients that a fit has found: those of the denominator, from s⁰ up and without the leading 1, then those of the
-/// numerator.
+/// The estimated coefficients: those of the denominator in ascending powers of s without the leading 1, then those of
+/// the numerator.
 fn coefficients(fit: &Fit, instance: &str) -> Vec<f64> {
     let found = fit.parameters.iter();
     let found = found.filter_map(|own| Some((number(&own.name, instance)?, own.mean())));
@@ -227,13 +228,13 @@ fn coefficients(fit: &Fit, instance: &str) -> Vec<f64> {
     all.into_iter().map(|(_, value)| value).collect()
 }
 
-/// The coefficients of nearly the same transfer function with one more pole and zero.
+/// The coefficients of almost the same transfer function with one more pole and zero.
 fn grown(theta: &[f64]) -> Vec<f64> {
     let order = theta.len() / 2;
     let (below, above) = theta.split_at(order);
     let size = below[0].abs().powf(1.0 / order as f64);
     let pole = FASTER * if size > 0.0 { size } else { 1.0 };
-    // (s + a) times a polynomial whose leading coefficient stands last.
+    // (s + a) times a polynomial with its leading coefficient last.
     let times = |own: &[f64], a: f64| -> Vec<f64> {
         let shifted = std::iter::once(0.0).chain(own.iter().copied());
         let scaled = own.iter().map(|c| a * c).chain(std::iter::once(0.0));
@@ -250,7 +251,7 @@ fn grown(theta: &[f64]) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// 1/(s + 2) becomes (s + 6.6)/1.1 / ((s + 2)(s + 6)), whose gain at rest is the same.
+    /// 1/(s + 2) becomes (s + 6.6)/1.1 / ((s + 2)(s + 6)), with the same static gain.
     #[test]
     fn a_grown_transfer_function_is_nearly_the_same() {
         let found = grown(&[2.0, 1.0]);

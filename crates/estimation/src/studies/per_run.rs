@@ -1,4 +1,4 @@
-//! Each run, or each subject's runs, fitted alone: is it one human?
+//! Separate fits of each run, or of each subject's runs, to test whether the human is the same.
 
 use crate::problem::error::ProblemError;
 use crate::problem::file::{Deviation, ProblemFile, RunLine};
@@ -9,34 +9,34 @@ use pilotage_inference::homogeneity::{Estimate, Homogeneity};
 use pilotage_inference::{Class, Interval, Method};
 use std::collections::HashSet;
 
-/// Runs that were fitted by themselves.
+/// Runs that were fitted separately.
 #[derive(Debug)]
 pub struct Group {
     /// The run, or the subject.
     pub name: String,
     /// Their fit.
     pub fit: Fit,
-    /// What it says of the parameters of [`PerRun::names`]; the reason where it is not compared.
+    /// Its estimate of the parameters of [`PerRun::names`], or the reason why it is not compared.
     pub estimate: Result<Estimate, String>,
-    /// Their intervals, in the order of these names; empty where the fit says none.
+    /// Their intervals, in the order of these names. Empty if the fit has none.
     pub intervals: Vec<Interval>,
 }
 
-/// All groups beside each other.
+/// All groups and their comparison.
 #[derive(Debug)]
 pub struct PerRun {
-    /// Parameters that all runs share, as the search sees them: `ln name` where it goes along the logarithm.
+    /// Parameters that all runs share, in the coordinates of the search: `ln name` for a logarithmic scale.
     pub names: Vec<String>,
     /// The groups.
     pub groups: Vec<Group>,
-    /// Whether all parameters are the same in all groups; none with fewer than two that are compared.
+    /// Test of whether all parameters are the same in all groups. None with fewer than two compared groups.
     pub together: Option<Homogeneity>,
-    /// Whether each one is.
+    /// The same test for each parameter.
     pub each: Vec<Option<Homogeneity>>,
 }
 
-/// Fits each run alone, or the runs of each subject where runs have one, from where the fit to all ended. Covariances are
-/// those of [`Method::Ar`], since nothing but a model of the noise tells that of one run.
+/// Fits each run alone, or the runs of each subject if runs have one, beginning at the fit to all. Covariances are
+/// those of [`Method::Ar`], since the covariance of a single run requires a model of the noise.
 ///
 /// # Errors
 /// When a problem of some runs alone cannot be posed.
@@ -70,7 +70,7 @@ pub fn per_run(
         .filter_map(|own| own.estimate.clone().ok())
         .collect();
     let of = |k: usize| Homogeneity::of(&known.iter().map(|own| own.of(k)).collect::<Vec<_>>());
-    // Of a noise level the normal distribution is a poor one in a short run, and it is not the person's model.
+    // For a noise level the normal approximation is poor in a short run, and it is not part of the human's model.
     let levels = levels(&file);
     let is_compared = |k: &usize| !levels.contains(names[*k].trim_start_matches("ln "));
     let compared: Vec<usize> = (0..names.len()).filter(is_compared).collect();
@@ -95,12 +95,12 @@ fn levels(file: &ProblemFile) -> HashSet<String> {
         .collect()
 }
 
-/// Whose a run is; its own name where it is nobody's.
+/// The subject of a run, or the run's name if it has none.
 fn label(line: &RunLine) -> &str {
     line.subject.as_deref().unwrap_or(&line.name)
 }
 
-/// The parameters that a fit shares between all runs, as the search sees them.
+/// The parameters that a fit shares between all runs, in the coordinates of the search.
 fn shared(whole: &Fit) -> Vec<String> {
     let is_shared = |name: &&String| place(whole, name).is_some();
     let known = whole.uncertainty.as_ref().ok();
@@ -108,7 +108,7 @@ fn shared(whole: &Fit) -> Vec<String> {
     names.filter(is_shared).cloned().collect()
 }
 
-/// The parameter with one value for all runs that a name of the search means.
+/// Index of the parameter with one value for all runs that has this name in the search.
 fn place(fit: &Fit, name: &str) -> Option<usize> {
     let plain = name.strip_prefix("ln ").unwrap_or(name);
     let is_it = |own: &crate::result::Found| own.name == plain && own.values.len() == 1;
@@ -116,14 +116,14 @@ fn place(fit: &Fit, name: &str) -> Option<usize> {
     fit.parameters[found].values[0].0.is_none().then_some(found)
 }
 
-/// The intervals of these parameters; none where the fit says none.
+/// The intervals of these parameters. None if the fit has none.
 fn intervals(fit: &Fit, names: &[String]) -> Option<Vec<Interval>> {
     let own = fit.uncertainty.as_ref().ok()?;
     let of = |name: &String| own.intervals[place(fit, name)?].first().copied();
     names.iter().map(of).collect()
 }
 
-/// What a fit says of these parameters, or why that is not compared.
+/// The estimate of these parameters by a fit, or the reason why it is not compared.
 fn estimate(fit: &Fit, names: &[String]) -> Result<Estimate, String> {
     if !fit.is_answer() {
         return Err(format!("its fit has no answer ({})", fit.ending()));
@@ -135,7 +135,7 @@ fn estimate(fit: &Fit, names: &[String]) -> Result<Estimate, String> {
             return Err(format!("`{name}` lies on its bound"));
         }
         if !interval.sd.is_finite() {
-            return Err(format!("it does not tell `{name}`"));
+            return Err(format!("it does not determine `{name}`"));
         }
     }
     let places = names

@@ -1,5 +1,5 @@
-//! A fit, handed over to be solved again: profile likelihoods and bootstraps of `pilotage-refits`; and its covariance by
-//! another method.
+//! Prepares a fit for repeated solves, the profile likelihoods and bootstraps of `pilotage-refits`, and computes its
+//! covariance by other methods.
 
 use crate::innovations::Again;
 use crate::posed::unknowns::Unknown;
@@ -18,10 +18,10 @@ use pilotage_sqp::Status;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Exp1, StandardNormal, StandardUniform, StudentT};
 
-/// Part of the largest effect on a run from which on it tells of a parameter.
+/// A run determines a parameter if its effect there exceeds this fraction of the largest effect on a run.
 const TELLS: f64 = 1e-6;
 
-/// The names of what is sought, with subjects or runs, in the order of [`Study::unknowns`].
+/// Names of the sought parameters, with subjects or runs, in the order of [`Study::unknowns`].
 pub fn sought(posed: &Posed<'_>) -> Vec<(String, Option<String>)> {
     let all = posed.unknowns.iter();
     let all = all.flat_map(|(unknown, stands)| {
@@ -31,10 +31,10 @@ pub fn sought(posed: &Posed<'_>) -> Vec<(String, Option<String>)> {
     all.collect()
 }
 
-/// How sure a fit is by another method than that of its problem.
+/// Uncertainty of a fit by another method than that of its problem.
 ///
 /// # Errors
-/// Where the fit did not converge, or has no covariance by that method.
+/// When the fit did not converge, or has no covariance by that method.
 pub fn uncertainty_by(posed: &Posed<'_>, fit: &Fit, method: Method) -> Result<Uncertainty, Unsure> {
     let solved = converged(fit)?;
     let linear = linear(posed, solved, again(posed, fit).as_ref())?;
@@ -51,7 +51,7 @@ pub fn uncertainty_by(posed: &Posed<'_>, fit: &Fit, method: Method) -> Result<Un
 /// The covariance of the shared parameters alone, by any method.
 ///
 /// # Errors
-/// Where the fit has none.
+/// When the fit has none.
 pub fn covariance_by(posed: &Posed<'_>, fit: &Fit, method: Method) -> Result<Covariance, Unsure> {
     let linear = linear(posed, converged(fit)?, again(posed, fit).as_ref())?;
     Ok(Inference::new(&linear.data)?.covariance(Some(method))?)
@@ -63,7 +63,7 @@ fn converged(fit: &Fit) -> Result<&Solved, Unsure> {
     solved.ok_or(Unsure::NotConverged)
 }
 
-/// The optimum of predictions.
+/// The optimum of a prediction-error fit.
 fn again<'p>(posed: &'p Posed<'p>, fit: &'p Fit) -> Option<Again<'p>> {
     Again::new(posed, fit.optimum.as_ref()?)
 }
@@ -81,10 +81,10 @@ fn linear(
     }
 }
 
-/// A fit that is to be solved again.
+/// Prepares a fit for repeated solves.
 ///
 /// # Errors
-/// Where the fit does not say how sure it is.
+/// When the uncertainty of the fit is not available.
 pub fn study<'p>(posed: &'p Posed<'p>, fit: &'p Fit) -> Result<Study<'p>, Unsure> {
     let sure = fit.uncertainty.as_ref().map_err(|reason| *reason)?;
     let solved = fit.solved.as_ref().ok_or(Unsure::NotConverged)?;
@@ -132,7 +132,7 @@ pub fn study<'p>(posed: &'p Posed<'p>, fit: &'p Fit) -> Result<Study<'p>, Unsure
         unknowns,
         factor,
         threshold: Threshold {
-            // A prior counts against the noise that was stated, and so does its part of the objective.
+            // A prior is weighed against the stated noise, and so is its part of the objective.
             noise: match sure.is_penalised {
                 true => factor,
                 false => inference.noise() * factor,
@@ -150,7 +150,7 @@ pub fn study<'p>(posed: &'p Posed<'p>, fit: &'p Fit) -> Result<Study<'p>, Unsure
     })
 }
 
-/// The solution of the responses, and what is drawn about it.
+/// The solution of the response, and the simulation of data around it.
 fn collocated<'p>(
     (posed, fit, solved): (&'p Posed<'p>, &'p Fit, &'p Solved),
     inference: &Inference<'_>,
@@ -174,8 +174,8 @@ fn collocated<'p>(
     }
 }
 
-/// What follows from shared parameters, where the states stay what they are. Not numbers where runs have parameters of
-/// their own: these are not told with them.
+/// Derived quantities as functions of the shared parameters, with fixed states. NaN if runs have their own parameters,
+/// which are not passed to the function.
 fn derive<'p>(posed: &'p Posed<'p>, fit: &'p Fit, solved: &Solved) -> Box<Derive<'p>> {
     if posed.joint.model.states.len() < posed.states.len() {
         return Box::new(|_| vec![f64::NAN; fit.derived.len()]);
@@ -204,7 +204,7 @@ fn ends(unknown: &Unknown) -> [f64; 2] {
     ]
 }
 
-/// Where the values of an unknown stand, with whose each is.
+/// Coordinates of the values of an unknown, with their runs or subjects.
 fn coordinates(posed: &Posed<'_>, stands: &Stands) -> Vec<(Option<String>, Coordinate)> {
     match stands {
         Stands::Shared(k) => vec![(None, Coordinate::Shared(*k))],
@@ -217,20 +217,20 @@ fn coordinates(posed: &Posed<'_>, stands: &Stands) -> Vec<(Option<String>, Coord
     }
 }
 
-/// Data with residuals that are drawn.
+/// Data with randomly drawn residuals.
 struct Drawn<'p> {
     posed: &'p Posed<'p>,
     fit: &'p Fit,
     solved: &'p Solved,
-    /// Of each signal's residuals, and of its level where that is sought.
+    /// Processes of each signal's residuals, and of its level if that is sought.
     processes: Vec<Autoregression>,
-    /// Standard deviation of the residuals, in those that were said.
+    /// Standard deviation of the residuals, relative to the stated ones.
     noise: f64,
 }
 
 impl Drawn<'_> {
-    /// The runs, with what would be recorded if the fit were true. Coloured as the residuals are where the noise is normal;
-    /// white, of the distribution that was named, elsewhere.
+    /// The runs with simulated recordings, assuming that the fit is true. The noise is coloured like the residuals if
+    /// it is normal, and otherwise white with the given distribution.
     fn runs(&self, random: &mut ChaCha8Rng) -> Vec<Run> {
         let mut runs = self.solved.problem.runs.clone();
         for (j, run) in runs.iter_mut().enumerate() {
@@ -247,7 +247,7 @@ impl Drawn<'_> {
         runs
     }
 
-    /// Whether the noise level of a term is another one behind it.
+    /// Whether the next term is the noise level of a term.
     fn has_level(&self, term: usize) -> bool {
         let terms = &self.posed.runs[0].measured;
         terms
@@ -255,8 +255,7 @@ impl Drawn<'_> {
             .is_some_and(|own| own.loss == pilotage_collocation::Loss::Linear)
     }
 
-    /// A residual for each sample that was recorded, in standard deviations that were said or, of a plain signal, in its
-    /// unit.
+    /// A residual for each recorded sample, in stated standard deviations or, for an unscaled signal, in its unit.
     fn residuals(
         &self,
         j: usize,
@@ -288,7 +287,7 @@ impl Drawn<'_> {
         }
     }
 
-    /// Puts what was drawn where the recorded values of a signal stand.
+    /// Replaces the recorded values of a signal by simulated ones.
     fn record(&self, run: &mut Run, (j, k, term): (usize, usize, usize), residuals: &[f64]) {
         let fitted = &self.fit.runs[j];
         let is_there: Vec<bool> = self.posed.runs[j].measured[term]
@@ -309,7 +308,7 @@ impl Drawn<'_> {
         }
     }
 
-    /// What is known beforehand is drawn as data are: around what the fit has.
+    /// Draws the means of priors like data, around the values of the fit.
     fn draw_priors(&self, run: &mut Run, (j, first): (usize, usize), random: &mut ChaCha8Rng) {
         let outputs = self
             .solved
@@ -324,19 +323,19 @@ impl Drawn<'_> {
     }
 }
 
-/// Laplace's distribution with unit standard deviation.
+/// Draws from the Laplace distribution with unit standard deviation.
 fn laplace(random: &mut ChaCha8Rng) -> f64 {
     let [a, b]: [f64; 2] = [Exp1.sample(random), Exp1.sample(random)];
     (a - b) / std::f64::consts::SQRT_2
 }
 
-/// Student's distribution with unit scale.
+/// Draws from Student's t distribution with unit scale.
 fn student(random: &mut ChaCha8Rng, dof: f64) -> f64 {
     StudentT::new(dof).map_or(f64::NAN, |own| own.sample(random))
 }
 
-/// Huber's distribution with unit scale, of density exp(-ℓ/2): by rejection from the exponential distributions that are its
-/// tails, continued to 0.
+/// Draws from Huber's distribution with unit scale and density exp(-ℓ/2), by rejection from its exponential tails,
+/// extended to 0.
 fn huber(random: &mut ChaCha8Rng, threshold: f64) -> f64 {
     loop {
         let [size, spare]: [f64; 2] = [Exp1.sample(random), Exp1.sample(random)];

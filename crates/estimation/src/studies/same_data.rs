@@ -1,4 +1,4 @@
-//! Whether two problems have the same data: likelihoods of different data are not to be compared.
+//! Checks that two problems have the same data: likelihoods of different data cannot be compared.
 
 use crate::posed::Posed;
 use crate::problem::error::ProblemError;
@@ -6,14 +6,14 @@ use crate::problem::file::Quantity;
 use pilotage_units::Unit;
 use std::path::PathBuf;
 
-/// Difference of recorded values, per value, that is rounding of units.
+/// Relative difference of recorded values that is attributed to rounding in unit conversions.
 const ROUNDING: f64 = 1e-9;
 
-/// Refuses a problem whose runs, weights or recorded values are not those of the first. A recorded value is what the
-/// problem sees: in the unit of the signal, on which its density depends.
+/// Rejects a problem whose runs, weights or recorded values differ from those of the first. Recorded values are
+/// compared in the unit of the signal, on which their density depends.
 ///
 /// # Errors
-/// With both files, what differs, and what to write.
+/// With both files, what differs, and how to correct it.
 pub(crate) fn check_same(first: &Posed<'_>, other: &Posed<'_>) -> Result<(), ProblemError> {
     let (own, before) = (&other.file.file, &first.file.file);
     let differs = if paths(first) != paths(other) {
@@ -41,7 +41,7 @@ fn paths(posed: &Posed<'_>) -> Vec<PathBuf> {
     posed.data.iter().map(|run| path(&run.line.file)).collect()
 }
 
-/// The measured columns, with the numbers of their lines, in an order that is not that of the file.
+/// The measured columns with the numbers of their lines, sorted: their order in the file does not matter.
 fn lines<'p>(posed: &'p Posed<'_>) -> Vec<(&'p str, usize)> {
     let lines = posed.file.measured.iter().enumerate();
     let mut all: Vec<(&str, usize)> = lines
@@ -55,7 +55,7 @@ fn columns<'p>(posed: &'p Posed<'_>) -> Vec<&'p str> {
     lines(posed).into_iter().map(|(column, _)| column).collect()
 }
 
-/// A run of another weight, in words.
+/// A run with a different weight, in words.
 fn weights(first: &Posed<'_>, other: &Posed<'_>) -> Option<String> {
     let mut pairs = first.data.iter().zip(&other.data);
     let (before, own) = pairs.find(|(before, own)| before.line.weight != own.line.weight)?;
@@ -69,7 +69,7 @@ fn weights(first: &Posed<'_>, other: &Posed<'_>) -> Option<String> {
     ))
 }
 
-/// A column whose values are not those of the first problem, in words.
+/// A column whose values differ from those of the first problem, in words.
 fn values(first: &Posed<'_>, other: &Posed<'_>) -> Option<String> {
     let mut pairs = lines(first).into_iter().zip(lines(other));
     let differ = |((_, k), (_, own)): &((&str, usize), (&str, usize))| {
@@ -95,7 +95,7 @@ fn values(first: &Posed<'_>, other: &Posed<'_>) -> Option<String> {
     ))
 }
 
-/// What was measured, as it is written.
+/// The measured quantity, as written in the file.
 fn name(quantity: &Quantity) -> String {
     match quantity {
         Quantity::Signal(name) => name.clone(),
@@ -103,13 +103,13 @@ fn name(quantity: &Quantity) -> String {
     }
 }
 
-/// The numbers of a measured signal in all runs, in the unit of the signal.
+/// The recorded numbers of a measured signal in all runs, in the unit of the signal.
 fn recorded(posed: &Posed<'_>, k: usize) -> Vec<Vec<f64>> {
     let finite = |run: &Vec<f64>| run.iter().copied().filter(|y| y.is_finite()).collect();
     posed.told.recorded[k].iter().map(finite).collect()
 }
 
-/// Whether numbers are the same but for rounding.
+/// Whether numbers are equal up to rounding.
 fn are_near(a: &[Vec<f64>], b: &[Vec<f64>]) -> bool {
     let is_near = |(a, b): (&f64, &f64)| (a - b).abs() <= ROUNDING * a.abs().max(b.abs());
     let is_run =

@@ -1,4 +1,4 @@
-//! Runs that were not fitted, by what was found from others.
+//! Validation: prediction of runs that were not fitted.
 
 use crate::fit::{Observer, fit};
 use crate::posed::unknowns::calibration;
@@ -13,27 +13,27 @@ use pilotage_language::file::Formula;
 use pilotage_sqp::Status;
 use std::ops::ControlFlow;
 
-/// Asked again and again whether to go on.
+/// Called repeatedly and asked whether to continue.
 pub type GoesOn<'a> = dyn Fn() -> ControlFlow<Status> + Sync + 'a;
 
-/// What an initial state counts that is estimated from the run that it is to predict: as in Akaike's criterion, the
-/// expected gain in −2 log likelihood, once for the fit to these data and once for others.
+/// Penalty for an initial state that is estimated from the run that it is to predict. As in Akaike's criterion, it is
+/// the expected gain in −2 log-likelihood, once for the fit to these data and once for others.
 const ESTIMATED: f64 = 2.0;
 
 /// A run that was not fitted.
 #[derive(Debug, Clone)]
 pub struct Judged {
-    /// The run, with the parameters that others gave.
+    /// The run, with the parameters estimated from others.
     pub run: RunFit,
     /// Its free initial states, estimated from the run itself with all parameters held.
     pub initial: Vec<Found>,
-    /// False where that estimate has not converged: the run then has no figures.
+    /// False if that estimate has not converged. The run then has no figures.
     pub is_answer: bool,
 }
 
 impl Judged {
-    /// −2 log likelihood of what was recorded, with 2 for each initial state that was estimated from it; not a number where
-    /// that estimate is none.
+    /// −2 log-likelihood of the recording, plus 2 for each initial state estimated from it; NaN if that estimate has
+    /// not converged.
     pub fn surprise(&self, noises: &[Noise]) -> f64 {
         match self.is_answer {
             true => self.run.surprise(noises) + ESTIMATED * self.initial.len() as f64,
@@ -42,12 +42,12 @@ impl Judged {
     }
 }
 
-/// The validation runs of a problem. Parameters have their fitted values, those of a subject in its runs; one for each run
-/// has the mean of the fitted runs. Where the problem leaves initial states free they are estimated from the run, with the
-/// parameters held; else the run is simulated.
+/// The validation runs of a problem. Parameters have their fitted values, those per subject in the subject's runs. A
+/// parameter per run has the mean of the fitted runs. Free initial states are estimated from the run with all
+/// parameters held; without free ones the run is simulated.
 ///
 /// # Errors
-/// When a run cannot be read or does not fit the problem.
+/// When a run cannot be read or is inconsistent with the problem.
 pub fn validated(
     file: &ProblemFile,
     found: &Fit,
@@ -74,7 +74,7 @@ pub fn validated(
     alone.collect()
 }
 
-/// Runs of which nothing is unknown.
+/// Simulates runs without unknowns.
 fn simulated(posed: &Posed<'_>) -> Vec<Judged> {
     let (problem, z) = begin(posed, &given(posed), &|| false);
     let judged = |run: RunFit| Judged {
@@ -88,7 +88,7 @@ fn simulated(posed: &Posed<'_>) -> Vec<Judged> {
         .collect()
 }
 
-/// One run whose initial states are estimated.
+/// Estimates the initial states of a single run.
 fn estimated(posed: &Posed<'_>, goes_on: &GoesOn<'_>) -> Result<Judged, ProblemError> {
     let observer: &mut Observer<'_> = &mut |_| goes_on();
     let mut found = fit(posed, observer);
@@ -104,14 +104,13 @@ fn estimated(posed: &Posed<'_>, goes_on: &GoesOn<'_>) -> Result<Judged, ProblemE
 /// The problem of the validation runs, in which no parameter is sought.
 fn fixed(file: &ProblemFile, fit: &Fit) -> ProblemFile {
     let mut file = file.clone();
-    file.options.starts = 1;
     file.runs.retain(|run| !run.fits);
     file.stability = Default::default();
     (file.options.starts, file.options.covariance) = (1, None);
     for run in &mut file.runs {
         run.fits = true;
     }
-    // What was not sought stays as it was.
+    // Parameters that were not sought remain unchanged.
     let is_name = |line: &Sought| !line.name.value.ends_with(".*");
     file.parameters
         .retain(|line| line.fixed || (is_name(line) && line.value.is_some()));
@@ -132,7 +131,7 @@ fn fixed(file: &ProblemFile, fit: &Fit) -> ProblemFile {
     file
 }
 
-/// The measured signal whose gain or offset a name means.
+/// The measured signal and the sensor quantity (gain or offset) that a name refers to.
 fn sensor(file: &ProblemFile, name: &str) -> Option<(usize, &'static str)> {
     let of = |what: &'static str| {
         let is_it = |column: &str| calibration(what, column) == name;
@@ -145,7 +144,7 @@ fn sensor(file: &ProblemFile, name: &str) -> Option<(usize, &'static str)> {
     of("gain").or_else(|| of("offset"))
 }
 
-/// The line of a parameter that keeps what was found.
+/// The line of a parameter fixed at its estimate.
 fn line(found: &Found) -> Sought {
     let is_own = !found.name.contains('.');
     Sought {
@@ -163,7 +162,7 @@ fn line(found: &Found) -> Sought {
     }
 }
 
-/// A run has the value of its subject.
+/// Sets a parameter to the value of the run's subject.
 fn set_subject(run: &mut RunLine, found: &Found) {
     let is_own = |(label, _): &&(Option<String>, f64)| label.is_some() && *label == run.subject;
     let is_set = run.set.iter().any(|set| set.name.value == found.name);

@@ -1,4 +1,4 @@
-//! The instances of a problem, wired: one model whose variables are called `instance.variable`.
+//! The connected instances of a problem: one model with variables named `instance.variable`.
 
 use crate::problem::error::ProblemError;
 use crate::system::part::{About, Part};
@@ -9,24 +9,24 @@ use pilotage_text::suggestion::{did_you_mean, suggestion};
 use pilotage_units::{Conversion, Unit};
 use std::collections::HashMap;
 
-/// Instances that are wired.
+/// Connected instances.
 #[derive(Debug)]
 pub struct Joint {
-    /// The parts by the names of their instances.
+    /// The parts with the names of their instances.
     pub parts: Vec<(String, Part)>,
-    /// All of them as one; its outputs are those of the parts.
+    /// All of them as one model, whose outputs are those of the parts.
     pub model: Model,
-    /// What is known of each variable: `instance.variable`.
+    /// Attributes of each variable, by `instance.variable`.
     pub variables: HashMap<String, About>,
-    /// Inputs that wires drive: for each the signal that it is.
+    /// Inputs driven by wires, each with the signal that drives it.
     pub driven: HashMap<String, String>,
 }
 
 impl Joint {
-    /// Wires the parts of a description.
+    /// Connects the parts of a description.
     ///
     /// # Errors
-    /// Where a wire has an end that is not there, or units that do not fit.
+    /// When an end of a wire does not exist, or units are incompatible.
     pub fn new(
         description: &SystemDescription,
         parts: Vec<(String, Part)>,
@@ -34,7 +34,7 @@ impl Joint {
         Self::wired(description, parts, &[])
     }
 
-    /// The same with an input for the noise that is added to each of these inputs: [`Self::noise_input`].
+    /// The same, with an additional noise input for each of these inputs: [`Self::noise_input`].
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -46,7 +46,7 @@ impl Joint {
         Self::wired(description, self.parts.clone(), noisy)
     }
 
-    /// The variable of the model's graph by which noise comes to an input; none where that is no input of an instance.
+    /// The variable of the model's graph that adds noise to an input. None if the name is not an input of an instance.
     pub fn noise_input(&self, name: &str) -> Option<usize> {
         let driver = self
             .driven
@@ -81,7 +81,7 @@ impl Joint {
             let mut signal = from.value.clone();
             let conversion = conversion(&variables, wire)?;
             if conversion != Conversion::NONE {
-                // A part of its own; no instance of a user has a space in its name.
+                // A separate part: names of the user's instances contain no spaces.
                 let name = format!("wire {k}");
                 models.push((name.clone(), converter(conversion)));
                 wires.push((signal, format!("{name}.u")));
@@ -114,7 +114,7 @@ impl Joint {
         })
     }
 
-    /// The expression of a signal, a driven input among them, in the model's graph.
+    /// The expression of a signal or of a driven input in the model's graph.
     pub fn signal(&self, name: &str) -> Option<Node> {
         let name = self.driven.get(name).map_or(name, String::as_str);
         self.model.signal(name).ok()
@@ -134,7 +134,7 @@ impl Joint {
         names
     }
 
-    /// The same with the locals of FMUs, which may be measured too.
+    /// The same with the local variables of FMUs, which may be measured too.
     pub fn measurable(&self) -> Vec<String> {
         let mut names = self.signals();
         for (instance, part) in &self.parts {
@@ -146,7 +146,7 @@ impl Joint {
         names
     }
 
-    /// What messages call the model of a variable's instance.
+    /// Name used in messages for the model of a variable's instance.
     pub fn source_of(&self, name: &str) -> String {
         let own = self.part_of(name).map(|(part, _)| part);
         let file = own.and_then(|part| part.file.as_ref());
@@ -158,7 +158,7 @@ impl Joint {
         }
     }
 
-    /// The type of an FMU's parameter that is no single real of double precision.
+    /// The type of an FMU's parameter that is not a scalar real of double precision.
     pub fn parameter_of_other_type(&self, name: &str) -> Option<&str> {
         let (part, own) = self.part_of(name)?;
         let mut others = part.fmu.as_ref()?.others.iter();
@@ -173,7 +173,7 @@ impl Joint {
         fmu.is_some_and(|(fmu, own)| fmu.start_parameters.iter().any(|(_, start)| start == own))
     }
 
-    /// The part whose instance a name begins with, and the rest of the name.
+    /// The part of the instance that prefixes a name, and the rest of the name.
     fn part_of<'n>(&self, name: &'n str) -> Option<(&Part, &'n str)> {
         self.parts.iter().find_map(|(instance, part)| {
             let rest = name.strip_prefix(instance.as_str())?.strip_prefix('.')?;
@@ -181,7 +181,7 @@ impl Joint {
         })
     }
 
-    /// Name of the unit of a variable, where it has one.
+    /// Name of a variable's unit, if it has one.
     pub fn unit(&self, name: &str) -> Option<&str> {
         self.variables.get(name)?.unit.as_deref()
     }
@@ -233,7 +233,7 @@ fn check_end(parts: &[(String, Part)], name: &Said<String>, end: End) -> Result<
     ))
 }
 
-/// What to say of a name that nobody has.
+/// Message for an unknown name.
 pub fn unknown(what: &str, name: &str, known: &[String]) -> String {
     const MOST: usize = 30;
     let near = did_you_mean(suggestion(name, known.iter().map(String::as_str)));
@@ -248,7 +248,7 @@ pub fn unknown(what: &str, name: &str, known: &[String]) -> String {
     }
 }
 
-/// How the values of a wire change their unit.
+/// Unit conversion of the values of a wire.
 pub(crate) fn conversion(
     variables: &HashMap<String, About>,
     wire: &Wire,

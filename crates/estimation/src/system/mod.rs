@@ -1,4 +1,4 @@
-//! The instances as equations, and wired.
+//! The instances as equations, and their connections.
 
 pub mod joint;
 pub mod part;

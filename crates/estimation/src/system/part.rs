@@ -19,7 +19,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Part of the range of an output within which the corners of its saturation are rounded.
+/// Fraction of an output's range within which the corners of its saturation are rounded.
 const CORNER: f64 = 0.01;
 
 /// An instance's model.
@@ -27,58 +27,58 @@ const CORNER: f64 = 0.01;
 pub struct Part {
     /// Its equations, with all parameters.
     pub model: Model,
-    /// For each output between which values it is held, as expressions of parameters.
+    /// For each output, the limits between which it is held, as expressions of parameters.
     pub limits: Vec<Option<[Node; 2]>>,
     /// Start value of each state, as an expression of parameters.
     pub starts: Vec<Node>,
-    /// What is known of each variable.
+    /// Attributes of each variable.
     pub variables: HashMap<String, About>,
-    /// Its model file, where it has one.
+    /// Its model file, if it has one.
     pub file: Option<Box<Compiled>>,
-    /// Its FMU, where it is one.
+    /// Its FMU, if it is one.
     pub fmu: Option<FmuPart>,
 }
 
-/// What an instance that is an FMU has beside its equations.
+/// Additional data of an instance that is an FMU.
 #[derive(Debug, Clone)]
 pub struct FmuPart {
     /// The file.
     pub path: PathBuf,
-    /// Its event indicators among the outputs.
+    /// Names of its event indicators, which are among the outputs.
     pub indicators: Vec<String>,
     /// The first time event \[s\].
     pub next_event: Option<f64>,
-    /// What of its description is not so.
+    /// Incorrect statements in its description.
     pub notes: Vec<String>,
-    /// States with the parameters that they begin at, of FMUs that pilotage has made.
+    /// States and the parameters that hold their start values, for FMUs exported by pilotage.
     pub start_parameters: Vec<(String, String)>,
-    /// Names of its continuous locals.
+    /// Names of its continuous local variables.
     pub locals: Vec<String>,
-    /// Parameters that are no single reals of double precision, each with its type.
+    /// Parameters that are not scalar reals of double precision, with their types.
     pub others: Vec<(String, String)>,
     /// Whether it can still be called.
     pub calls: Calls,
-    /// Its function, which knows why it had no values.
+    /// Its function, which stores why an evaluation failed.
     pub function: Arc<dyn Opaque>,
 }
 
-/// What is known of a variable.
+/// Attributes of a variable.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct About {
-    /// Name of its unit; `None` where it is not to be checked.
+    /// Name of its unit; `None` if the unit is not checked.
     pub unit: Option<String>,
     /// Start value.
     pub start: f64,
-    /// Least value.
+    /// Minimum value.
     pub min: Option<f64>,
-    /// Greatest value.
+    /// Maximum value.
     pub max: Option<f64>,
     /// Typical magnitude.
     pub nominal: Option<f64>,
 }
 
 impl Part {
-    /// The instance that a model file describes.
+    /// The instance described by a model file.
     pub fn of_file(compiled: Compiled) -> Self {
         let mut model = compiled.model.clone();
         let zero = model.system.graph.constant(0.0);
@@ -96,7 +96,7 @@ impl Part {
         });
         let declared = compiled.file.variables();
         let declared = declared.map(|(own, _)| (own.name.clone(), about(own)));
-        // Of a state and an output of one name the state comes first, and knows more.
+        // If a state and an output share a name, the state comes first: it has more attributes.
         let mut variables = HashMap::new();
         for (name, about) in delays.chain(declared) {
             variables.entry(name).or_insert(about);
@@ -111,8 +111,8 @@ impl Part {
         }
     }
 
-    /// Lets outputs saturate at their limits, which are constraints no more. The corners are rounded within a hundredth of
-    /// the range: of a corner itself the search has no derivative.
+    /// Lets outputs saturate at their limits, which are then no longer constraints. The corners are rounded within a
+    /// hundredth of the range, since a sharp corner has no derivative for the search.
     pub fn saturate(&mut self) {
         let System { graph, outputs, .. } = &mut self.model.system;
         for (output, limit) in outputs.iter_mut().zip(&mut self.limits) {
@@ -135,7 +135,7 @@ impl Part {
         }
     }
 
-    /// The instance that an FMU for model exchange is.
+    /// The instance given by an FMU for model exchange.
     ///
     /// # Errors
     /// When it cannot be loaded, or has no equations.
@@ -143,14 +143,14 @@ impl Part {
         Self::of_fmu_with(path, &[])
     }
 
-    /// The same with these of its locals as outputs.
+    /// The same with some of its local variables as outputs.
     ///
     /// # Errors
     /// As [`Self::of_fmu`].
     pub fn of_fmu_with(path: &Path, locals: &[String]) -> Result<Self, EquationsError> {
         let equations = pilotage_fmi_equations::open_with(path, locals)?;
         let FmuEquations { model, starts, .. } = equations;
-        // Of an output that is a state the state is told first.
+        // If an output is a state, the state is listed first.
         let mut variables = HashMap::new();
         for own in &equations.variables {
             variables
@@ -177,10 +177,10 @@ impl Part {
         })
     }
 
-    /// The instance that equations in Rust describe.
+    /// The instance described by equations in Rust.
     ///
     /// # Errors
-    /// Where they are no expressions.
+    /// When they cannot be written as expressions.
     pub fn of_equations<E: Equations>(equations: &E) -> Result<Self, ProblemError> {
         let mut model = traced(equations).map_err(|error| ProblemError::Part(error.to_string()))?;
         let table = equations.table();
@@ -202,7 +202,7 @@ impl Part {
     }
 }
 
-/// An instance with those locals of its FMU among the outputs that the problem names.
+/// An instance with those local variables of its FMU as outputs that the problem names.
 ///
 /// # Errors
 /// When the FMU cannot be loaded again.
@@ -220,7 +220,7 @@ pub fn with_locals(
         return Ok(part);
     }
     let path = fmu.path.clone();
-    // Of some FMUs there may be one instance at a time.
+    // Some FMUs allow only one instance at a time.
     drop(part);
     let bad = |error: EquationsError| {
         ProblemError::maybe_at(instance.source.place.as_ref(), in_full(&path, &error))
@@ -229,7 +229,7 @@ pub fn with_locals(
 }
 
 fn of_fmu(variable: &FmuVariable) -> About {
-    // Units that nobody knows cannot be checked.
+    // Unknown units cannot be checked.
     let known = |name: &&String| Base::of(name).is_some();
     About {
         unit: variable.unit.as_ref().filter(known).cloned(),
@@ -266,7 +266,7 @@ fn about(variable: &Variable) -> About {
 /// Opens a built-in model, a model file or an FMU.
 ///
 /// # Errors
-/// When there is none, or it has a mistake.
+/// When it does not exist or contains a mistake.
 pub fn open(instance: &InstanceDescription) -> Result<Part, ProblemError> {
     let place = instance.source.place.as_ref();
     let fault = |text: String| ProblemError::maybe_at(place, text);
@@ -341,7 +341,7 @@ pub fn open(instance: &InstanceDescription) -> Result<Part, ProblemError> {
     Ok(Part::of_file(compiled))
 }
 
-/// Whether a file is an archive, or a folder of an unpacked FMU.
+/// Whether a path is an archive or the folder of an unpacked FMU.
 fn is_fmu(path: &Path) -> bool {
     let mut first = [0; 4];
     let is_archive =
@@ -349,7 +349,7 @@ fn is_fmu(path: &Path) -> bool {
     path.join("modelDescription.xml").is_file() || File::open(path).is_ok_and(is_archive)
 }
 
-/// What to say of a file that is no FMU, though called one.
+/// Message for a file that has the extension of an FMU but is not one.
 fn not_an_fmu(file: &Path) -> String {
     let name = file.display();
     let is_empty = std::fs::metadata(file).is_ok_and(|about| about.len() == 0);
@@ -360,12 +360,12 @@ fn not_an_fmu(file: &Path) -> String {
     }
 }
 
-/// Whether what is there is called an FMU.
+/// Whether a path exists and has the extension of an FMU.
 fn is_called_fmu(file: &Path) -> bool {
     file.exists() && file.extension().is_some_and(|end| end == "fmu")
 }
 
-/// An error about a file with its causes, in one line.
+/// An error about a file with its error chain, in one line.
 fn in_full(file: &Path, error: &dyn Error) -> String {
     let (name, text) = (file.display().to_string(), error_chain(error));
     match error.to_string().contains(&name) {

@@ -1,4 +1,4 @@
-//! Input clocks of FMI 3.0: each ticks once, when it first may (section 2.2.9).
+//! Tests of the input clocks of FMI 3.0: each ticks once, at its first possible time (section 2.2.9).
 
 use super::subject::Subject;
 use super::{Stop, Teller};
@@ -7,14 +7,14 @@ use pilotage_fmi::InterfaceType;
 use pilotage_fmi::description::{Causality, IntervalVariability, ModelDescription, VariableKind};
 use pilotage_fmi::fmu::Library;
 
-/// A clock and when it first ticks.
+/// A clock and the time of its first tick.
 struct Due {
     time: f64,
     reference: u32,
     name: String,
 }
 
-/// Whether there are clocks that an importer makes tick in event mode.
+/// Whether there are clocks that the importer activates in event mode.
 pub(super) fn are_there(description: &ModelDescription, kind: InterfaceType) -> bool {
     let cs = description.co_simulation.as_ref();
     let has_event_mode = match kind {
@@ -24,7 +24,7 @@ pub(super) fn are_there(description: &ModelDescription, kind: InterfaceType) -> 
     has_event_mode && of(description, Causality::Input).next().is_some()
 }
 
-/// Value reference, name and kind of interval of the clocks of that causality.
+/// Value reference, name and interval variability of the clocks with that causality.
 fn of(
     description: &ModelDescription,
     causality: Causality,
@@ -42,7 +42,7 @@ fn of(
 }
 
 impl Teller<'_> {
-    /// Lets each input clock tick at its time, as far as steps lead there.
+    /// Activates each input clock at its time, as far as steps can reach it.
     pub(super) fn clocks(&mut self, library: &Library) -> Result<(), Stop> {
         let mut subject = Subject::instantiate(library, "check", self)?;
         subject.enter_initialization(self)?;
@@ -70,7 +70,7 @@ impl Teller<'_> {
 }
 
 impl Subject {
-    /// In initialization mode: when the input clocks first tick; those left out of which the FMU does not yet know.
+    /// In initialization mode: first tick times of the input clocks, without those that the FMU does not know yet.
     fn first_ticks(&mut self, teller: &mut Teller) -> Result<Vec<Due>, Stop> {
         let description = self.description.clone();
         let mut due = Vec::new();
@@ -98,8 +98,8 @@ impl Subject {
         Ok(due)
     }
 
-    /// From the start to the first tick of an aperiodic clock; `None` where it is not known, which only a
-    /// countdown's may be.
+    /// Time from the start to the first tick of an aperiodic clock; `None` if unknown, which is allowed only for a
+    /// countdown clock.
     fn first_interval(
         &mut self,
         reference: u32,
@@ -118,7 +118,7 @@ impl Subject {
         Ok(known.map(|interval| interval.value))
     }
 
-    /// In event mode: these clocks tick, and tell which others do.
+    /// In event mode: activates these clocks and reads the output clocks.
     fn tick(&mut self, clocks: &[Due], teller: &mut Teller) -> Result<(), Stop> {
         if clocks.is_empty() {
             return Ok(());

@@ -1,7 +1,7 @@
-//! Directional derivatives against differences, and dependencies that the description does not declare.
+//! Compares directional derivatives with differences, and finds dependencies that the description does not declare.
 //!
-//! By the inputs in initialization mode, where outputs follow inputs at once in both kinds of FMU; by the
-//! states in continuous-time mode.
+//! Derivatives by inputs are taken in initialization mode, where outputs depend directly on inputs in both kinds of
+//! FMU; those by states in continuous-time mode.
 
 use super::subject::{Subject, is_double};
 use super::{Stop, Teller};
@@ -13,10 +13,10 @@ use pilotage_fmi::{CallError, InterfaceType};
 /// Relative size of the change of a known.
 const CHANGE: f64 = 1e-4;
 
-/// Largest relative difference between a derivative and a difference that is no fault.
+/// Maximum accepted relative deviation of a derivative from a difference.
 const TOLERANCE: f64 = 1e-3;
 
-/// Relative difference of the slopes to both sides above which a point is a kink.
+/// Relative difference of the one-sided slopes above which a point is a kink.
 const KINK: f64 = 0.05;
 
 /// A known or an unknown.
@@ -52,9 +52,10 @@ impl Teller<'_> {
         if self.kind == InterfaceType::ModelExchange {
             self.stage("leaving initialization mode");
             subject.instance.exit_initialization_mode()?;
-            subject.enter_continuous_time(self)?;
-            let states = states(&subject);
-            self.compare_by(&mut subject, &states, &unknowns)?;
+            if subject.enter_continuous_time(self)? {
+                let states = states(&subject);
+                self.compare_by(&mut subject, &states, &unknowns)?;
+            }
         }
         self.unknown_reference(&mut subject);
         Ok(())
@@ -80,8 +81,8 @@ impl Teller<'_> {
         Ok(())
     }
 
-    /// What changes with a known must declare it: in initialization mode, where the knowns are inputs,
-    /// among the initial unknowns if it is listed there (FMI 2.0.5, section 2.2.8).
+    /// Reports a dependency that is not declared. In initialization mode, where the knowns are inputs, it must also be
+    /// declared among the initial unknowns if the unknown is listed there (FMI 2.0.5, section 2.2.8).
     fn undeclared(&mut self, subject: &Subject, known: &Place, unknown: &Place, slope: Slope) {
         let structure = &subject.description.structure;
         let initial = (structure.initial_unknowns.iter())
@@ -92,7 +93,7 @@ impl Teller<'_> {
             let names = entry.dependencies.as_ref();
             names.is_none_or(|names| names.contains(&known.index))
         });
-        // A state is what it is.
+        // A state trivially depends on itself.
         let is_itself = known.index == unknown.index;
         if slope.value != 0.0 && slope.is_smooth && !is_declared && !is_itself {
             let (y, u) = (&unknown.name, &known.name);
@@ -118,7 +119,7 @@ impl Teller<'_> {
             let difference = (found - slope.value).abs();
             let allowed = TOLERANCE * slope.value.abs().max(slope.scale);
             let differs = difference.is_nan() || difference > allowed;
-            // A state by itself is nothing that solvers ask for, and some FMUs have no answer.
+            // Solvers do not need the derivative of a state by itself, and some FMUs do not support it.
             let is_itself = unknown.index == known.index;
             if slope.is_smooth && differs && !is_itself {
                 let (y, u) = (&unknown.name, &known.name);
@@ -133,7 +134,7 @@ impl Teller<'_> {
     }
 }
 
-/// A difference with the digits that it has.
+/// A difference, rounded to its significant digits.
 fn shown(value: f64) -> f64 {
     format!("{value:.5e}").parse().unwrap_or(value)
 }
@@ -152,7 +153,7 @@ fn inputs(subject: &Subject) -> Vec<Place> {
         .collect()
 }
 
-/// The states, in the order of their derivatives; none if some are arrays.
+/// The states, in the order of their derivatives; empty if any is an array.
 fn states(subject: &Subject) -> Vec<Place> {
     let description = &subject.description;
     let at = |index: u32| {
@@ -191,18 +192,18 @@ fn unknowns(subject: &Subject, kind: InterfaceType) -> Vec<Place> {
         .collect()
 }
 
-/// How an unknown changes with a known.
+/// Derivative of an unknown by a known.
 #[derive(Debug, Clone, Copy)]
 struct Slope {
     /// By the smaller of two changes.
     value: f64,
-    /// Both changes give the same.
+    /// Whether both changes give the same slope.
     is_smooth: bool,
-    /// Slopes below this are lost in rounding.
+    /// Slopes below this are lost in rounding errors.
     scale: f64,
 }
 
-/// The slopes of the unknowns by one known, which has its value again afterwards.
+/// The slopes of the unknowns by one known, whose value is restored afterwards.
 fn slopes(subject: &mut Subject, known: &Place, unknowns: &[Place]) -> Result<Vec<Slope>, Stop> {
     let references: Vec<u32> = unknowns.iter().map(|o| o.reference).collect();
     let start = subject.value(known)?;
@@ -211,7 +212,7 @@ fn slopes(subject: &mut Subject, known: &Place, unknowns: &[Place]) -> Result<Ve
         let mut values = vec![0.0; references.len()];
         subject.set(known, value)?;
         match subject.instance.get_real(&references, &mut values) {
-            // Outside of its domain an FMU has no value to give, and may be asked again elsewhere.
+            // Outside of its domain an FMU has no value, and may be evaluated again elsewhere.
             Err(CallError::Failed { status, .. }) if status == Status::DISCARD => {
                 values.fill(f64::NAN);
             }
@@ -227,7 +228,7 @@ fn slopes(subject: &mut Subject, known: &Place, unknowns: &[Place]) -> Result<Ve
         let scale = f64::EPSILON * value.abs().max(1.0) / change / TOLERANCE;
         let coarse = (far[0][k] - far[1][k]) / (4.0 * change);
         let fine = (near[0][k] - near[1][k]) / (2.0 * change);
-        // On a kink, such as the start of a table's line, both sides have slopes of their own.
+        // At a kink, e.g. a knot of a table, the one-sided slopes differ.
         let sides = [near[0][k] - value, value - near[1][k]].map(|step| step / change);
         let kink = (sides[0] - sides[1]).abs() > KINK * fine.abs().max(sides[0].abs()).max(scale);
         Slope {

@@ -1,16 +1,16 @@
-//! Model exchange: events, and time that passes.
+//! Model exchange: events and time integration.
 //!
-//! Checks compare runs with each other and look at what the model says, not at its solution; so forward
-//! Euler with small steps is enough here.
+//! The checks compare runs with each other and examine the behaviour of the model, not its solution; so forward Euler
+//! with small steps is sufficient.
 
 use super::subject::Subject;
 use super::{Stop, Teller};
 use pilotage_fmi::instance::{EventUpdate, MAX_EVENT_ROUNDS};
 
-/// Steps of Euler in a step of the plan.
+/// Euler steps per step of the plan.
 const SUBSTEPS: u32 = 10;
 
-/// What model exchange needs beside the instance.
+/// Data of model exchange besides the instance.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Solver {
     states: Vec<f64>,
@@ -19,7 +19,7 @@ pub(super) struct Solver {
 }
 
 impl Subject {
-    /// After initialization: the first event iteration. False when the end is asked for.
+    /// First event iteration after initialization. `false` if the end is requested.
     pub(super) fn enter_continuous_time(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
         let states = self.instance.number_of_continuous_states()?;
         let indicators = self.instance.number_of_event_indicators()?;
@@ -37,7 +37,7 @@ impl Subject {
         Ok(goes_on)
     }
 
-    /// Co-simulation in event mode: iterates, and goes on to step mode. False when the end is asked for.
+    /// Co-simulation in event mode: iterates and enters step mode. `false` if the end is requested.
     pub(super) fn enter_steps(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
         if self.update(teller)?.is_none() {
             return Ok(false);
@@ -46,7 +46,7 @@ impl Subject {
         Ok(true)
     }
 
-    /// Iterates at an event; `None` when that does not end, or the end is asked for.
+    /// Performs the event iteration; `None` if it does not end, or the end is requested.
     fn update(&mut self, teller: &mut Teller) -> Result<Option<EventUpdate>, Stop> {
         teller.stage("iterating at an event");
         let update = self.instance.iterate_event()?;
@@ -57,7 +57,7 @@ impl Subject {
         Ok(update.filter(|update| !update.is_end_requested))
     }
 
-    /// In event mode: iterates, and goes on to continuous-time mode. False when the end is asked for.
+    /// In event mode: iterates and enters continuous-time mode. `false` if the end is requested.
     pub(super) fn iterate(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
         let Some(update) = self.update(teller)? else {
             return Ok(false);
@@ -77,13 +77,13 @@ impl Subject {
         Ok(true)
     }
 
-    /// Lets `h` seconds pass; false when the end is asked for.
+    /// Integrates over `h` seconds; `false` if the end is requested.
     pub(super) fn integrate(&mut self, h: f64, teller: &mut Teller) -> Result<bool, Stop> {
         let begin = self.time();
         for k in 1..=SUBSTEPS {
             let next = begin + h * f64::from(k) / f64::from(SUBSTEPS);
             while self.time() < next {
-                // Time events are met, not passed (FMI 2.0.5, section 3.2.2).
+                // Steps end exactly at time events (FMI 2.0.5, section 3.2.2).
                 let event = self.solver.next_event.filter(|event| *event > self.time());
                 let target = event.map_or(next, |event| event.min(next));
                 if !self.substep(target, teller)? {

@@ -1,7 +1,7 @@
-//! The binary of this machine, run: does it behave as the standard asks and as its description says?
+//! Runs this machine's binary: does it behave as the standard requires and as its description declares?
 //!
-//! Each [`BehaviourCheck`] tries one thing on instances of its own and tells its stages before it begins them, so
-//! that a caller who runs it in another process knows where one ended that crashed or hung.
+//! Each [`BehaviourCheck`] performs one test on separate instances and reports each stage before it begins, so that a
+//! caller that runs it in another process knows in which stage it crashed or hung.
 
 mod clocks;
 mod derivatives;
@@ -26,24 +26,24 @@ use std::str::FromStr;
 use std::sync::Arc;
 use subject::Subject;
 
-/// What is tried.
+/// What is tested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum What {
     /// The library is loaded.
     Load,
-    /// An instance is made, initialized, stepped, terminated and freed; values are read.
+    /// An instance is created, initialized, stepped, terminated and freed; values are read.
     Simulate,
-    /// An instance with a wrong GUID is refused.
+    /// An instance with a wrong GUID is rejected.
     Guid,
-    /// After a reset, the same happens again.
+    /// After a reset, the same results are obtained again.
     Reset,
-    /// After going back to a saved state, the same happens again; through bytes too.
+    /// After restoring a saved state, the same results are obtained again; also after serialization.
     State,
-    /// Instances do not disturb each other.
+    /// Instances do not affect each other.
     Instances,
-    /// Steps of another length are taken.
+    /// Steps of other lengths are taken.
     Steps,
-    /// Directional derivatives are those of the outputs, and dependencies are declared.
+    /// Directional derivatives agree with the outputs, and dependencies are declared.
     Derivatives,
     /// Input clocks tick.
     Clocks,
@@ -77,17 +77,17 @@ impl What {
     }
 }
 
-/// One thing to try, of one interface of the FMU.
+/// A test of one interface of the FMU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BehaviourCheck {
     /// The interface.
     pub kind: InterfaceType,
-    /// What is tried.
+    /// What is tested.
     pub what: What,
 }
 
 impl fmt::Display for BehaviourCheck {
-    /// As [`FromStr`] reads it: `co-simulation:reset`.
+    /// As parsed by [`FromStr`]: `cs:reset`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}:{}", short(self.kind), self.what.name())
     }
@@ -117,7 +117,7 @@ const fn short(kind: InterfaceType) -> &'static str {
     }
 }
 
-/// What can be tried of an FMU, in this order; the first is whether it loads at all.
+/// The tests that apply to an FMU, in order; the first is whether it loads.
 pub fn all(description: &ModelDescription) -> Vec<BehaviourCheck> {
     let mut checks = Vec::new();
     let kinds = [
@@ -147,7 +147,7 @@ pub fn all(description: &ModelDescription) -> Vec<BehaviourCheck> {
     checks
 }
 
-/// What the description says that an interface can do.
+/// Capabilities of an interface according to the description.
 #[derive(Debug, Clone, Copy)]
 struct Facts {
     can_save: bool,
@@ -189,17 +189,17 @@ impl Facts {
     }
 }
 
-/// What a check tells while it runs.
+/// A report of a running check.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Told {
-    /// It begins to do this.
+    /// It begins this stage.
     Stage(String),
-    /// It found this.
+    /// It has this finding.
     Finding(Finding),
 }
 
-/// How bad it is that the process ends in a stage: FMI 2.0 says nothing of value references that no variable
-/// has, and many FMUs do not look whether they have them.
+/// Severity if the process ends in a stage: FMI 2.0 does not define the behaviour for value references without
+/// variable, and many FMUs do not check them.
 pub fn severity_of_crash(stage: &str) -> Severity {
     match stage == values::BEYOND {
         true => Severity::Warning,
@@ -214,7 +214,7 @@ enum Stop {
     Call(CallError),
     /// The FMU cannot be loaded or instantiated.
     Fmu(FmuError),
-    /// The reason was told.
+    /// The reason was reported.
     Told,
 }
 
@@ -230,10 +230,10 @@ impl From<FmuError> for Stop {
     }
 }
 
-/// Runs a check. The FMU's code runs in this process, and may end it. It is unpacked for it, unless that is done.
+/// Runs a check. The FMU's code runs in this process and may end it. Unpacks the FMU unless this is already done.
 ///
 /// # Errors
-/// What is our own trouble and no fault of the FMU: it cannot be unpacked here.
+/// Errors that are not the FMU's fault: it cannot be unpacked here.
 pub fn run(
     path: &Path,
     unpacked: Option<PathBuf>,
@@ -269,12 +269,12 @@ pub fn run(
     Ok(())
 }
 
-/// Tells stages and findings of one check.
+/// Reports stages and findings of one check.
 struct Teller<'a> {
     tell: &'a mut dyn FnMut(Told),
     stage: String,
     kind: InterfaceType,
-    /// Known once the FMU is open.
+    /// Set once the FMU is open.
     description: Arc<ModelDescription>,
 }
 
@@ -320,8 +320,8 @@ impl Teller<'_> {
         }
     }
 
-    /// Whether the FMU cannot be tried here, but elsewhere: it is for other machines, or for a tool or a
-    /// library that it says it needs and that is not here.
+    /// Whether the FMU cannot be tested on this machine, but elsewhere: it is for other machines, or needs a tool or
+    /// library, as it declares, that is missing here.
     fn is_no_fault(&self, error: &FmuError) -> bool {
         let cs = self.description.co_simulation.iter();
         let me = self.description.model_exchange.iter();
@@ -364,7 +364,7 @@ impl Teller<'_> {
         (self.tell)(Told::Finding(finding));
     }
 
-    /// A wrong GUID must be refused (FMI 2.0.5, section 2.1.5; FMI 3.0, section 2.3.1).
+    /// A wrong GUID must be rejected (FMI 2.0.5, section 2.1.5; FMI 3.0, section 2.3.1).
     fn guid(&mut self, library: &Library) -> Result<(), Stop> {
         self.stage("instantiating with a wrong guid");
         if library.accepts_wrong_guid(self.kind) {
@@ -373,7 +373,7 @@ impl Teller<'_> {
         Ok(())
     }
 
-    /// The usual way through a simulation, and what the FMU says on it.
+    /// A normal simulation run, and its log messages.
     fn simulate(&mut self, library: &Library) -> Result<(), Stop> {
         let watch = Watch::new();
         take_stray_messages();
@@ -393,7 +393,7 @@ impl Teller<'_> {
         Ok(())
     }
 
-    /// An instance gives back the memory that it got, and no other (FMI 2.0.5, section 2.1.5).
+    /// An instance frees the memory that it has allocated, and no other (FMI 2.0.5, section 2.1.5).
     fn memory(&mut self, watch: &Watch) {
         match watch.kept() {
             0 => {}
@@ -409,7 +409,7 @@ impl Teller<'_> {
         }
     }
 
-    /// Messages are of declared categories and carry the instance's name (FMI 2.0.5, section 2.1.5).
+    /// Messages have declared categories and the instance's name (FMI 2.0.5, section 2.1.5).
     fn messages(&mut self, subject: &mut Subject) {
         let messages = subject.messages();
         let declared = &subject.description.log_categories;
@@ -436,7 +436,7 @@ impl Teller<'_> {
         }
     }
 
-    /// Steps of half the length are possible where the description says so.
+    /// Steps of other lengths are possible if the description declares so.
     fn steps(&mut self, library: &Library) -> Result<(), Stop> {
         let mut subject = Subject::start(library, "check", self)?;
         for part in [1.0, 0.5, 0.25, 1.5] {

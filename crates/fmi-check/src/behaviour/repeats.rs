@@ -1,22 +1,22 @@
-//! What must happen again in the same way: after a reset, from a saved state, beside other instances.
+//! Tests of repeatability: after a reset, from a saved state, next to other instances.
 
 use super::subject::{Subject, Trace};
 use super::{Stop, Teller};
 use pilotage_fmi::description::Severity;
 use pilotage_fmi::fmu::Library;
 
-/// Steps that are compared.
+/// Number of steps compared.
 const STEPS: u32 = 4;
 
-/// Relative tolerance of an FMU that says none.
+/// Relative tolerance of an FMU that declares none.
 const TOLERANCE: f64 = 1e-4;
 
-/// How many times the tolerance two runs may differ by: a solver that starts anew takes other steps, each with
-/// an error of its own.
+/// Accepted difference between two runs, in multiples of the tolerance: a restarted solver takes other steps, with
+/// other errors.
 const TOLERANCES: f64 = 10.0;
 
 impl Teller<'_> {
-    /// A reset leads back to the state after instantiation (FMI 2.0.5, section 2.1.6).
+    /// A reset restores the state after instantiation (FMI 2.0.5, section 2.1.6).
     pub(super) fn reset(&mut self, library: &Library) -> Result<(), Stop> {
         let mut subject = Subject::start(library, "check", self)?;
         self.stage("stepping");
@@ -30,12 +30,12 @@ impl Teller<'_> {
             &subject,
             &first,
             &second,
-            "after fmi2Reset, the same simulation gives other outputs",
+            "after a reset, the same simulation gives other outputs",
         );
         Ok(())
     }
 
-    /// A saved state holds everything (FMI 2.0.5, section 2.1.8).
+    /// A saved state is complete (FMI 2.0.5, section 2.1.8).
     pub(super) fn state(&mut self, library: &Library) -> Result<(), Stop> {
         let mut subject = Subject::start(library, "check", self)?;
         self.stage("stepping");
@@ -70,7 +70,7 @@ impl Teller<'_> {
         Ok(())
     }
 
-    /// Instances share nothing (canBeInstantiatedOnlyOncePerProcess="false").
+    /// Instances share no state (canBeInstantiatedOnlyOncePerProcess="false").
     pub(super) fn instances(&mut self, library: &Library) -> Result<(), Stop> {
         let mut alone = Subject::start(library, "alone", self)?;
         self.stage("stepping");
@@ -80,7 +80,7 @@ impl Teller<'_> {
         let mut one = Subject::start(library, "one", self)?;
         let mut other = Subject::start(library, "other", self)?;
         self.stage("stepping two instances in turn");
-        // The other one goes ahead by a step, so that a value that both share shows.
+        // The other instance is one step ahead, so that shared values are detected.
         other.trace(1, self)?;
         let mut second = Trace::new();
         for _ in 0..STEPS {
@@ -93,8 +93,8 @@ impl Teller<'_> {
         Ok(())
     }
 
-    /// Compares the outputs of two runs. The standard does not promise the same bits: what differs by no more
-    /// than a solver may err is a warning.
+    /// Compares the outputs of two runs. The standard does not guarantee identical bits: a difference within the error
+    /// of a solver is a warning.
     fn compare(&mut self, subject: &Subject, first: &Trace, second: &Trace, what: &str) {
         if first.len() != second.len() {
             let (found, expected) = (second.len(), first.len());
@@ -120,7 +120,7 @@ impl Teller<'_> {
     }
 }
 
-/// How far an output of two runs is apart.
+/// Difference of an output between two runs.
 #[derive(Debug, Clone, Copy)]
 struct Difference {
     /// Largest difference.
@@ -130,14 +130,14 @@ struct Difference {
 }
 
 impl Difference {
-    /// Of the `k`th output; `None` if all bits are the same.
+    /// The difference of the `k`th output; `None` if all bits are the same.
     fn of(k: usize, first: &Trace, second: &Trace) -> Option<Self> {
         let mut pairs = first.iter().zip(second).map(|(a, b)| (a[k], b[k]));
         if pairs.clone().all(|(a, b)| a.to_bits() == b.to_bits()) {
             return None;
         }
         let size = |(a, b): (f64, f64)| match (a - b).abs() {
-            // One of both is no number, or infinite.
+            // One of the two is not a number, or infinite.
             size if size.is_nan() => f64::INFINITY,
             size => size,
         };

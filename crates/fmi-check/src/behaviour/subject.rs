@@ -1,4 +1,4 @@
-//! An instance on its way through a simulation, of either kind.
+//! An instance during a simulation, of either kind.
 
 use super::exchange::Solver;
 use super::{Facts, Stop, Teller};
@@ -10,7 +10,7 @@ use pilotage_fmi::instance::{Saved, Serialized};
 use pilotage_fmi::{CallError, Instance, InstanceOptions, InterfaceType, Message, Step};
 use std::sync::Arc;
 
-/// When to start and how to go on.
+/// Times and steps of a simulation.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plan {
     pub(super) tolerance: Option<f64>,
@@ -18,12 +18,12 @@ pub(super) struct Plan {
     stop: f64,
     /// Communication step [s].
     pub(super) step: f64,
-    /// How many of them a check takes.
+    /// Number of steps in a check.
     pub(super) steps: u32,
 }
 
 impl Plan {
-    /// As the description suggests, but no more than some steps.
+    /// The plan suggested by the description, with a limited number of steps.
     fn of(description: &ModelDescription) -> Self {
         const MOST: f64 = 20.0;
         let experiment = description.default_experiment.unwrap_or_default();
@@ -47,7 +47,7 @@ impl Plan {
 /// An initialized instance.
 pub(super) struct Subject {
     pub(super) description: Arc<ModelDescription>,
-    /// The name that it was given.
+    /// The name given to the instance.
     pub(super) name: String,
     pub(super) instance: Instance,
     pub(super) facts: Facts,
@@ -61,10 +61,10 @@ pub(super) struct Subject {
     pub(super) names: Vec<String>,
 }
 
-/// The outputs after each of some steps.
+/// The outputs after each step.
 pub(super) type Trace = Vec<Vec<f64>>;
 
-/// A state to go back to.
+/// A state that can be restored.
 #[derive(Debug, Clone)]
 pub(super) struct Point {
     pub(super) saved: Saved,
@@ -73,7 +73,7 @@ pub(super) struct Point {
 }
 
 impl Subject {
-    /// Instantiates and initializes; compares the start values on the way.
+    /// Instantiates and initializes; compares the start values in between.
     pub(super) fn start(library: &Library, name: &str, teller: &mut Teller) -> Result<Self, Stop> {
         let mut subject = Self::instantiate(library, name, teller)?;
         subject.initialize(teller)?;
@@ -113,17 +113,21 @@ impl Subject {
         })
     }
 
-    /// From instantiated to ready for a step; compares the start values on the way.
+    /// Initializes an instantiated FMU up to the first step; compares the start values in between.
     pub(super) fn initialize(&mut self, teller: &mut Teller) -> Result<(), Stop> {
         self.enter_initialization(teller)?;
         teller.start_values(self)?;
         teller.stage("reading all variables");
         self.instance.exit_initialization_mode()?;
         teller.read_all(self)?;
-        self.begin(teller).map(|_| ())
+        match self.begin(teller)? {
+            true => Ok(()),
+            // Nothing can be tested after the end.
+            false => Err(Stop::Told),
+        }
     }
 
-    /// From the first event mode, if there is one, to where steps are taken. False when the end is asked for.
+    /// Leaves the first event mode, if there is one. `false` if the end is requested.
     pub(super) fn begin(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
         match teller.kind {
             InterfaceType::ModelExchange => self.enter_continuous_time(teller),
@@ -132,7 +136,7 @@ impl Subject {
         }
     }
 
-    /// From a later event mode, likewise.
+    /// Leaves a later event mode. `false` if the end is requested.
     pub(super) fn leave_event_mode(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
         match teller.kind {
             InterfaceType::ModelExchange => self.iterate(teller),
@@ -140,24 +144,24 @@ impl Subject {
         }
     }
 
-    /// Whether steps lead to any time.
+    /// Whether steps can reach any time.
     pub(super) fn can_go_anywhere(&self, kind: InterfaceType) -> bool {
         kind == InterfaceType::ModelExchange || self.facts.can_vary_steps
     }
 
-    /// Goes on to that time; false when it is not reached.
+    /// Steps to that time; `false` if it is not reached.
     pub(super) fn step_to(&mut self, time: f64, teller: &mut Teller) -> Result<bool, Stop> {
         teller.stage(&format!("going on to {time} s"));
         let rest = time - self.time;
         self.step_by(rest / self.plan.step, teller)
     }
 
-    /// When the experiment ends [s].
+    /// Stop time of the experiment [s].
     pub(super) fn stop(&self) -> f64 {
         self.plan.stop
     }
 
-    /// From instantiated to initialization mode.
+    /// Enters initialization mode after instantiation.
     pub(super) fn enter_initialization(&mut self, teller: &mut Teller) -> Result<(), Stop> {
         let Plan {
             tolerance,
@@ -172,12 +176,12 @@ impl Subject {
         Ok(())
     }
 
-    /// One step of the plan; false when the FMU wants the simulation to end, or discarded the step.
+    /// Performs one step of the plan; `false` if the FMU requests the end of the simulation or discards the step.
     pub(super) fn step(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
         self.step_by(1.0, teller)
     }
 
-    /// A step of that part of the plan's step.
+    /// Performs a step whose length is that fraction of the plan's step.
     pub(super) fn step_by(&mut self, part: f64, teller: &mut Teller) -> Result<bool, Stop> {
         let h = part * self.plan.step;
         let went_on = match teller.kind {
@@ -189,7 +193,7 @@ impl Subject {
     }
 
     fn communicate(&mut self, h: f64, teller: &mut Teller) -> Result<bool, Stop> {
-        // Checks of saved states go back.
+        // Checks of saved states return to earlier times.
         let ended = match self.facts.can_save {
             true => self.instance.do_step_revocably(self.time, h)?,
             false => self.instance.do_step(self.time, h)?,
@@ -205,8 +209,8 @@ impl Subject {
             } => {
                 if last_successful.is_none() {
                     teller.error(format!(
-                        "the step of {h} s from {} s was discarded, and the FMU does not tell up to \
-                         which time it came",
+                        "the step of {h} s from {} s was discarded, and the FMU does not report the time \
+                         that it reached",
                         self.time
                     ));
                 }
@@ -243,7 +247,7 @@ impl Subject {
         }
     }
 
-    /// Outputs are numbers.
+    /// Checks that the outputs are finite.
     fn check_outputs(&mut self, teller: &mut Teller) -> Result<(), Stop> {
         let values = self.outputs()?;
         for (name, value) in self.names.iter().zip(values) {
@@ -262,7 +266,7 @@ impl Subject {
         Ok(values)
     }
 
-    /// Takes some steps; the outputs after each.
+    /// Takes some steps; returns the outputs after each.
     pub(super) fn trace(&mut self, steps: u32, teller: &mut Teller) -> Result<Trace, Stop> {
         let mut trace = Trace::new();
         for _ in 0..steps {
@@ -275,7 +279,7 @@ impl Subject {
         Ok(trace)
     }
 
-    /// Where the instance stands [s].
+    /// Current time of the instance [s].
     pub(super) fn time(&self) -> f64 {
         self.time
     }
@@ -284,7 +288,7 @@ impl Subject {
         self.time = time;
     }
 
-    /// Saves everything.
+    /// Saves the complete state.
     pub(super) fn save(&mut self) -> Result<Point, Stop> {
         Ok(Point {
             saved: self.instance.save()?,
@@ -293,7 +297,7 @@ impl Subject {
         })
     }
 
-    /// The same point in time with the state that bytes hold.
+    /// The same point in time, with the deserialized state.
     pub(super) fn with_bytes(&mut self, point: &Point, bytes: &Serialized) -> Result<Point, Stop> {
         Ok(Point {
             saved: self.instance.deserialize(bytes)?,
@@ -301,7 +305,7 @@ impl Subject {
         })
     }
 
-    /// Goes back to a point.
+    /// Restores a saved point.
     pub(super) fn restore(&mut self, point: &Point) -> Result<(), Stop> {
         self.instance.restore(point.saved)?;
         self.solver = point.solver.clone();
@@ -318,7 +322,7 @@ impl Subject {
     }
 }
 
-/// Whether co-simulation must use event mode: clocks tick in no other (FMI 3.0, section 4.2).
+/// Whether co-simulation must use event mode: clocks tick only in event mode (FMI 3.0, section 4.2).
 fn needs_event_mode(description: &ModelDescription, kind: InterfaceType) -> bool {
     let cs = description.co_simulation.as_ref();
     let mut variables = description.variables.iter();

@@ -1,4 +1,4 @@
-//! Values before the first step: those of the description, and readable.
+//! Checks of values before the first step: agreement with the description, and readability.
 
 use super::subject::{Subject, is_double};
 use super::{Stop, Teller};
@@ -10,17 +10,17 @@ use pilotage_fmi::description::{
 use pilotage_fmi::instance::Number;
 use pilotage_fmi::{CallError, Instance};
 
-/// Relative difference up to which a start value is the description's: some tools print few digits.
+/// Relative tolerance for start values: some tools write few digits.
 const START_TOLERANCE: f64 = 1e-6;
 
-/// The stage in which such a variable is read.
+/// The stage in which a variable that does not exist is read.
 pub(super) const BEYOND: &str = "reading a variable that does not exist";
 
-/// A value reference that an FMU is unlikely to have.
+/// A value reference that is unlikely to exist in an FMU.
 const UNKNOWN: u32 = 0xffff_fff0;
 
 impl Teller<'_> {
-    /// In initialization mode, parameters, inputs and exact values are what the description says.
+    /// In initialization mode, parameters, inputs and exact values have the start values of the description.
     pub(super) fn start_values(&mut self, subject: &mut Subject) -> Result<(), Stop> {
         self.stage("reading the start values");
         let description = subject.description.clone();
@@ -51,7 +51,7 @@ impl Teller<'_> {
         Ok(())
     }
 
-    /// Every variable can be read, and what is no variable cannot.
+    /// Every variable can be read, and enumerations have values of their items.
     pub(super) fn read_all(&mut self, subject: &mut Subject) -> Result<(), Stop> {
         let description = subject.description.clone();
         for variable in (description.variables.iter()).filter(|v| v.dimensions.is_empty()) {
@@ -81,8 +81,7 @@ impl Teller<'_> {
                 Severity::Error,
                 Some(name),
             );
-            // After an error nothing else can be done with the instance; a call that was not made
-            // did no harm.
+            // After an error the instance cannot be used further; a call that was not made did no harm.
             if matches!(error, CallError::Failed { .. }) {
                 return Err(Stop::Told);
             }
@@ -90,7 +89,7 @@ impl Teller<'_> {
         Ok(())
     }
 
-    /// A value reference that no variable has is refused. The instance is in error afterwards.
+    /// A value reference without variable is rejected. The instance is in the error state afterwards.
     pub(super) fn unknown_reference(&mut self, subject: &mut Subject) {
         let variables = &subject.description.variables;
         if variables.iter().any(|v| v.value_reference == UNKNOWN) {
@@ -109,7 +108,7 @@ impl Teller<'_> {
 fn read(subject: &mut Subject, variable: &ScalarVariable) -> Result<(), CallError> {
     let instance = &mut subject.instance;
     let reference = variable.value_reference;
-    /// One value, not used.
+    /// Reads one value, which is not used.
     fn number<T: Number>(instance: &mut Instance, reference: u32) -> Result<(), CallError> {
         instance.get(&[reference], &mut [T::default()])
     }
@@ -128,13 +127,13 @@ fn read(subject: &mut Subject, variable: &ScalarVariable) -> Result<(), CallErro
             IntegerType::Int64 => number::<i64>,
             IntegerType::UInt64 => number::<u64>,
         },
-        // Enumerations have values to look at, binaries any length, and clocks are for events.
+        // Enumerations are read by [`item`], binaries have any length, and clocks are read at events.
         BaseType::Enumeration | BaseType::Binary | BaseType::Clock => return Ok(()),
     };
     read(instance, reference)
 }
 
-/// The value of an enumeration; `None` for another type.
+/// The value of an enumeration; `None` for other types.
 fn item(subject: &mut Subject, variable: &ScalarVariable) -> Result<Option<i64>, CallError> {
     let instance = &mut subject.instance;
     let reference = [variable.value_reference];

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Base types that have value references of their own.
+/// The base type whose value references a variable uses.
 fn reference_space(variable: &ScalarVariable) -> BaseType {
     match variable.kind.base_type() {
         BaseType::Enumeration => BaseType::Integer(IntegerType::Int32),
@@ -69,7 +69,7 @@ impl Checker<'_> {
         }
     }
 
-    /// Whoever sets a variable that shares its value with the time would set the time.
+    /// Setting a variable that shares its value with the time would set the time.
     fn settable_independent(&self, set: &[usize]) -> Option<(usize, Rule)> {
         let all = &self.description.variables;
         let mut members = set.iter().copied();
@@ -82,8 +82,8 @@ impl Checker<'_> {
         Some((time, rule))
     }
 
-    /// All have the variability of the input or parameter among them, else the highest. Constants are
-    /// told apart.
+    /// All members must have the variability of the input or parameter among them, else the highest. Constants are
+    /// handled separately.
     fn alias_variability(&self, set: &[usize]) -> Option<(usize, Rule)> {
         let all = &self.description.variables;
         let members = || set.iter().copied();

@@ -1,9 +1,9 @@
-//! Arrays and value references of FMI 3.0 (section 2.4.7.2 and 2.4.7.4).
+//! Arrays and value references of FMI 3.0 (sections 2.4.7.2 and 2.4.7.4).
 
 use super::*;
 
 impl Checker<'_> {
-    /// Value references are unique.
+    /// Checks that value references are unique.
     pub(super) fn references(&mut self) {
         let mut first: HashMap<u32, usize> = HashMap::new();
         for (position, variable) in self.description.variables.iter().enumerate() {

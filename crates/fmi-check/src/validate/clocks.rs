@@ -1,4 +1,4 @@
-//! Clocks and clocked variables of FMI 3.0 (section 2.2.8, 2.4.4 and 2.4.7.4).
+//! Clocks and clocked variables of FMI 3.0 (sections 2.2.8, 2.4.4 and 2.4.7.4).
 
 use super::*;
 
@@ -114,8 +114,7 @@ impl Checker<'_> {
     }
 }
 
-/// Whether the attributes of a clock go together, with what the declared type says; or those of a
-/// type.
+/// Checks that the attributes of a clock are consistent, including those of the declared type; or those of a type.
 pub(super) fn attribute_rules(
     clock: &ClockAttributes,
     declared: Option<&ClockAttributes>,

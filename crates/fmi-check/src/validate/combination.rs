@@ -1,5 +1,5 @@
-//! Which causality, variability, `initial` and start value go together (FMI 2.0, section 2.2.7; FMI
-//! 3.0, section 2.4.7.4 and 2.4.7.5).
+//! Allowed combinations of causality, variability, `initial` and start value (FMI 2.0, section 2.2.7; FMI 3.0, sections
+//! 2.4.7.4 and 2.4.7.5).
 
 use super::*;
 
@@ -28,7 +28,7 @@ pub(super) fn combination(variable: &ScalarVariable, version: FmiVersion) -> Opt
         }
         (C::Local, V::Fixed | V::Tunable) => &[I::Calculated, I::Approx],
         (C::Independent, V::Continuous) => &[],
-        // Clocks of which the importer may change the interval.
+        // Clocks whose interval may be changed by the importer.
         (C::Input | C::Output, V::Tunable) if base == BaseType::Clock => &[],
         _ => {
             return Some(Rule::CausalityVariability {
@@ -45,7 +45,7 @@ pub(super) fn combination(variable: &ScalarVariable, version: FmiVersion) -> Opt
     })
 }
 
-/// Whether a start value is there exactly if it must be.
+/// Checks that a start value is present exactly if it is required.
 pub(super) fn start_presence(variable: &ScalarVariable) -> Option<Rule> {
     if let VariableKind::Clock { .. } = variable.kind {
         return None;

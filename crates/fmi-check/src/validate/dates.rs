@@ -1,17 +1,17 @@
 //! `generationDateAndTime`.
 
-/// How a text looks as a date with time.
+/// Form of a text as a date with time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Form {
-    /// `YYYY-MM-DDThh:mm:ssZ`, which the standard asks for.
+    /// `YYYY-MM-DDThh:mm:ssZ`, as required by the standard.
     Standard,
-    /// Another `xs:dateTime`: fractions of a second, another time zone or none.
+    /// Another `xs:dateTime`: with fractions of a second, another time zone or none.
     Other,
-    /// No `xs:dateTime`, which the schema asks for.
+    /// No `xs:dateTime`, which the schema requires.
     Wrong,
 }
 
-/// Whether a text is `YYYY-MM-DDThh:mm:ssZ`, as `generationDateAndTime` should be.
+/// Whether a text is `YYYY-MM-DDThh:mm:ssZ`, as required for `generationDateAndTime`.
 pub fn is_date_and_time(text: &str) -> bool {
     form(text) == Form::Standard
 }
@@ -28,7 +28,7 @@ pub(super) fn form(text: &str) -> Form {
     if !has_shape {
         return Form::Wrong;
     }
-    // The shape is ASCII, so that its end is the start of a character.
+    // The shape is ASCII, so its end is a character boundary.
     let (date_time, rest) = text.split_at(SHAPE.len());
     if !is_in_range(date_time) {
         return Form::Wrong;

@@ -1,4 +1,4 @@
-//! The interface types (FMI 2.0, section 3.3.1 and 4.3.1; FMI 3.0, section 2.4.2, 4.4 and 5.4).
+//! The interface types (FMI 2.0, sections 3.3.1 and 4.3.1; FMI 3.0, sections 2.4.2, 4.4 and 5.4).
 
 use super::*;
 

@@ -1,7 +1,7 @@
-//! Checks a description against the rules of FMI 2.0 and FMI 3.0 that no schema holds.
+//! Checks a description against the rules of FMI 2.0 and FMI 3.0 that the schema does not contain.
 //!
-//! Every rule is checked; nothing stops at the first finding. The time it takes grows with the size of
-//! the description and not faster: names and references are looked up in tables.
+//! All rules are checked; checking does not stop at the first finding. The time is proportional to the size of the
+//! description: names and references are looked up in tables.
 
 mod aliases;
 mod arrays;
@@ -23,7 +23,7 @@ pub(crate) use start::shown;
 use pilotage_fmi::description::*;
 use std::collections::{BTreeSet, HashMap, HashSet};
 
-/// Everything that is wrong with a description, schema and rules, in the order of the file.
+/// All findings about a description, of schema and rules, in the order of the file.
 pub fn validate(reading: &Reading) -> Vec<Finding> {
     let description = &reading.description;
     let mut checker = Checker {
@@ -57,7 +57,7 @@ pub fn validate(reading: &Reading) -> Vec<Finding> {
     checker.findings
 }
 
-/// What the checks share.
+/// Data shared by the checks.
 struct Checker<'r> {
     description: &'r ModelDescription,
     version: FmiVersion,
@@ -66,8 +66,8 @@ struct Checker<'r> {
     types: HashMap<&'r str, &'r TypeKind>,
     /// Indices (from 1) of the continuous states.
     states: BTreeSet<u32>,
-    /// Names of the variables of which the reader could not understand a value: what follows from the
-    /// default in its place is not reported too.
+    /// Names of the variables with values that the reader could not parse: consequences of the default in their place
+    /// are not reported.
     doubtful: HashSet<&'r str>,
     findings: Vec<Finding>,
 }
@@ -82,7 +82,7 @@ impl<'r> Checker<'r> {
         });
     }
 
-    /// Notes a broken rule at the variable of that position (from 0).
+    /// Records the violation of a rule at the variable at that position (from 0).
     fn report_variable(&mut self, position: usize, rule: Rule) {
         let place = self.places.variables.get(position);
         self.findings.push(Finding {
@@ -93,7 +93,7 @@ impl<'r> Checker<'r> {
         });
     }
 
-    /// Whether the reader has reported that the element there lacks an attribute.
+    /// Whether the reader has reported that the element at that place lacks an attribute.
     fn is_missing(&self, at: Place, wanted: &str) -> bool {
         let mut findings = self.findings.iter();
         findings.any(|finding| match &finding.rule {
@@ -102,7 +102,7 @@ impl<'r> Checker<'r> {
         })
     }
 
-    /// The variable of that index (from 1).
+    /// The variable with that index (from 1).
     fn at(&self, index: u32) -> Option<&'r ScalarVariable> {
         let position = (index as usize).checked_sub(1)?;
         self.description.variables.get(position)
@@ -184,7 +184,7 @@ fn doubtful(findings: &[Finding]) -> HashSet<&str> {
     blocking.filter_map(|f| f.variable.as_deref()).collect()
 }
 
-/// A table of items by name; of those with one name the first.
+/// A table of items by name; the first of several with the same name.
 fn first_of_each<'a, T>(items: impl Iterator<Item = (&'a str, T)>) -> HashMap<&'a str, T> {
     let mut table = HashMap::new();
     for (name, item) in items {
@@ -193,7 +193,7 @@ fn first_of_each<'a, T>(items: impl Iterator<Item = (&'a str, T)>) -> HashMap<&'
     table
 }
 
-/// Indices of the items that were there before.
+/// Indices of the items whose name occurred before.
 fn duplicates<'a>(names: impl Iterator<Item = &'a str>) -> Vec<usize> {
     let mut seen = HashMap::new();
     names

@@ -1,7 +1,7 @@
 //! Names: C identifiers and the grammar of structured names (FMI 2.0, section 2.2.9; FMI 3.0,
 //! section 2.4.7.5.1).
 
-/// Whether `text` is an identifier of C.
+/// Whether `text` is a C identifier.
 pub(super) fn is_c_identifier(text: &str) -> bool {
     let mut bytes = text.bytes();
     bytes.next().is_some_and(is_nondigit) && bytes.all(|b| is_nondigit(b) || b.is_ascii_digit())
@@ -23,7 +23,7 @@ pub(super) fn is_structured(name: &str) -> bool {
     }
 }
 
-/// The control character in a name that is not allowed under either convention.
+/// A control character in a name that neither convention allows.
 pub(super) fn forbidden_control(name: &str) -> Option<&'static str> {
     name.chars().find_map(|c| match c {
         '\t' => Some("tab"),
@@ -41,7 +41,7 @@ fn is_digits(text: &str) -> bool {
     !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit())
 }
 
-/// `B-name [indices] {"." B-name [indices]}`; returns what follows it.
+/// Parses `B-name [indices] {"." B-name [indices]}`; returns the rest.
 fn identifier(text: &str) -> Option<&str> {
     let mut rest = indices(part(text)?)?;
     while let Some(next) = rest.strip_prefix('.') {
@@ -50,7 +50,7 @@ fn identifier(text: &str) -> Option<&str> {
     Some(rest)
 }
 
-/// A plain or a quoted name; returns what follows it.
+/// Parses a plain or quoted name; returns the rest.
 fn part(text: &str) -> Option<&str> {
     match text.strip_prefix('\'') {
         Some(quoted) => quoted_end(quoted),
@@ -62,7 +62,7 @@ fn part(text: &str) -> Option<&str> {
     }
 }
 
-/// What follows the closing quote of a non-empty quoted name.
+/// The rest after the closing quote of a non-empty quoted name.
 fn quoted_end(quoted: &str) -> Option<&str> {
     const ESCAPES: &[u8] = b"'\"?\\abfnrtv";
     const SYMBOLS: &[u8] = b"!#$%&()*+,-./:;<>=?@[]^{}|~ ";
@@ -78,7 +78,7 @@ fn quoted_end(quoted: &str) -> Option<&str> {
     }
 }
 
-/// `[1,2]`, if there are any; returns what follows them.
+/// Parses indices such as `[1,2]`, if any; returns the rest.
 fn indices(text: &str) -> Option<&str> {
     let Some(inside) = text.strip_prefix('[') else {
         return Some(text);

@@ -3,7 +3,7 @@
 use super::*;
 
 impl Checker<'_> {
-    /// min, max and start against each other, with what the declared type says.
+    /// Checks min, max and start against each other, including those of the declared type.
     pub(super) fn values(&self, variable: &ScalarVariable) -> Vec<Rule> {
         let declared = self.declared(variable);
         match &variable.kind {
@@ -45,7 +45,7 @@ impl Checker<'_> {
         self.types.get(name).copied()
     }
 
-    /// Whether as many start values are there as the variable has elements, or one for all.
+    /// Checks that the number of start values is one or the number of elements.
     pub(super) fn start_count(&self, variable: &ScalarVariable) -> Option<Rule> {
         let found = variable.kind.start_count();
         let expected = self.description.size(variable)?;
@@ -146,10 +146,10 @@ fn not_an_item(name: &str, starts: &[i128], declared: Option<&TypeKind>) -> Opti
     })
 }
 
-/// A number as messages show it.
+/// A number formatted for messages.
 pub(crate) fn shown(precision: Precision, value: f64) -> String {
     match precision {
-        // With an exponent instead of many zeros.
+        // The debug format uses an exponent instead of many zeros.
         Precision::Double => format!("{value:?}"),
         Precision::Single => format!("{:?}", value as f32),
     }

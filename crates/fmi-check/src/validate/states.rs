@@ -1,9 +1,8 @@
-//! Continuous-time states and derivatives (FMI 2.0, section 2.2.7 and 2.2.8; FMI 3.0, section 2.4.7.5
-//! and 2.4.8).
+//! Continuous-time states and derivatives (FMI 2.0, sections 2.2.7 and 2.2.8; FMI 3.0, sections 2.4.7.5 and 2.4.8).
 
 use super::*;
 
-/// Indices (from 1) of the continuous states: what the listed derivatives are derivatives of.
+/// Indices (from 1) of the continuous states: the variables whose derivatives are listed.
 pub(super) fn states(description: &ModelDescription) -> BTreeSet<u32> {
     let derivatives = &description.structure.derivatives;
     derivatives
@@ -23,7 +22,7 @@ pub(super) fn derivative_of(variable: &ScalarVariable) -> Option<u32> {
     }
 }
 
-/// Whether a variable may be a state or the derivative of one.
+/// Whether a variable may be a state or the derivative of a state.
 pub(super) fn is_continuous_real(variable: &ScalarVariable) -> bool {
     variable.variability == Variability::Continuous && variable.kind.base_type().is_real()
 }
@@ -43,7 +42,7 @@ impl Checker<'_> {
                 rules.push(Rule::StateCausality { causality });
             }
             let is_reset = matches!(&variable.kind, VariableKind::Real(real) if real.reinit);
-            // FMI 3.0 ignores it without model exchange.
+            // FMI 3.0 ignores the attribute without model exchange.
             let is_without_use = !self.is_v3() && description.model_exchange.is_none();
             if is_reset && (is_without_use || !is_state) {
                 rules.push(Rule::Reinit);

@@ -1,5 +1,5 @@
-//! Whether the lists of the model structure hold just what they must (FMI 2.0, section 2.2.8; FMI 3.0,
-//! section 2.4.8).
+//! Checks that the lists of the model structure contain exactly the required variables (FMI 2.0, section 2.2.8; FMI
+//! 3.0, section 2.4.8).
 
 use super::states::{derivative_of, is_continuous_real};
 use super::unknowns::List;
@@ -50,7 +50,7 @@ impl Checker<'_> {
         list.name(self.version)
     }
 
-    /// How the XML refers to the variable of that index (from 1).
+    /// How the XML refers to the variable with that index (from 1).
     pub(super) fn handle(&self, index: u32) -> Handle {
         match (self.version, self.at(index)) {
             (FmiVersion::V3, Some(variable)) => Handle::Reference(variable.value_reference),
@@ -58,8 +58,8 @@ impl Checker<'_> {
         }
     }
 
-    /// Compares a list with what it must hold: `required` says of a variable whether it must be
-    /// listed, `None` that it may be; `wrong` makes the rule for one that must not.
+    /// Compares a list with its required contents: `required` returns whether a variable must be listed, `None` if it
+    /// may be; `wrong` creates the rule for a variable that must not be listed.
     fn compare(
         &self,
         list: List,
@@ -102,8 +102,8 @@ impl Checker<'_> {
         )
     }
 
-    /// Outputs, states and derivatives with initial approx or calculated, and calculated parameters.
-    /// In FMI 3.0 clocked variables and clocks may be listed, or not.
+    /// Outputs, states and derivatives with initial approx or calculated, and calculated parameters. In FMI 3.0 clocked
+    /// variables and clocks are optional.
     fn initial_unknowns(&self) -> Vec<(Place, Rule)> {
         let structure = &self.description.structure;
         let places = &self.places.initial_unknowns;
@@ -216,7 +216,7 @@ impl Checker<'_> {
     }
 }
 
-/// Indices of the variables in a list, and where each stands first.
+/// Indices of the variables in a list, with the place of their first occurrence.
 fn listed(unknowns: &[Unknown], places: &[Place]) -> BTreeMap<u32, Place> {
     let mut listed = BTreeMap::new();
     for (unknown, &place) in unknowns.iter().zip(places) {

@@ -89,7 +89,7 @@ impl<'r> Checker<'r> {
         }
     }
 
-    /// Rules about a unit and a display unit that are broken.
+    /// Violated rules about a unit and a display unit.
     pub(super) fn unit_rules(&self, unit: Option<&str>, display_unit: Option<&str>) -> Vec<Rule> {
         let display = || display_unit.unwrap_or_default().to_owned();
         let Some(unit) = unit else {

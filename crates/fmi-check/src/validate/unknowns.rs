@@ -1,4 +1,4 @@
-//! Each unknown of the model structure and what it depends on.
+//! Each unknown of the model structure and its dependencies.
 
 use super::*;
 
@@ -13,7 +13,7 @@ pub(super) enum List {
 }
 
 impl List {
-    /// The list's element in FMI 2.0, that of each of its items in FMI 3.0.
+    /// The list's element in FMI 2.0; the element of each item in FMI 3.0.
     pub(super) fn name(self, version: FmiVersion) -> &'static str {
         match (self, version) {
             (Self::Outputs, FmiVersion::V2) => "Outputs",
@@ -112,7 +112,7 @@ impl Checker<'_> {
         let Some(dependencies) = &unknown.dependencies else {
             return;
         };
-        // FMI 3.0 orders nothing, and value references need not follow the order of variables.
+        // FMI 3.0 requires no order, and value references need not follow the order of variables.
         if !self.is_v3() && !dependencies.is_sorted() {
             let variable = handle;
             self.report(place, Rule::UnsortedDependencies { variable });
@@ -147,9 +147,9 @@ impl Checker<'_> {
         })
     }
 
-    /// Knowns of initial unknowns are inputs, variables with initial exact and time. Those of the other
-    /// lists are inputs, continuous states and time, in FMI 3.0 also parameters, clocks and discrete
-    /// states, which nothing tells from other discrete variables.
+    /// Knowns of initial unknowns are inputs, variables with initial exact and time. Those of the other lists are
+    /// inputs, continuous states and time; in FMI 3.0 also parameters, clocks and discrete states, which cannot be
+    /// distinguished from other discrete variables.
     fn is_known(&self, list: List, index: u32, variable: &ScalarVariable) -> bool {
         let is_exact = variable.effective_initial() == Some(Initial::Exact);
         match variable.causality {
@@ -165,7 +165,7 @@ impl Checker<'_> {
         }
     }
 
-    /// The number that stands for a variable in the XML: its index or its value reference.
+    /// The number of a variable in the XML: its index or its value reference.
     fn number(&self, index: u32) -> u32 {
         match self.handle(index) {
             Handle::Index(number) | Handle::Reference(number) => number,

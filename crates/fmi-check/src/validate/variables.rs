@@ -1,4 +1,4 @@
-//! Each variable by itself (FMI 2.0, section 2.2.7; FMI 3.0, section 2.4.7).
+//! Checks of individual variables (FMI 2.0, section 2.2.7; FMI 3.0, section 2.4.7).
 
 use super::*;
 
@@ -49,7 +49,7 @@ impl Checker<'_> {
         }
     }
 
-    /// Names of variables, and of their aliases in FMI 3.0.
+    /// Checks that the names of variables, and in FMI 3.0 of their aliases, are unique.
     fn unique_names(&mut self) {
         let variables = &self.description.variables;
         let mut first = HashMap::new();
@@ -119,7 +119,7 @@ impl Checker<'_> {
         })
     }
 
-    /// Its own units, else those of its declared type; and the display units of its aliases.
+    /// Checks the variable's own units, else those of its declared type; and the display units of its aliases.
     fn units_of(&self, variable: &ScalarVariable) -> Vec<Rule> {
         let VariableKind::Real(real) = &variable.kind else {
             return Vec::new();

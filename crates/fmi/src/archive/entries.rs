@@ -1,4 +1,4 @@
-//! The entries of an archive, looked at with mistrust.
+//! The entries of an archive, treated as untrusted input.
 
 use super::{ArchiveError, Limits};
 use std::collections::{HashMap, HashSet};
@@ -11,9 +11,9 @@ use zip::{CompressionMethod, ZipArchive};
 /// One entry of the archive.
 #[derive(Debug)]
 pub(super) struct Entry {
-    /// With `/` between its parts, none of which is `.`.
+    /// Path with `/` as separator, without components `.`.
     pub(super) name: String,
-    /// The name's bytes in the directory, and where the entry stands.
+    /// The name's bytes in the central directory, and the offset of the local header.
     pub(super) raw: Vec<u8>,
     pub(super) start: u64,
     pub(super) is_folder: bool,
@@ -21,7 +21,7 @@ pub(super) struct Entry {
     pub(super) mode: Option<u32>,
 }
 
-/// The entries, each checked, and all of them for not being in each other's way.
+/// Lists the entries; checks each of them and that they do not collide.
 pub(super) fn list_entries(
     path: &Path,
     zip: &mut ZipArchive<BufReader<File>>,
@@ -53,7 +53,7 @@ pub(super) fn list_entries(
     Ok(entries)
 }
 
-/// Whether an entry is a plain file or folder, stored as the standard wants.
+/// Checks that an entry is a plain file or folder, stored as required by the standard.
 fn check_storage<R: Read>(
     path: &Path,
     name: &str,
@@ -76,7 +76,7 @@ fn check_storage<R: Read>(
     }
 }
 
-/// Whether each entry has the name of the directory where it stands, too (APPNOTE 4.3.7).
+/// Checks that the name in each local header equals that in the central directory (APPNOTE 4.3.7).
 pub(super) fn check_local_names(
     path: &Path,
     file: File,
@@ -109,10 +109,10 @@ pub(super) fn check_local_names(
     Ok(())
 }
 
-/// Whether no two entries would be one file, here or on systems that do not tell upper from lower case.
+/// Checks that no two entries map to the same file, here or on case-insensitive systems.
 fn check_collisions(path: &Path, entries: &[Entry]) -> Result<(), ArchiveError> {
     let path = || path.to_owned();
-    // By the folded name: the name, and whether it is a file.
+    // By the lower-case name: the name, and whether it is a file.
     let mut seen: HashMap<String, (&str, bool)> = HashMap::new();
     for entry in entries {
         let name = entry.name.trim_end_matches('/');
@@ -150,7 +150,7 @@ fn check_collisions(path: &Path, entries: &[Entry]) -> Result<(), ArchiveError> 
     Ok(())
 }
 
-/// The error without a wrapping that says it twice.
+/// The error without a wrapper that repeats its message.
 pub(super) fn plain(error: ZipError) -> io::Error {
     match error {
         ZipError::Io(error) => error,
@@ -158,7 +158,7 @@ pub(super) fn plain(error: ZipError) -> io::Error {
     }
 }
 
-/// A name as it is meant: some tools write `\` for `/`, or begin with `./`.
+/// The normalised name: some tools write `\` for `/`, or a leading `./`.
 pub fn plain_name(written: &str) -> String {
     let name = written.replace('\\', "/");
     let parts: Vec<&str> = name.split('/').filter(|part| *part != ".").collect();
@@ -181,7 +181,7 @@ fn check_length(path: &Path, name: &str, limits: Limits) -> Result<(), ArchiveEr
     Ok(())
 }
 
-/// Whether a name is a plain relative path; an empty one is the archive's own folder.
+/// Checks that a name is a plain relative path; an empty one is the archive's root folder.
 fn check_name(path: &Path, name: &str, written: &str) -> Result<(), ArchiveError> {
     let (path, entry) = (path.to_owned(), written.to_owned());
     Err(match name_fault(name) {
@@ -192,18 +192,18 @@ fn check_name(path: &Path, name: &str, written: &str) -> Result<(), ArchiveError
     })
 }
 
-/// Why a name is no plain relative path.
+/// Why a name is not a plain relative path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NameFault {
     /// It leads out of the folder.
     Traversal,
-    /// It begins at a root or a drive.
+    /// It starts at a root or a drive.
     Absolute,
-    /// A part is empty, or has control characters.
+    /// A component is empty or has control characters.
     Odd,
 }
 
-/// What is wrong with a [plain](plain_name) name; an empty one is the archive's own folder.
+/// The fault of a [normalised](plain_name) name, if any; an empty name is the archive's root folder.
 pub fn name_fault(name: &str) -> Option<NameFault> {
     let mut parts = name.strip_suffix('/').unwrap_or(name).split('/');
     let is_odd = |part: &str| part.is_empty() || part.contains(char::is_control);
@@ -218,8 +218,8 @@ pub fn name_fault(name: &str) -> Option<NameFault> {
     }
 }
 
-/// The first name that stands twice in the central directory. `ZipArchive` knows that there is one,
-/// but keeps each name once.
+/// The first name that occurs twice in the central directory. `ZipArchive` detects duplicates but keeps each name only
+/// once.
 pub(super) fn first_duplicate(mut file: File, directory_start: u64) -> Option<String> {
     const HEADER: usize = 46;
     let mut bytes = Vec::new();

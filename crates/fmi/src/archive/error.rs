@@ -1,11 +1,11 @@
-//! Why an archive is refused.
+//! Errors of archives.
 
 use std::io;
 use std::path::PathBuf;
 use thiserror::Error;
 use zip::result::ZipError;
 
-/// Why an archive is refused.
+/// Why an archive is rejected.
 #[derive(Debug, Error)]
 pub enum ArchiveError {
     /// The file cannot be opened.
@@ -13,15 +13,15 @@ pub enum ArchiveError {
     Open {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
-    /// It is no zip file, or a damaged one.
+    /// It is not a zip file, or is damaged.
     #[error("{} is no zip archive, or a damaged one", path.display())]
     NotAnArchive {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: ZipError,
     },
     /// More entries than the limit.
@@ -31,17 +31,17 @@ pub enum ArchiveError {
         path: PathBuf,
         /// Number of entries.
         found: usize,
-        /// Largest number allowed.
+        /// Maximum number.
         limit: usize,
     },
-    /// Unpacked, it would be larger than the limit.
+    /// Its unpacked size is larger than the limit.
     #[error("{} would unpack to {found} bytes, more than the limit of {limit}", path.display())]
     TooLarge {
         /// The file.
         path: PathBuf,
         /// Unpacked size \[bytes\].
         found: u64,
-        /// Largest size allowed \[bytes\].
+        /// Maximum size \[bytes\].
         limit: u64,
     },
     /// An entry would be written outside the folder.
@@ -60,7 +60,7 @@ pub enum ArchiveError {
         /// Name of the entry.
         entry: String,
     },
-    /// An entry's name has empty parts or control characters.
+    /// An entry's name has empty components or control characters.
     #[error("{}: entry `{}` is not a file name", path.display(), entry.escape_debug())]
     BadName {
         /// The file.
@@ -76,7 +76,7 @@ pub enum ArchiveError {
         /// Name of the entry.
         entry: String,
     },
-    /// Two entries have one name, so that tools read different files.
+    /// Two entries have the same name: tools would read different files.
     #[error("{}: entry `{entry}` is there twice", path.display())]
     DuplicateName {
         /// The file.
@@ -84,7 +84,7 @@ pub enum ArchiveError {
         /// Name of the entry.
         entry: String,
     },
-    /// Two entries differ by upper and lower case alone: on Windows and macOS they are one file.
+    /// Two entries differ only in case: on Windows and macOS they are one file.
     #[error("{}: entries `{first}` and `{entry}` differ by upper and lower case alone; rename one of them", path.display())]
     CaseDuplicate {
         /// The file.
@@ -94,26 +94,26 @@ pub enum ArchiveError {
         /// Name of the second entry.
         entry: String,
     },
-    /// An entry is a file, and another one lies in it as if it were a folder.
+    /// An entry is a file, but another entry lies in it as in a folder.
     #[error("{}: entry `{entry}` is a file, and `{inner}` would lie in it", path.display())]
     FileAsFolder {
         /// The file.
         path: PathBuf,
         /// Name of the entry.
         entry: String,
-        /// Name of an entry in it.
+        /// Name of the entry in it.
         inner: String,
     },
-    /// An entry's name, or a part of it, is longer than file systems allow.
+    /// An entry's name, or a component of it, is longer than file systems allow.
     #[error("{}: the name of an entry has {found} bytes, more than the limit of {limit}: `{}...`", path.display(), begin.escape_debug())]
     NameTooLong {
         /// The file.
         path: PathBuf,
-        /// Begin of the name.
+        /// Beginning of the name.
         begin: String,
-        /// Its length, or that of its longest part \[bytes\].
+        /// Its length, or that of its longest component \[bytes\].
         found: usize,
-        /// Largest length allowed \[bytes\].
+        /// Maximum length \[bytes\].
         limit: usize,
     },
     /// An entry is encrypted.
@@ -124,7 +124,7 @@ pub enum ArchiveError {
         /// Name of the entry.
         entry: String,
     },
-    /// An entry is compressed by another method than those allowed.
+    /// An entry is compressed by a method that is not allowed.
     #[error("{}: entry `{entry}` is compressed by {method}; the standard allows `deflate` and `store`", path.display())]
     Method {
         /// The file.
@@ -134,18 +134,17 @@ pub enum ArchiveError {
         /// The method.
         method: String,
     },
-    /// An entry has another name where it stands than in the archive's directory, so that tools read different
-    /// files.
+    /// An entry's local header has another name than the central directory: tools would read different files.
     #[error("{}: entry `{entry}` has another name where it stands: `{}`", path.display(), local.escape_debug())]
     LocalName {
         /// The file.
         path: PathBuf,
-        /// Name of the entry in the directory.
+        /// Name of the entry in the central directory.
         entry: String,
-        /// Name where it stands.
+        /// Name in the local header.
         local: String,
     },
-    /// An entry that is read as a whole is larger than the limit.
+    /// An entry to be read into memory is larger than the limit.
     #[error("{}: entry `{entry}` has {found} bytes, more than the limit of {limit}", path.display())]
     EntryTooLarge {
         /// The file.
@@ -154,30 +153,30 @@ pub enum ArchiveError {
         entry: String,
         /// Its size \[bytes\].
         found: u64,
-        /// Largest size allowed \[bytes\].
+        /// Maximum size \[bytes\].
         limit: u64,
     },
-    /// An entry cannot be read: its data are damaged, or its checksum is another one.
+    /// An entry cannot be read: its data are damaged, or its checksum is wrong.
     #[error("{}: entry `{entry}` cannot be unpacked", path.display())]
     Unreadable {
         /// The file.
         path: PathBuf,
         /// Name of the entry.
         entry: String,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
-    /// An entry holds more bytes than the archive's directory says.
+    /// An entry contains more bytes than the central directory declares.
     #[error("{}: entry `{entry}` holds more than the {declared} bytes that the archive declares", path.display())]
     LyingSize {
         /// The file.
         path: PathBuf,
         /// Name of the entry.
         entry: String,
-        /// Size in the directory \[bytes\].
+        /// Size in the central directory \[bytes\].
         declared: u64,
     },
-    /// An entry that is needed is not there.
+    /// A required entry is missing.
     #[error("{} has no {entry}: it is not an FMU", path.display())]
     Missing {
         /// The file.
@@ -190,7 +189,7 @@ pub enum ArchiveError {
     Write {
         /// The file being written.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
 }

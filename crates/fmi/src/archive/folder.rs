@@ -1,4 +1,4 @@
-//! A folder with an unpacked FMU, as the archive that it would be: then all that is checked and done is the same.
+//! Reads a folder with an unpacked FMU as the equivalent archive, so that all checks and operations are the same.
 
 use super::{ArchiveError, Limits};
 use std::fs::{self, File, Metadata};
@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-/// Opens an archive; of a folder, a temporary one of all that is in it, not compressed.
+/// Opens an archive; for a folder, creates a temporary uncompressed archive of its contents.
 ///
 /// # Errors
-/// When it cannot be read, or the folder holds a link or more than the limits allow.
+/// If it cannot be read, or the folder contains a link or exceeds the limits.
 pub fn open(path: &Path, limits: Limits) -> Result<File, ArchiveError> {
     let failed = |source| ArchiveError::Open {
         path: path.to_owned(),
@@ -20,12 +20,12 @@ pub fn open(path: &Path, limits: Limits) -> Result<File, ArchiveError> {
     match (told.is_dir(), told.is_file()) {
         (true, _) => packed(path, &listed(path, limits)?).map_err(failed),
         (false, true) => File::open(path).map_err(failed),
-        // A pipe would be waited for, and is read in its order alone.
+        // Opening a pipe would block, and it cannot be read at random offsets.
         (false, false) => Err(failed(io::Error::other("a pipe or a device is no archive"))),
     }
 }
 
-/// All files below a folder, in the order of their names.
+/// All files below a folder, sorted by name.
 fn listed(path: &Path, limits: Limits) -> Result<Vec<(PathBuf, Metadata)>, ArchiveError> {
     let failed = |source| ArchiveError::Open {
         path: path.to_owned(),
@@ -36,7 +36,7 @@ fn listed(path: &Path, limits: Limits) -> Result<Vec<(PathBuf, Metadata)>, Archi
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(&folder).map_err(failed)? {
             let entry = entry.map_err(failed)?;
-            // Of a link, the link's own.
+            // For a link, the metadata of the link itself.
             let metadata = entry.metadata().map_err(failed)?;
             if metadata.is_dir() {
                 folders.push(entry.path());
@@ -50,7 +50,7 @@ fn listed(path: &Path, limits: Limits) -> Result<Vec<(PathBuf, Metadata)>, Archi
             }
             bytes += metadata.len();
             files.push((entry.path(), metadata));
-            // Before anything is copied.
+            // Checked before anything is copied.
             limits.check(path, files.len(), bytes)?;
         }
     }
@@ -58,14 +58,14 @@ fn listed(path: &Path, limits: Limits) -> Result<Vec<(PathBuf, Metadata)>, Archi
     Ok(files)
 }
 
-/// Name of a file in the archive of the folder.
+/// Name of a file in the folder's archive.
 fn name(folder: &Path, file: &Path) -> String {
     let inside = file.strip_prefix(folder).unwrap_or(file);
     let parts = inside.iter().map(|part| part.to_string_lossy());
     parts.collect::<Vec<_>>().join("/")
 }
 
-/// The archive, in a file without a name.
+/// Creates the archive in an unnamed temporary file.
 fn packed(folder: &Path, files: &[(PathBuf, Metadata)]) -> io::Result<File> {
     let mut zip = ZipWriter::new(tempfile::tempfile()?);
     for (file, metadata) in files {
@@ -80,7 +80,7 @@ fn packed(folder: &Path, files: &[(PathBuf, Metadata)]) -> io::Result<File> {
     Ok(archive)
 }
 
-/// Some FMUs start helpers: these keep the right to be run.
+/// Some FMUs start helper programs, which must stay executable.
 #[cfg(unix)]
 fn mode(metadata: &Metadata) -> u32 {
     use std::os::unix::fs::PermissionsExt;

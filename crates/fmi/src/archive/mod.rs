@@ -1,8 +1,8 @@
-//! The zip file that an FMU is: opened with mistrust, unpacked into a folder of its own. A folder with an unpacked
-//! FMU is taken as the archive that it would be.
+//! An FMU's zip archive, treated as untrusted input and unpacked into a separate folder. A folder with an unpacked FMU
+//! is read as the equivalent archive.
 //!
-//! Everything is checked on opening, before a single byte is written: names that would leave the
-//! folder, links, duplicates, and sizes beyond the [`Limits`].
+//! Everything is checked on opening, before any byte is written: names that would leave the folder, links, duplicates,
+//! and sizes beyond the [`Limits`].
 
 mod entries;
 mod error;
@@ -21,26 +21,26 @@ use zip::ZipArchive;
 /// Name of the description in the archive.
 pub const DESCRIPTION: &str = "modelDescription.xml";
 
-/// Folders that are not for an FMU that runs (FMI 2.0.4, section 2.3; FMI 3.0.2, section 2.5).
+/// Folders that a running FMU does not need (FMI 2.0.4, section 2.3; FMI 3.0.2, section 2.5).
 const AT_REST: [&str; 2] = ["documentation", "sources"];
 
-/// How large an FMU may be.
+/// Maximum sizes of an FMU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
     /// Number of entries.
     pub entries: usize,
-    /// Unpacked size of all entries together \[bytes\].
+    /// Total unpacked size of all entries \[bytes\].
     pub bytes: u64,
-    /// Size of an entry that [`Archive::read`] reads as a whole \[bytes\].
+    /// Size of an entry that [`Archive::read`] reads into memory \[bytes\].
     pub read: u64,
     /// Length of a name \[bytes\].
     pub name: usize,
-    /// Length of a part of a name between `/` \[bytes\].
+    /// Length of a path component of a name \[bytes\].
     pub part: usize,
 }
 
 impl Default for Limits {
-    /// 100,000 entries and 2 GiB; 256 MiB to be read at once; names that Linux and macOS can hold.
+    /// 100,000 entries and 2 GiB; 256 MiB read into memory; names that Linux and macOS support.
     fn default() -> Self {
         Self {
             entries: 100_000,
@@ -53,7 +53,7 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// Whether an FMU has no more entries, and no more bytes in all of them.
+    /// Checks the number of entries and their total size.
     fn check(&self, path: &Path, entries: usize, bytes: u64) -> Result<(), ArchiveError> {
         let path = path.to_owned();
         if entries > self.entries {
@@ -81,7 +81,7 @@ impl Archive {
     /// Opens an archive, or a folder as one, and checks all its entries.
     ///
     /// # Errors
-    /// See [`ArchiveError`]; a missing modelDescription.xml is among them.
+    /// See [`ArchiveError`]; includes a missing modelDescription.xml.
     pub fn open(path: &Path, limits: Limits) -> Result<Self, ArchiveError> {
         let owned = path.to_owned();
         let open_error = |source| ArchiveError::Open {
@@ -119,7 +119,7 @@ impl Archive {
         &self.path
     }
 
-    /// Names of all files in the archive, in its order.
+    /// Names of all files in the archive, in archive order.
     pub fn files(&self) -> impl Iterator<Item = &str> {
         let files = self.entries.iter().filter(|e| !e.is_folder);
         files.map(|e| e.name.as_str())
@@ -145,7 +145,7 @@ impl Archive {
         Ok(bytes)
     }
 
-    /// The files that cannot be unpacked, each with the reason: they are damaged, or lie about their size.
+    /// The files that cannot be unpacked, each with the reason: they are damaged or their declared size is wrong.
     pub fn damaged(&mut self) -> Vec<(String, ArchiveError)> {
         let all = 0..self.entries.len();
         let faults = all.filter_map(|index| {
@@ -156,13 +156,13 @@ impl Archive {
         faults.collect()
     }
 
-    /// Number of entries, folders among them.
+    /// Number of entries, including folders.
     pub fn entries(&self) -> usize {
         self.entries.len()
     }
 
-    /// Unpacks what an FMU may look for while it runs into a new temporary folder, which lives as long as what is returned:
-    /// everything but `sources` and `documentation`, of which some tools write hundreds of files.
+    /// Unpacks the files that a running FMU may need into a new temporary folder, which is removed when the result is
+    /// dropped: all except `sources` and `documentation`, in which some tools write hundreds of files.
     ///
     /// # Errors
     /// If an entry is damaged, or the folder cannot be written.
@@ -205,7 +205,7 @@ impl Archive {
         })
     }
 
-    /// Unpacks an entry, and not one byte more than it declares.
+    /// Unpacks an entry, at most the number of bytes that it declares.
     fn copy(&mut self, index: usize, to: &mut impl io::Write) -> Result<(), ArchiveError> {
         let entry = &self.entries[index];
         let unreadable = |source| ArchiveError::Unreadable {
@@ -229,7 +229,7 @@ impl Archive {
 /// A temporary folder with an unpacked FMU.
 #[derive(Debug)]
 pub struct Unpacked {
-    /// None where somebody else keeps it.
+    /// `None` if the caller keeps the folder.
     _folder: Option<Folder>,
     path: PathBuf,
 }
@@ -245,7 +245,7 @@ impl Unpacked {
         })
     }
 
-    /// A folder into which somebody else has unpacked the FMU, and which stays.
+    /// A folder into which the caller has unpacked the FMU; it is not removed.
     pub fn of_others(path: PathBuf) -> Self {
         Self {
             _folder: None,
@@ -253,13 +253,13 @@ impl Unpacked {
         }
     }
 
-    /// Where it is.
+    /// Its path.
     pub fn path(&self) -> &Path {
         &self.path
     }
 }
 
-/// Gives a file the right to be run that it has in the archive: some FMUs start helpers.
+/// Makes a file executable if it is so in the archive: some FMUs start helper programs.
 #[cfg(unix)]
 fn keep_executable(file: &File, mode: Option<u32>) -> io::Result<()> {
     use std::os::unix::fs::PermissionsExt;

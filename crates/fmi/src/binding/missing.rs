@@ -1,8 +1,8 @@
-//! What a library needs and the system does not have, in words that help.
+//! Symbols and libraries that an FMU's library needs and the system lacks, with suggestions.
 
 use std::fmt;
 
-/// What a library needs and the system does not have.
+/// A dependency of a library that is missing on this system.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Missing {
     /// A function or variable of another library.
@@ -12,7 +12,7 @@ pub enum Missing {
 }
 
 impl Missing {
-    /// As the loaders of Linux and macOS say it.
+    /// Parses the error messages of the loaders of Linux and macOS.
     pub(super) fn in_message(text: &str) -> Option<Self> {
         const SYMBOLS: [&str; 2] = ["undefined symbol: ", "symbol not found in flat namespace "];
         const LIBRARY: &str = ": cannot open shared object file";
@@ -32,7 +32,7 @@ impl Missing {
         Some(Self::Library(name.to_owned()))
     }
 
-    /// Whether it is the interpreter of Python, which FMUs of PythonFMU and its like leave to the host.
+    /// Whether it belongs to the Python interpreter, which FMUs of PythonFMU and similar tools expect in the host.
     fn is_python(&self) -> bool {
         match self {
             Self::Symbol(name) => name.starts_with("Py") || name.starts_with("_Py"),

@@ -1,4 +1,4 @@
-//! An FMU's shared library, loaded, with the addresses of its functions.
+//! A loaded shared library of an FMU, with the addresses of its functions.
 
 pub(super) mod fmi2;
 pub(super) mod fmi3;
@@ -21,41 +21,41 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
 
-/// Why a library cannot be used, though its headers are good.
+/// Why a library cannot be used although its headers are valid.
 #[derive(Debug, Error)]
 pub enum BindingError {
     /// The system cannot load it.
     #[error("the system cannot load it")]
     Load {
-        /// Why.
+        /// The cause.
         source: libloading::Error,
     },
-    /// The system cannot load it, for want of something.
+    /// The system cannot load it because something is missing.
     #[error("{missing}")]
     Missing {
         /// What is missing.
         missing: Missing,
     },
-    /// A function of the standard that this kind of FMU always needs is not in it.
+    /// It lacks a function of the standard that this kind of FMU always needs.
     #[error("it has no function `{symbol}`")]
     MissingSymbol {
         /// Name of the function.
         symbol: &'static str,
     },
-    /// It speaks another version of FMI than the description says.
+    /// Its version of FMI differs from that of the description.
     #[error("it speaks FMI {found:?}, expected {expected:?}")]
     Version {
-        /// What `fmi2GetVersion` or `fmi3GetVersion` returns.
+        /// The return value of `fmi2GetVersion` or `fmi3GetVersion`.
         found: String,
-        /// What it should return.
+        /// The expected value.
         expected: &'static str,
     },
-    /// Its C types are of other sizes than the standard's.
+    /// Its C types differ in size from those of the standard.
     #[error("it is built for the types platform {found:?}, expected {expected:?}")]
     TypesPlatform {
-        /// What `fmi2GetTypesPlatform` returns.
+        /// The return value of `fmi2GetTypesPlatform`.
         found: String,
-        /// What it should return.
+        /// The expected value.
         expected: &'static str,
     },
 }
@@ -69,7 +69,7 @@ impl BindingError {
     }
 }
 
-/// Declares the table of a version's function pointers. Any may be absent: real FMUs lack some.
+/// Declares the table of a version's function pointers. Any may be absent: some FMUs lack functions.
 macro_rules! table {
     ($($field:ident: $Name:ident,)*) => {
         /// The functions; valid as long as the library is loaded.
@@ -80,8 +80,7 @@ macro_rules! table {
         impl Functions {
             pub(super) fn of(library: &libloading::Library) -> Self {
                 Self {
-                    // SAFETY: the pointer's type is the one that the standard gives to the
-                    // function of this name.
+                    // SAFETY: the pointer has the type that the standard defines for the function of this name.
                     $($field: unsafe { super::symbol(library, Function::$Name.symbol()) },)*
                 }
             }
@@ -90,7 +89,7 @@ macro_rules! table {
 }
 use table;
 
-/// The functions of the version that the FMU speaks.
+/// The functions of the FMU's FMI version.
 #[expect(
     clippy::large_enum_variant,
     reason = "there is one for each library, behind a pointer"
@@ -102,16 +101,16 @@ pub(super) enum Functions {
     Fmi3(fmi3::Functions),
 }
 
-/// A loaded library and its functions. The pointers are valid as long as it lives.
+/// A loaded library and its functions. The pointers are valid until it is dropped.
 pub struct Binding {
     pub(super) functions: Functions,
     kinds: Vec<InterfaceType>,
-    /// Whether some symbol that the library needs could not be found when it was loaded.
+    /// The first symbol that the library needs and that was not found when it was loaded.
     unresolved: Option<String>,
     path: PathBuf,
-    /// By which whoever watches this process knows it.
+    /// Identifies the library to the watching process.
     place: Place,
-    /// Kept last, so that it is unloaded after all else is gone.
+    /// Last field, so that the library is unloaded after all else is dropped.
     library: ManuallyDrop<Library>,
 }
 
@@ -124,34 +123,34 @@ impl Drop for Binding {
     }
 }
 
-/// A library in use and the folder that it was unpacked into.
+/// A loaded library and the folder into which it was unpacked.
 #[derive(Debug)]
 pub(super) struct Loaded {
-    // Unloaded before its folder goes: fields drop in this order.
+    // Fields drop in this order: the library is unloaded before its folder is removed.
     pub(super) binding: Binding,
     pub(super) folder: Arc<Unpacked>,
     /// The file.
     pub(super) fmu: PathBuf,
 }
 
-/// Looks a function up.
+/// Looks up a function.
 ///
 /// # Safety
 /// `T` must be the pointer type of this function.
 unsafe fn symbol<T: Copy>(library: &Library, name: &CStr) -> Option<T> {
-    // SAFETY: the caller vouches for the type; the copy of the pointer is kept beside the library.
+    // SAFETY: the caller vouches for the type; the copied pointer is kept together with the library.
     unsafe { library.get::<T>(name) }.ok().map(|symbol| *symbol)
 }
 
 impl Binding {
-    /// Loads a library of an FMU that is for these kinds of instances, and looks its functions up.
+    /// Loads the library of an FMU that supports these kinds of instances, and looks up its functions.
     ///
     /// # Errors
     /// If it cannot be loaded, lacks a function that is always needed, or is of another version.
     ///
     /// # Safety
-    /// The library's initialization runs, and its code will run in this process; whoever calls this
-    /// trusts it. [`binary::check`](super::binary::check) tells damaged files first.
+    /// The library's initialization runs, and its code will run in this process: the caller trusts it.
+    /// [`binary::check`](super::binary::check) detects damaged files beforehand.
     pub(crate) unsafe fn load(
         fmu: &Path,
         path: &Path,
@@ -159,7 +158,7 @@ impl Binding {
         kinds: &[InterfaceType],
     ) -> Result<Self, BindingError> {
         let place = Place::new(&fmu.display().to_string());
-        // SAFETY: handed on to the caller.
+        // SAFETY: the obligation is passed to the caller.
         let load = || unsafe { open::open(path) };
         let loaded = surroundings::kept(|| place.call(LOADING, load));
         let (library, unresolved) = loaded.map_err(BindingError::of_loader)?;
@@ -190,13 +189,12 @@ impl Binding {
         &self.path
     }
 
-    /// A symbol that the library needs and that could not be found: calling into it ends the
-    /// process.
+    /// A symbol that the library needs and that was not found: calling it ends the process.
     pub fn unresolved(&self) -> Option<&str> {
         self.unresolved.as_deref()
     }
 
-    /// Names of functions of the standard that the library lacks and that only some need.
+    /// Names of optional functions of the standard that the library lacks.
     pub fn missing(&self) -> Vec<&'static str> {
         let is_ours = |part: Part| {
             let of_kind = |kind: &InterfaceType| kind.part() == part;
@@ -221,11 +219,11 @@ impl Binding {
     }
 
     fn has(&self, name: &CStr) -> bool {
-        // SAFETY: the address is not used, so that its type does not matter.
+        // SAFETY: the address is not used, so its type does not matter.
         unsafe { symbol::<*const ()>(&self.library, name) }.is_some()
     }
 
-    /// The functions without which nothing goes.
+    /// The functions that are always needed.
     fn needed(&self) -> Vec<&'static CStr> {
         let of_kind = |kind: InterfaceType| self.kinds.contains(&kind);
         let me = of_kind(InterfaceType::ModelExchange);
@@ -265,7 +263,7 @@ impl Binding {
         }
     }
 
-    /// Calls, and notes for whoever watches this process that it does.
+    /// Makes a call and records it for the watching process.
     fn during<T>(&self, function: Function, call: impl FnOnce() -> T) -> T {
         let done = self.place.call(function.number(), call);
         surroundings::keep();
@@ -273,8 +271,8 @@ impl Binding {
     }
 
     fn check_version(&self) -> Result<(), BindingError> {
-        // SAFETY: these take no argument and need no instance (FMI 2.0, section 2.1.4; FMI 3.0,
-        // section 2.2.4).
+        // SAFETY: these functions take no argument and need no instance (FMI 2.0, section 2.1.4; FMI 3.0, section
+        // 2.2.4).
         let (version, platform, expected) = unsafe {
             match &self.functions {
                 Functions::Fmi2(f) => {
@@ -295,7 +293,7 @@ impl Binding {
             }
         };
         let expected = expected.to_str().unwrap_or_default();
-        // Releases 2.0.1 to 2.0.5 all say "2.0", those of 3.0 likewise; some tools write the release.
+        // Releases 2.0.1 to 2.0.5 all return "2.0", those of 3.0 likewise; some tools return the release.
         if let Some(found) = version.filter(|v| !v.starts_with(expected)) {
             return Err(BindingError::Version { found, expected });
         }
@@ -307,7 +305,7 @@ impl Binding {
     }
 }
 
-/// The function of FMI 3.0 that makes an instance of a kind.
+/// The function of FMI 3.0 that creates an instance of a kind.
 fn instantiate3(kind: InterfaceType) -> abi3::Function {
     match kind {
         InterfaceType::CoSimulation => abi3::Function::InstantiateCoSimulation,
@@ -322,10 +320,10 @@ impl std::fmt::Debug for Binding {
     }
 }
 
-/// A copy of a C string; `None` if there is none.
+/// A copy of a C string; `None` for NULL.
 ///
 /// # Safety
-/// `text` is NULL or points to a string that ends with a NUL.
+/// `text` is NULL or points to a NUL-terminated string.
 pub(super) unsafe fn owned(text: *const c_char) -> Option<String> {
     if text.is_null() {
         return None;
@@ -335,16 +333,16 @@ pub(super) unsafe fn owned(text: *const c_char) -> Option<String> {
     Some(String::from_utf8_lossy(bytes).into_owned())
 }
 
-/// As [`owned`], but no more than anybody would read of a message: an FMU may log hundreds of megabytes.
+/// As [`owned`], but truncated to a readable length: an FMU may log hundreds of megabytes.
 ///
 /// # Safety
-/// As there.
+/// As [`owned`].
 pub(super) unsafe fn owned_message(text: *const c_char) -> Option<String> {
     const LONGEST: usize = 1 << 16;
     if text.is_null() {
         return None;
     }
-    // SAFETY: as there.
+    // SAFETY: as in [`owned`].
     let bytes = unsafe { CStr::from_ptr(text) }.to_bytes();
     let mut shown = String::from_utf8_lossy(&bytes[..bytes.len().min(LONGEST)]).into_owned();
     if bytes.len() > LONGEST {

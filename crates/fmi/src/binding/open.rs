@@ -1,20 +1,19 @@
-//! Loading a library.
+//! Loads a library.
 
 use libloading::Library;
 use std::path::Path;
 
-/// Loads a library; also returns the first symbol that it needs and that nobody has.
+/// Loads a library; also returns the first symbol that it needs and no library provides.
 ///
-/// Some FMUs use functions of libm (`ceil`, `tanh`, `fmin`) without saying that they need it. They
-/// get it by libm being loaded for all; if that does not help, symbols are looked up when they are
-/// called, since an FMU may never call what is missing.
+/// Some FMUs use functions of libm (`ceil`, `tanh`, `fmin`) without linking to it. Therefore libm is loaded globally;
+/// if that does not help, symbols are resolved lazily, since an FMU may never call a missing one.
 ///
 /// # Safety
 /// The library's initialization runs.
 #[cfg(unix)]
 pub(super) unsafe fn open(path: &Path) -> Result<(Library, Option<String>), libloading::Error> {
     use libloading::os::unix::{Library as Unix, RTLD_LAZY, RTLD_LOCAL, RTLD_NOW};
-    // SAFETY: handed on to the caller, here and below.
+    // SAFETY: the obligation is passed to the caller, here and below.
     let load = |flags| unsafe { Unix::open(Some(path), flags | RTLD_LOCAL) }.map(Library::from);
     if let Ok(library) = load(RTLD_NOW) {
         return Ok((library, None));
@@ -38,21 +37,21 @@ fn load_libm_for_all() {
     const LIBM: &str = "libm.so.6";
     #[cfg(not(target_os = "linux"))]
     const LIBM: &str = "libm.dylib";
-    // SAFETY: the system's own library, whose initialization does nothing that we would notice.
+    // SAFETY: a system library, whose initialization has no visible effects.
     if let Ok(libm) = unsafe { Unix::open(Some(LIBM), RTLD_NOW | RTLD_GLOBAL) } {
-        // It stays until the process ends: FMUs may hold addresses in it.
+        // It stays loaded until the process ends: FMUs may hold addresses in it.
         std::mem::forget(libm);
     }
 }
 
-/// Loads a library; libraries beside it are found too.
+/// Loads a library; libraries in the same folder are found too.
 ///
 /// # Safety
 /// The library's initialization runs.
 #[cfg(windows)]
 pub(super) unsafe fn open(path: &Path) -> Result<(Library, Option<String>), libloading::Error> {
     use libloading::os::windows::{LOAD_WITH_ALTERED_SEARCH_PATH, Library as Windows};
-    // SAFETY: handed on to the caller.
+    // SAFETY: the obligation is passed to the caller.
     let library = unsafe { Windows::load_with_flags(path, LOAD_WITH_ALTERED_SEARCH_PATH) }?;
     Ok((library.into(), None))
 }

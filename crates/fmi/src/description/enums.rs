@@ -13,12 +13,12 @@ macro_rules! xml_enum {
             /// Every value, in the standard's order.
             pub const ALL: &'static [Self] = &[$(Self::$variant),+];
 
-            /// The value as it is spelled in XML.
+            /// The value as spelled in XML.
             pub fn as_str(self) -> &'static str {
                 match self { $(Self::$variant => $text),+ }
             }
 
-            /// The value of that spelling.
+            /// The value with that spelling.
             pub fn parse(text: &str) -> Option<Self> {
                 Self::ALL.iter().copied().find(|v| v.as_str() == text)
             }
@@ -33,7 +33,7 @@ macro_rules! xml_enum {
 }
 
 xml_enum! {
-    /// What a variable is for (FMI 2.0, section 2.2.7).
+    /// Role of a variable (FMI 2.0, section 2.2.7).
     Causality {
         /// Set by the environment, constant in time.
         Parameter = "parameter",
@@ -53,7 +53,7 @@ xml_enum! {
 }
 
 impl Causality {
-    /// The values that a version of the standard knows.
+    /// The values defined by a version of the standard.
     pub fn all(version: FmiVersion) -> &'static [Self] {
         match version {
             FmiVersion::V2 => &Self::ALL[..Self::ALL.len() - 1],
@@ -63,7 +63,7 @@ impl Causality {
 }
 
 xml_enum! {
-    /// How a variable may change in time (FMI 2.0, section 2.2.7).
+    /// How a variable may change over time (FMI 2.0, section 2.2.7).
     Variability {
         /// Never changes.
         Constant = "constant",
@@ -91,7 +91,7 @@ xml_enum! {
 }
 
 xml_enum! {
-    /// How names are built (FMI 2.0, section 2.2.9).
+    /// How names are structured (FMI 2.0, section 2.2.9).
     NamingConvention {
         /// Any string.
         Flat = "flat",
@@ -117,17 +117,17 @@ xml_enum! {
 }
 
 xml_enum! {
-    /// What sets the interval of a clock (FMI 3.0, section 2.2.8.3, table of clock types).
+    /// How the interval of a clock is determined (FMI 3.0, section 2.2.8.3, table of clock types).
     IntervalVariability {
-        /// Periodic, the interval is in the description.
+        /// Periodic, with the interval in the description.
         Constant = "constant",
-        /// Periodic, the interval may be set until initialization ends.
+        /// Periodic; the interval may be set until initialization ends.
         Fixed = "fixed",
-        /// Periodic, the interval may be set at events.
+        /// Periodic; the interval may be set at events.
         Tunable = "tunable",
-        /// The FMU gives the next interval at each tick.
+        /// The FMU provides the next interval at each tick.
         Changing = "changing",
-        /// The FMU gives the interval at events.
+        /// The FMU provides the interval at events.
         Countdown = "countdown",
         /// Ticks at events, without an interval.
         Triggered = "triggered",
@@ -135,7 +135,7 @@ xml_enum! {
 }
 
 xml_enum! {
-    /// The integer types; FMI 2.0 has `Int32` alone and calls it `Integer`.
+    /// The integer types; FMI 2.0 has only `Int32` and calls it `Integer`.
     IntegerType {
         /// 8 bits, signed.
         Int8 = "Int8",
@@ -173,7 +173,7 @@ impl IntegerType {
 }
 
 xml_enum! {
-    /// The floating-point types; FMI 2.0 has `Float64` alone and calls it `Real`.
+    /// The floating-point types; FMI 2.0 has only `Float64` and calls it `Real`.
     Precision {
         /// 64 bits.
         Double = "Float64",
@@ -202,14 +202,14 @@ impl std::fmt::Display for FmiVersion {
 }
 
 impl Default for Precision {
-    /// The type that both versions have.
+    /// The type that exists in both versions.
     fn default() -> Self {
         Self::Double
     }
 }
 
 impl Default for IntegerType {
-    /// The type that both versions have.
+    /// The type that exists in both versions.
     fn default() -> Self {
         Self::Int32
     }

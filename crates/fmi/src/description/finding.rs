@@ -1,16 +1,16 @@
-//! What is wrong with a description: findings, each by its rule of the standard.
+//! Findings about a description, each with the violated rule of the standard.
 
 use super::{Causality, FmiVersion, Place, Rule};
 use thiserror::Error;
 
-/// How bad a [`Finding`] is.
+/// Severity of a [`Finding`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Severity {
-    /// Legal, good to know, and no reason to change anything.
+    /// Conforming; for information only.
     Note,
-    /// Legal, but known to trouble other tools.
+    /// Conforming, but known to cause problems in other tools.
     Warning,
-    /// Against the standard.
+    /// Violates the standard.
     Error,
 }
 
@@ -24,27 +24,27 @@ impl std::fmt::Display for Severity {
     }
 }
 
-/// One thing that is wrong, and where.
+/// One finding and its place.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{severity}: {place}: {rule} (FMI {version}, section {section})", severity = self.severity(), section = self.section())]
 pub struct Finding {
     /// The version of the standard that the file follows.
     pub version: FmiVersion,
-    /// Where in modelDescription.xml.
+    /// Place in modelDescription.xml.
     pub place: Place,
-    /// Name of the variable it is about.
+    /// Name of the variable concerned.
     pub variable: Option<String>,
-    /// The rule that is broken, with the numbers.
+    /// The violated rule, with its values.
     pub rule: Rule,
 }
 
 impl Severity {
-    /// All of them, the worst first.
+    /// All severities, the most severe first.
     pub const ALL: [Self; 3] = [Self::Error, Self::Warning, Self::Note];
 }
 
 impl Finding {
-    /// How bad it is.
+    /// Its severity.
     pub fn severity(&self) -> Severity {
         use Rule::*;
         match self.rule {
@@ -53,7 +53,7 @@ impl Finding {
             | UnitWithoutBase { .. }
             | DateFormat { .. } => Severity::Note,
             UnsortedDependencies { .. }
-            // Importers pass it over; some exporters list parameters that way.
+            // Importers ignore it; some exporters list parameters that way.
             | BadKnown {
                 causality: Causality::Parameter,
                 ..
@@ -74,7 +74,7 @@ impl Finding {
         }
     }
 
-    /// Section of the standard that the rule stands in: of FMI 2.0 (release 2.0.4) or of FMI 3.0.
+    /// Section of the standard that contains the rule: of FMI 2.0 (release 2.0.4) or of FMI 3.0.
     pub fn section(&self) -> &'static str {
         let (two, three) = self.rule.sections();
         match self.version {

@@ -1,4 +1,4 @@
-//! What an FMU can do in each interface type.
+//! Capabilities of an FMU for each interface type.
 
 use super::FmiVersion;
 
@@ -7,7 +7,7 @@ use super::FmiVersion;
 pub struct CoSimulation {
     /// Stem of the binary's file name; a C identifier.
     pub model_identifier: String,
-    /// A tool must be installed for the FMU to run.
+    /// The FMU needs an installed tool to run.
     pub needs_execution_tool: bool,
     /// The communication step may vary.
     pub can_handle_variable_communication_step_size: bool,
@@ -17,7 +17,7 @@ pub struct CoSimulation {
     pub max_output_derivative_order: u32,
     /// FMI 2.0: `fmi2DoStep` may return `fmi2Pending`. The schema spells it `canRunAsynchronuously`.
     pub can_run_asynchronously: bool,
-    /// Only one instance for each process.
+    /// Only one instance per process.
     pub can_be_instantiated_only_once_per_process: bool,
     /// FMI 2.0: the FMU does not use the memory callbacks.
     pub can_not_use_memory_management_functions: bool,
@@ -31,17 +31,17 @@ pub struct CoSimulation {
     pub provides_adjoint_derivatives: bool,
     /// FMI 3.0: `fmi3GetVariableDependencies` works.
     pub provides_per_element_dependencies: bool,
-    /// FMI 3.0: the step that the FMU takes inside [s, or the unit of the independent variable].
+    /// FMI 3.0: the FMU's internal step [s, or the unit of the independent variable].
     pub fixed_internal_step_size: Option<f64>,
-    /// FMI 3.0: how many times the inputs should be differentiable within a step.
+    /// FMI 3.0: how often the inputs should be differentiable within a step.
     pub recommended_intermediate_input_smoothness: i32,
     /// FMI 3.0: the FMU calls back within a step.
     pub provides_intermediate_update: bool,
-    /// FMI 3.0: `fmi3DoStep` may end before the time asked for.
+    /// FMI 3.0: `fmi3DoStep` may end before the requested time.
     pub might_return_early_from_do_step: bool,
-    /// FMI 3.0: the callback may ask for an early end.
+    /// FMI 3.0: the callback may request an early end.
     pub can_return_early_after_intermediate_update: bool,
-    /// FMI 3.0: events may be handled by the importer.
+    /// FMI 3.0: the importer may handle events.
     pub has_event_mode: bool,
     /// FMI 3.0: `fmi3EvaluateDiscreteStates` works.
     pub provides_evaluate_discrete_states: bool,
@@ -54,12 +54,12 @@ pub struct CoSimulation {
 pub struct ModelExchange {
     /// Stem of the binary's file name; a C identifier.
     pub model_identifier: String,
-    /// A tool must be installed for the FMU to run.
+    /// The FMU needs an installed tool to run.
     pub needs_execution_tool: bool,
-    /// `fmi2CompletedIntegratorStep` need not be called. FMI 3.0 writes the opposite,
+    /// `fmi2CompletedIntegratorStep` need not be called. FMI 3.0 has the opposite attribute,
     /// `needsCompletedIntegratorStep`.
     pub completed_integrator_step_not_needed: bool,
-    /// Only one instance for each process.
+    /// Only one instance per process.
     pub can_be_instantiated_only_once_per_process: bool,
     /// FMI 2.0: the FMU does not use the memory callbacks.
     pub can_not_use_memory_management_functions: bool,
@@ -84,9 +84,9 @@ pub struct ModelExchange {
 pub struct ScheduledExecution {
     /// Stem of the binary's file name; a C identifier.
     pub model_identifier: String,
-    /// A tool must be installed for the FMU to run.
+    /// The FMU needs an installed tool to run.
     pub needs_execution_tool: bool,
-    /// Only one instance for each process.
+    /// Only one instance per process.
     pub can_be_instantiated_only_once_per_process: bool,
     /// `fmi3GetFMUState` and the like work.
     pub can_get_and_set_fmu_state: bool,
@@ -100,13 +100,13 @@ pub struct ScheduledExecution {
     pub provides_per_element_dependencies: bool,
 }
 
-/// Declares which boolean attributes an interface type has: field, name in FMI 2.0 and in FMI 3.0
-/// (empty where the version has none). Reader, writer and [`flags`](CoSimulation::flags) use it.
+/// Declares the boolean attributes of an interface type: field, name in FMI 2.0 and in FMI 3.0 (empty if the version
+/// has none). Reader, writer and [`flags`](CoSimulation::flags) use it.
 macro_rules! flags {
     ($type:ident { $($field:ident: $v2:literal, $v3:literal;)+ }) => {
         impl $type {
-            /// The boolean attributes whose default is `false`, by their names in the XML of that
-            /// version, in the schema's order.
+            /// The boolean attributes whose default is `false`, by their XML names in that version, in the schema's
+            /// order.
             pub fn flags(&self, version: FmiVersion) -> Vec<(&'static str, bool)> {
                 let both = [$(($v2, $v3, self.$field)),+];
                 let named = both.into_iter().map(|(v2, v3, value)| match version {
@@ -116,7 +116,7 @@ macro_rules! flags {
                 named.filter(|(name, _)| !name.is_empty()).collect()
             }
 
-            /// Sets the boolean attributes from `value`, which gets their names.
+            /// Sets the boolean attributes to `value` of their names.
             pub(super) fn set_flags(
                 &mut self,
                 version: FmiVersion,

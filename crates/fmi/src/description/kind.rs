@@ -1,4 +1,4 @@
-//! Base types of variables, and what belongs to each.
+//! Base types of variables and their attributes.
 
 use super::{FmiVersion, IntegerType, IntervalVariability, Precision};
 
@@ -43,10 +43,10 @@ impl BaseType {
     }
 }
 
-/// Base type of a variable with what belongs to it.
+/// Base type of a variable, with its attributes and start values.
 ///
-/// `start` lists the start values: none if there is no start value, one for a scalar, and for an array
-/// of FMI 3.0 one for all of its elements or one for each.
+/// `start` lists the start values: empty if there is none, one for a scalar, and for an array of FMI 3.0 one for all of
+/// its elements or one for each.
 #[derive(Debug, Clone, PartialEq)]
 pub enum VariableKind {
     /// `<Real>`; `<Float64>` and `<Float32>`.
@@ -98,13 +98,13 @@ pub enum VariableKind {
     Clock {
         /// Name of a type definition.
         declared_type: Option<String>,
-        /// When it ticks.
+        /// Its ticks.
         attributes: ClockAttributes,
     },
 }
 
 impl VariableKind {
-    /// A real with a unit (empty for none) and, perhaps, a start value.
+    /// A real with a unit (empty for none) and an optional start value.
     pub fn real(unit: &str, start: Option<f64>) -> Self {
         Self::Real(RealVariable {
             attributes: RealAttributes {
@@ -129,7 +129,7 @@ impl VariableKind {
         }
     }
 
-    /// Name of the type definition that it refers to.
+    /// Name of the type definition, if any.
     pub fn declared_type(&self) -> Option<&str> {
         match self {
             Self::Real(RealVariable { declared_type, .. })
@@ -142,7 +142,7 @@ impl VariableKind {
         }
     }
 
-    /// Number of start values that are given.
+    /// Number of start values.
     pub fn start_count(&self) -> usize {
         match self {
             Self::Real(real) => real.start.len(),
@@ -154,26 +154,26 @@ impl VariableKind {
         }
     }
 
-    /// Whether a start value is given.
+    /// Whether there is a start value.
     pub fn has_start(&self) -> bool {
         self.start_count() > 0
     }
 }
 
-/// Attributes that a floating-point variable and its type definition share.
+/// Attributes common to a floating-point variable and its type definition.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RealAttributes {
     /// Physical quantity, for example `Length`.
     pub quantity: Option<String>,
     /// Unit of all values here.
     pub unit: Option<String>,
-    /// Unit for showing values to people.
+    /// Unit for displaying values.
     pub display_unit: Option<String>,
     /// The display unit's offset does not apply; default `false`.
     pub relative_quantity: Option<bool>,
-    /// Smallest value.
+    /// Minimum.
     pub min: Option<f64>,
-    /// Largest value.
+    /// Maximum.
     pub max: Option<f64>,
     /// Typical magnitude.
     pub nominal: Option<f64>,
@@ -184,9 +184,9 @@ pub struct RealAttributes {
 /// A floating-point variable.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RealVariable {
-    /// Size of its values. Those of `Float32` are kept as `f64`, which holds each of them.
+    /// Size of its values. `Float32` values are stored as `f64`, which represents them exactly.
     pub precision: Precision,
-    /// Name of a type definition; what is absent here is taken from it.
+    /// Name of a type definition, which supplies absent attributes.
     pub declared_type: Option<String>,
     /// Quantity, units and limits.
     pub attributes: RealAttributes,
@@ -198,35 +198,35 @@ pub struct RealVariable {
     pub reinit: bool,
 }
 
-/// Attributes that an integer variable, an enumeration and their type definitions share.
+/// Attributes common to an integer variable, an enumeration and their type definitions.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct IntegerAttributes {
     /// Physical quantity.
     pub quantity: Option<String>,
-    /// Smallest value.
+    /// Minimum.
     pub min: Option<i128>,
-    /// Largest value.
+    /// Maximum.
     pub max: Option<i128>,
 }
 
-/// Attributes that `<Binary>` and `<BinaryType>` share.
+/// Attributes common to `<Binary>` and `<BinaryType>`.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct BinaryAttributes {
-    /// Kind of the data; default `application/octet-stream`.
+    /// MIME type of the data; default `application/octet-stream`.
     pub mime_type: Option<String>,
-    /// Largest size \[bytes\].
+    /// Maximum size \[bytes\].
     pub max_size: Option<u64>,
 }
 
-/// Attributes that `<Clock>` and `<ClockType>` share (FMI 3.0, section 2.4.4). Times are in the unit
-/// of the independent variable.
+/// Attributes common to `<Clock>` and `<ClockType>` (FMI 3.0, section 2.4.4). Times are in the unit of the independent
+/// variable.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClockAttributes {
     /// The importer may deactivate it.
     pub can_be_deactivated: bool,
-    /// Scheduled Execution: smaller ticks first.
+    /// Scheduled Execution: smaller values have priority.
     pub priority: Option<u32>,
-    /// What sets its interval.
+    /// How its interval is determined.
     pub interval_variability: IntervalVariability,
     /// Interval of a periodic clock.
     pub interval_decimal: Option<f32>,
@@ -234,11 +234,11 @@ pub struct ClockAttributes {
     pub shift_decimal: f32,
     /// `fmi3GetIntervalFraction` and the like may be called.
     pub supports_fraction: bool,
-    /// Fractions of a unit of time in which the counters count.
+    /// Fraction of a time unit that the counters count: 1/`resolution`.
     pub resolution: Option<u64>,
-    /// Interval of a periodic clock, in fractions.
+    /// Interval of a periodic clock, in such fractions.
     pub interval_counter: Option<u64>,
-    /// Time of the first tick of a periodic clock after the start, in fractions.
+    /// Time of the first tick of a periodic clock after the start, in such fractions.
     pub shift_counter: u64,
 }
 

@@ -1,7 +1,7 @@
-//! modelDescription.xml of FMI 2.0 (section 2.2, 3.3.1 and 4.3.1) and of FMI 3.0 (section 2.4, 3.4,
-//! 4.4 and 5.4): typed, for every interface type, of any tool. One type serves both versions.
+//! modelDescription.xml of FMI 2.0 (sections 2.2, 3.3.1 and 4.3.1) and of FMI 3.0 (sections 2.4, 3.4, 4.4 and 5.4):
+//! typed, for every interface type and for files of any tool. One type serves both versions.
 //!
-//! A description that this project writes reads back as the same value, field by field.
+//! A description written by this project reads back as the same value, field by field.
 
 mod enums;
 mod finding;
@@ -36,7 +36,7 @@ pub use structure::{ModelStructure, Unknown};
 pub use text::Place;
 pub use units::{BaseUnit, DisplayUnit, EnumerationItem, SimpleType, TypeKind, Unit};
 
-/// Whether XML can be parsed in a time in proportion to its size.
+/// Whether XML can be parsed in time proportional to its size.
 pub fn is_within_limits(text: &str) -> bool {
     read::limits::check(text).is_ok()
 }

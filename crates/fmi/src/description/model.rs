@@ -1,4 +1,4 @@
-//! The root element and what describes the FMU as a whole.
+//! The root element, which describes the FMU as a whole.
 
 use super::{
     CoSimulation, Dimension, FmiVersion, ModelExchange, ModelStructure, NamingConvention,
@@ -8,19 +8,18 @@ use std::collections::HashMap;
 
 /// A modelDescription.xml (FMI 2.0, section 2.2.1; FMI 3.0, section 2.4.1).
 ///
-/// An optional attribute is an `Option`; a boolean attribute whose default is `false` is a `bool`.
-/// What only one version has is said so; in a description of the other one it keeps its default and
-/// is not written.
+/// An optional attribute is an `Option`; a boolean attribute whose default is `false` is a `bool`. Fields of only one
+/// version are marked; in a description of the other version they keep their default and are not written.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ModelDescription {
     /// The version of the standard that it follows.
     pub fmi_version: FmiVersion,
-    /// `fmiVersion` as written, if it is another text than `2.0` or `3.0`: `3.0.1`, say.
+    /// `fmiVersion` as written, if it is not `2.0` or `3.0`, e.g. `3.0.1`.
     pub fmi_release: Option<String>,
-    /// Name of the model as the modelling tool used it.
+    /// Name of the model in the modelling tool.
     pub model_name: String,
-    /// Fingerprint of the interface, which the binary compares with its own when it is instantiated:
-    /// `guid` in FMI 2.0, `instantiationToken` in FMI 3.0.
+    /// Fingerprint of the interface, which the binary compares with its own at instantiation: `guid` in FMI 2.0,
+    /// `instantiationToken` in FMI 3.0.
     pub guid: String,
     /// One-line description.
     pub description: Option<String>,
@@ -32,39 +31,39 @@ pub struct ModelDescription {
     pub copyright: Option<String>,
     /// License of the model.
     pub license: Option<String>,
-    /// Tool that wrote the file.
+    /// Tool that generated the file.
     pub generation_tool: Option<String>,
-    /// When it was written, `YYYY-MM-DDThh:mm:ssZ`.
+    /// Time of generation, `YYYY-MM-DDThh:mm:ssZ`.
     pub generation_date_and_time: Option<String>,
-    /// How variable names are built.
+    /// How variable names are structured.
     pub naming_convention: NamingConvention,
     /// FMI 2.0: number of event indicators (Model Exchange). FMI 3.0 lists them in
     /// [`ModelStructure::event_indicators`].
     pub number_of_event_indicators: Option<u32>,
-    /// Present if the FMU can do Model Exchange.
+    /// Present if the FMU supports Model Exchange.
     pub model_exchange: Option<ModelExchange>,
-    /// Present if the FMU can do Co-Simulation.
+    /// Present if the FMU supports Co-Simulation.
     pub co_simulation: Option<CoSimulation>,
-    /// FMI 3.0: present if the FMU can do Scheduled Execution.
+    /// FMI 3.0: present if the FMU supports Scheduled Execution.
     pub scheduled_execution: Option<ScheduledExecution>,
     /// The units used below.
     pub units: Vec<Unit>,
     /// Named types that variables may refer to.
     pub types: Vec<SimpleType>,
-    /// Log categories that the FMU knows.
+    /// Log categories of the FMU.
     pub log_categories: Vec<LogCategory>,
     /// Suggested start, stop, tolerance and step.
     pub default_experiment: Option<DefaultExperiment>,
     /// Annotations of tools: `<VendorAnnotations>` in FMI 2.0, `<Annotations>` in FMI 3.0.
     pub vendor_annotations: Vec<Tool>,
-    /// The variables; their order is what [`ModelStructure`] counts, from 1.
+    /// The variables, in the order of the indices (from 1) of [`ModelStructure`].
     pub variables: Vec<ScalarVariable>,
-    /// Outputs, derivatives, initial unknowns, and what they depend on.
+    /// Outputs, derivatives, initial unknowns, and their dependencies.
     pub structure: ModelStructure,
 }
 
 impl ModelDescription {
-    /// The variable of that name, and its index from 0.
+    /// The variable with that name, and its index from 0.
     pub fn variable(&self, name: &str) -> Option<(usize, &ScalarVariable)> {
         self.variables
             .iter()
@@ -72,7 +71,7 @@ impl ModelDescription {
             .find(|(_, v)| v.name == name)
     }
 
-    /// Tells the name of a real variable's unit: its own, else that of its declared type.
+    /// Returns the name of a real variable's unit: its own, else that of its declared type.
     pub fn units_of_variables<'a>(&'a self) -> impl Fn(&'a ScalarVariable) -> Option<&'a str> {
         let mut types: HashMap<&str, &str> = HashMap::new();
         for declared in self.types.iter().rev() {
@@ -91,8 +90,8 @@ impl ModelDescription {
         }
     }
 
-    /// Number of values that a variable has at the start: 1 for a scalar, for an array the product of
-    /// its dimensions. `None` if a dimension's size is not known or the product is too large.
+    /// Number of start values of a variable: 1 for a scalar, the product of the dimensions for an array. `None` if the
+    /// size of a dimension is unknown or the product is too large.
     pub fn size(&self, variable: &ScalarVariable) -> Option<u64> {
         let sizes = variable.dimensions.iter().map(|dimension| match dimension {
             Dimension::Fixed(size) => Some(*size),
@@ -119,7 +118,7 @@ pub struct LogCategory {
     pub description: Option<String>,
 }
 
-/// What a simulation uses if the user says nothing (FMI 2.0, section 2.2.5).
+/// Default settings of a simulation (FMI 2.0, section 2.2.5).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct DefaultExperiment {
     /// Start time \[s\].
@@ -132,12 +131,11 @@ pub struct DefaultExperiment {
     pub step_size: Option<f64>,
 }
 
-/// Annotation of one tool (FMI 2.0, section 2.2.6, `<Tool>`; FMI 3.0, section 2.4, `<Annotation>`):
-/// free XML.
+/// Annotation of one tool (FMI 2.0, section 2.2.6, `<Tool>`; FMI 3.0, section 2.4, `<Annotation>`): arbitrary XML.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Tool {
-    /// Name of the tool that reads it; in FMI 3.0 `type`, a domain in reverse.
+    /// Name of the tool that reads it; in FMI 3.0 `type`, a reverse domain name.
     pub name: String,
-    /// The XML between its tags, as it stands.
+    /// The XML between its tags, unchanged.
     pub content: String,
 }

@@ -1,4 +1,4 @@
-//! What reading a modelDescription.xml yields.
+//! Results and errors of reading a modelDescription.xml.
 
 use super::{Finding, ModelDescription, Place};
 use thiserror::Error;
@@ -6,101 +6,100 @@ use thiserror::Error;
 /// Why a modelDescription.xml cannot be read.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ReadError {
-    /// The file is too large to be a description.
+    /// The file is too large for a description.
     #[error("modelDescription.xml has {bytes} bytes, more than the limit of {limit}")]
     TooLarge {
-        /// Size of the file.
+        /// Size of the file \[bytes\].
         bytes: usize,
-        /// Largest size that is read.
+        /// Maximum size \[bytes\].
         limit: usize,
     },
-    /// Not UTF-8 though it says so, or says nothing.
+    /// The file is not UTF-8, although it declares UTF-8 or no encoding.
     #[error(
         "modelDescription.xml, line {line}: byte 0x{byte:02x} is not UTF-8; save the file as UTF-8"
     )]
     NotUtf8 {
-        /// Line of the first bad byte.
+        /// Line of the first invalid byte.
         line: u32,
         /// The byte.
         byte: u8,
     },
-    /// It begins with a UTF-16 byte order mark, but is not UTF-16.
+    /// It starts with a UTF-16 byte order mark, but is not UTF-16.
     #[error("modelDescription.xml has a UTF-16 byte order mark but is not UTF-16")]
     NotUtf16,
-    /// An encoding that is not read.
+    /// Unsupported encoding.
     #[error(
         "modelDescription.xml is encoded in {encoding}; UTF-8, UTF-16 and ISO-8859-1 can be read"
     )]
     UnknownEncoding {
-        /// As declared.
+        /// The declared encoding.
         encoding: String,
     },
-    /// Elements in elements in elements.
+    /// The elements are nested too deeply.
     #[error("modelDescription.xml, line {line}: elements are nested deeper than {limit} levels")]
     TooDeep {
         /// Line of the first element that is too deep.
         line: u32,
-        /// Deepest level that is read.
+        /// Maximum depth.
         limit: usize,
     },
-    /// An element with more attributes than anything has.
+    /// An element has too many attributes.
     #[error("modelDescription.xml, line {line}: an element has more than {limit} attributes")]
     TooManyAttributes {
         /// Its line.
         line: u32,
-        /// Most attributes that are read.
+        /// Maximum number of attributes.
         limit: usize,
     },
-    /// Namespaces in namespaces.
+    /// Too many namespaces are declared around an element.
     #[error(
         "modelDescription.xml, line {line}: more than {limit} namespaces are declared around an element"
     )]
     TooManyNamespaces {
         /// Line of the element.
         line: u32,
-        /// Most that are read.
+        /// Maximum number of namespaces.
         limit: usize,
     },
     /// Not well-formed XML.
     #[error("modelDescription.xml is not well-formed XML")]
     Malformed(#[from] roxmltree::Error),
-    /// The root element is another one.
+    /// The root element is wrong.
     #[error(
         "modelDescription.xml, {place}: the root element is <{found}>, expected <fmiModelDescription>"
     )]
     WrongRoot {
-        /// Where it stands.
+        /// Its place.
         place: Place,
         /// Its name.
         found: String,
     },
-    /// FMI 1.0, of which nothing is read.
+    /// FMI 1.0, which is not supported.
     #[error("FMI 1.0 is not supported: export the model as FMI 2.0 or FMI 3.0")]
     Fmi1,
-    /// Another version of FMI.
+    /// Unsupported version of FMI.
     #[error("this is an FMU of FMI {found}; FMI 2.0 and FMI 3.0 can be used")]
     WrongVersion {
-        /// As written.
+        /// The version as written.
         found: String,
     },
-    /// A value that is needed is missing or cannot be understood.
+    /// A required value is missing or cannot be parsed.
     #[error("modelDescription.xml, {}: {}", .0.place, .0.rule)]
     Unusable(Box<Finding>),
 }
 
-/// A description as it was read: the values, where they stand, and what was wrong.
+/// The result of reading: values, their places, and findings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reading {
-    /// The values; where one was bad, a default.
+    /// The values; a default in place of an invalid one.
     pub description: ModelDescription,
-    /// Where elements stand.
+    /// Places of the elements.
     pub places: Places,
-    /// What does not follow the schema. The rules beyond it are another
-    /// crate's: `pilotage_fmi_check::validate`.
+    /// Violations of the schema. Further rules are checked by `pilotage_fmi_check::validate`.
     pub findings: Vec<Finding>,
 }
 
-/// Where elements stand; lists are parallel to those of the description.
+/// Places of the elements; the lists are parallel to those of the description.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Places {
     /// Root element.
@@ -125,13 +124,13 @@ pub struct Places {
     pub variables: Vec<Place>,
     /// Each output in `<ModelStructure>`.
     pub outputs: Vec<Place>,
-    /// Each state derivative there.
+    /// Each state derivative in `<ModelStructure>`.
     pub derivatives: Vec<Place>,
-    /// Each clocked state there.
+    /// Each clocked state in `<ModelStructure>`.
     pub clocked_states: Vec<Place>,
-    /// Each initial unknown there.
+    /// Each initial unknown in `<ModelStructure>`.
     pub initial_unknowns: Vec<Place>,
-    /// Each event indicator there.
+    /// Each event indicator in `<ModelStructure>`.
     pub event_indicators: Vec<Place>,
 }
 
@@ -158,11 +157,11 @@ impl Places {
 }
 
 impl Reading {
-    /// The description, if every value that was written could be understood.
+    /// The description, if every value could be parsed.
     ///
     /// # Errors
-    /// The first value that is missing or cannot be understood. Breaches of the schema that leave no
-    /// doubt about the values (an unknown attribute, a wrong order of elements) are let pass.
+    /// The first value that is missing or cannot be parsed. Violations of the schema that leave no doubt about the
+    /// values (an unknown attribute, a wrong order of elements) are accepted.
     pub fn into_usable(self) -> Result<ModelDescription, ReadError> {
         let blocking = |finding: &Finding| finding.rule.leaves_value_unknown();
         match self.findings.into_iter().find(blocking) {

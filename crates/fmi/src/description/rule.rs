@@ -1,9 +1,9 @@
-//! The rules of the standard that a description may break.
+//! Rules of the standard that a description may violate.
 
 use super::{Causality, DependencyKind, FmiVersion, Initial, IntervalVariability, Variability};
 use thiserror::Error;
 
-/// The rules, each with what is needed to mend the file.
+/// The rules, each with the data needed to correct the file.
 #[allow(missing_docs)] // The message of each variant is its documentation, the fields are in it.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Rule {
@@ -65,7 +65,7 @@ pub enum Rule {
     UnknownMember { element: String, name: String },
     #[error("modelIdentifier=\"{found}\" is that of no interface in modelDescription.xml")]
     UnknownIdentifier { found: String },
-    #[error("compilerOptions without compiler: nobody knows whose options these are")]
+    #[error("compilerOptions without compiler: it is unknown whose options these are")]
     OptionsWithoutCompiler,
     #[error("<{element}> `{name}` is listed twice")]
     DuplicateInBuild { element: String, name: String },
@@ -102,7 +102,7 @@ pub enum Rule {
 
     #[error("unit `{name}` is defined twice")]
     DuplicateUnit { name: String },
-    #[error("unit `{name}` has no <BaseUnit>, so that nobody can check or convert it")]
+    #[error("unit `{name}` has no <BaseUnit>, so that it cannot be checked or converted")]
     UnitWithoutBase { name: String },
     #[error("unit `{unit}` is not defined under <UnitDefinitions>")]
     UnknownUnit { unit: String },
@@ -290,7 +290,7 @@ pub enum Rule {
     NegativeShift { found: f32 },
     #[error("<ScheduledExecution> needs the attribute `priority` of every input clock")]
     NoPriority,
-    #[error("priority is for input clocks of <ScheduledExecution>; here nobody uses it")]
+    #[error("priority is for input clocks of <ScheduledExecution>; it is unused here")]
     UnusedPriority,
     #[error("shiftCounter without intervalCounter: there are no ticks to count")]
     ShiftWithoutInterval,
@@ -431,7 +431,7 @@ pub enum Rule {
 }
 
 impl Rule {
-    /// Whether the value read in its place is a guess, so that the FMU cannot be used.
+    /// Whether a default was substituted for the value, so that the FMU cannot be used.
     pub fn leaves_value_unknown(&self) -> bool {
         matches!(
             self,
@@ -444,7 +444,7 @@ impl Rule {
     }
 }
 
-/// How `<ModelStructure>` names a variable.
+/// How `<ModelStructure>` refers to a variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Handle {
     /// Its index in `<ModelVariables>`, from 1 (FMI 2.0).

@@ -1,12 +1,12 @@
-//! From bytes to text, and from offsets to lines and columns.
+//! Decoding of bytes, and conversion of byte offsets to lines and columns.
 
 use super::ReadError;
 use std::borrow::Cow;
 
-/// Largest description that is read [bytes]: some hundred thousand variables.
+/// Maximum size of a description [bytes]: some hundred thousand variables.
 const MAX_BYTES: usize = 256 << 20;
 
-/// A place in the file, both from 1.
+/// A place in the file; line and column start at 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Place {
     /// Line.
@@ -21,8 +21,8 @@ impl std::fmt::Display for Place {
     }
 }
 
-/// Decodes UTF-8 (with or without byte order mark), UTF-16 with one, ISO-8859-1 and US-ASCII. Also
-/// returns the encoding's name if it is not the one that the standard wants.
+/// Decodes UTF-8 (with or without byte order mark), UTF-16 with one, ISO-8859-1 and US-ASCII. Also returns the name of
+/// the encoding if it is not UTF-8, as required by the standard.
 pub(super) fn decode(bytes: &[u8]) -> Result<(Cow<'_, str>, Option<&'static str>), ReadError> {
     if bytes.len() > MAX_BYTES {
         return Err(ReadError::TooLarge {
@@ -36,7 +36,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<(Cow<'_, str>, Option<&'static str>
         [0xfe, 0xff, rest @ ..] => Ok((utf16(rest, u16::from_be_bytes)?, Some("UTF-16"))),
         _ => match declared_encoding(bytes).as_deref() {
             None | Some("utf-8" | "utf8") => Ok((utf8(bytes)?, None)),
-            // Its bytes are those of UTF-8.
+            // ASCII is a subset of UTF-8.
             Some("us-ascii" | "ascii") => Ok((utf8(bytes)?, None)),
             Some("iso-8859-1" | "latin1") => {
                 let text = bytes.iter().map(|&b| char::from(b)).collect();
@@ -64,7 +64,7 @@ fn utf8(bytes: &[u8]) -> Result<Cow<'_, str>, ReadError> {
 fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Result<Cow<'static, str>, ReadError> {
     let units = bytes.chunks(2).map(|pair| match *pair {
         [a, b] => unit([a, b]),
-        // An odd byte at the end: a lone surrogate, which the decoder refuses.
+        // A single byte at the end: replaced by a lone surrogate, which the decoder rejects.
         _ => 0xd800,
     });
     char::decode_utf16(units)
@@ -84,15 +84,15 @@ fn declared_encoding(bytes: &[u8]) -> Option<String> {
     Some(name.to_ascii_lowercase())
 }
 
-/// Bytes between two marks of [`LineIndex`].
+/// Bytes between two entries of [`LineIndex`].
 const BLOCK: usize = 1024;
 
-/// Where lines begin and how many characters there were at each block of bytes, so that an offset
-/// becomes a place in a time that depends on no line's length.
+/// Starts of lines, and cumulative character counts per block of bytes, so that the time to convert an offset to a
+/// place does not depend on the length of a line.
 pub(super) struct LineIndex<'t> {
     text: &'t str,
     starts: Vec<usize>,
-    /// Characters before each multiple of [`BLOCK`]; those that begin there are not counted.
+    /// Characters before each multiple of [`BLOCK`], excluding those that start there.
     characters: Vec<usize>,
 }
 
@@ -129,7 +129,7 @@ impl<'t> LineIndex<'t> {
     }
 }
 
-/// Number of characters of UTF-8 that begin in these bytes.
+/// Number of UTF-8 characters that start in these bytes.
 fn starts_of_characters(bytes: &[u8]) -> usize {
     bytes.iter().filter(|&&byte| byte & 0xc0 != 0x80).count()
 }

@@ -11,15 +11,15 @@ pub use pilotage_units::Base as BaseUnit;
 /// A unit (FMI 2.0, section 2.2.2; FMI 3.0, section 2.4.3).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Unit {
-    /// Name as variables refer to it, for example `m/s`.
+    /// Name used by variables, for example `m/s`.
     pub name: String,
     /// Its meaning in SI base units.
     pub base: Option<BaseUnit>,
-    /// Units for showing values to people.
+    /// Units for displaying values.
     pub display_units: Vec<DisplayUnit>,
 }
 
-/// A unit for showing values: `displayed = factor·value + offset`, or `factor/value` if inverse.
+/// A unit for displaying values: `displayed = factor·value + offset`, or `factor/value` if inverse.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DisplayUnit {
     /// Name, for example `deg`.
@@ -28,7 +28,7 @@ pub struct DisplayUnit {
     pub factor: f64,
     /// Offset from the unit to the display unit.
     pub offset: f64,
-    /// FMI 3.0: the reciprocal is shown.
+    /// FMI 3.0: the reciprocal is displayed.
     pub inverse: bool,
 }
 
@@ -36,7 +36,7 @@ pub struct DisplayUnit {
 /// section 2.4.4).
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimpleType {
-    /// Name, different from every variable's.
+    /// Name, different from the names of all variables.
     pub name: String,
     /// One-line description.
     pub description: Option<String>,
@@ -69,7 +69,7 @@ pub enum TypeKind {
     Binary(BinaryAttributes),
     /// Integer with names for its values.
     Enumeration {
-        /// Quantity; limits in FMI 3.0 alone.
+        /// Quantity; limits in FMI 3.0 only.
         attributes: IntegerAttributes,
         /// The values.
         items: Vec<EnumerationItem>,

@@ -7,14 +7,13 @@ use super::{Causality, Initial, Tool, Variability, VariableKind};
 pub struct ScalarVariable {
     /// Full, unique name.
     pub name: String,
-    /// Handle of the value in calls. In FMI 2.0 it may be shared by aliases of one base type; in
-    /// FMI 3.0 it is unique.
+    /// Handle of the value in calls. In FMI 2.0 aliases of the same base type may share it; in FMI 3.0 it is unique.
     pub value_reference: u32,
     /// One-line description.
     pub description: Option<String>,
-    /// What the variable is for.
+    /// Role of the variable.
     pub causality: Causality,
-    /// How it may change in time.
+    /// How it may change over time.
     pub variability: Variability,
     /// As written; [`effective_initial`](Self::effective_initial) applies the default.
     pub initial: Option<Initial>,
@@ -28,7 +27,7 @@ pub struct ScalarVariable {
     pub previous: Option<u32>,
     /// FMI 3.0: sizes of the array; empty for a scalar.
     pub dimensions: Vec<Dimension>,
-    /// FMI 3.0: other names of it.
+    /// FMI 3.0: aliases.
     pub aliases: Vec<Alias>,
     /// Base type with its attributes and start value.
     pub kind: VariableKind,
@@ -39,20 +38,20 @@ pub struct ScalarVariable {
 /// Size of one dimension of an array (FMI 3.0, section 2.4.7.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dimension {
-    /// Always this size.
+    /// Constant size.
     Fixed(u64),
-    /// The value of the variable of that index (from 1): a structural parameter or a constant.
+    /// The value of the variable with that index (from 1): a structural parameter or a constant.
     Variable(u32),
 }
 
-/// Another name of a variable (FMI 3.0, section 2.4.7.3).
+/// An alias of a variable (FMI 3.0, section 2.4.7.3).
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Alias {
     /// Unique name.
     pub name: String,
     /// One-line description.
     pub description: Option<String>,
-    /// Floating-point variables: unit for showing values under this name.
+    /// Floating-point variables: unit for displaying values under this name.
     pub display_unit: Option<String>,
 }
 
@@ -83,9 +82,8 @@ impl ScalarVariable {
         }
     }
 
-    /// `initial`, or its default for this causality and variability (FMI 2.0, section 2.2.7, the
-    /// table of allowed combinations; FMI 3.0, section 2.4.7.5); `None` where the attribute does not
-    /// apply.
+    /// `initial`, or its default for this causality and variability (FMI 2.0, section 2.2.7, table of allowed
+    /// combinations; FMI 3.0, section 2.4.7.5); `None` if the attribute does not apply.
     pub fn effective_initial(&self) -> Option<Initial> {
         use Causality as C;
         use Variability as V;

@@ -1,14 +1,14 @@
-//! One call into an FMU: allowed or not, there or not, and what its status means.
+//! A single call into an FMU: whether it is allowed, whether the function exists, and the meaning of its status.
 
 use super::{CallError, Instance};
 use crate::version::{Function, State};
 use crate::{Message, surroundings};
 use pilotage_abi::{fmi2, fmi3};
 
-/// Calls the function that the FMU's version has for this, if the instance's state allows it; an error if
-/// the version has none. Gives a `Result<(), CallError>`.
+/// Calls the function of the FMU's version, if the instance's state allows it; an error if the version has no such
+/// function. Returns a `Result<(), CallError>`.
 ///
-/// Like the call itself it is unsafe: pointers and lengths must be what the function expects.
+/// It is unsafe like the call itself: pointers and lengths must be what the function expects.
 macro_rules! call {
     ($self:ident, fmi2 $F2:ident.$f2:ident($($a2:expr),*), fmi3 $F3:ident.$f3:ident($($a3:expr),*)) => {
         match &$self.loaded.binding.functions {
@@ -68,7 +68,7 @@ impl Instance {
         pointer.ok_or(CallError::MissingFunction { function })
     }
 
-    /// Calls, and notes for whoever watches this process that it does; afterwards numbers are rounded as before.
+    /// Makes a call and records it for the watching process; restores the rounding mode afterwards.
     #[inline(always)]
     pub(super) fn during<T>(&self, function: Function, call: impl FnOnce() -> T) -> T {
         let done = self.place.call(function.number(), call);
@@ -76,7 +76,7 @@ impl Instance {
         done
     }
 
-    /// Turns a returned status into a result and, if it is bad, into a state.
+    /// Converts a returned status into a result and, if it is an error, into a state.
     #[inline]
     pub(super) fn check(
         &mut self,
@@ -89,7 +89,7 @@ impl Instance {
         }
     }
 
-    /// The messages of a call that was not done (completely), the last of which is remembered.
+    /// Takes the messages of a call that was not completed, and stores the last one.
     pub(super) fn take_words(&mut self) -> Vec<Message> {
         let messages = self.environment.take();
         if let Some(last) = messages.last() {
@@ -98,18 +98,18 @@ impl Instance {
         messages
     }
 
-    /// What the FMU said last of a call that it did not do or not completely (`fmi2Discard`, `fmi3Discard`).
+    /// The FMU's last message about a call that it did not complete (`fmi2Discard`, `fmi3Discard`).
     pub fn words_of_discard(&self) -> Option<&str> {
         self.words.as_deref()
     }
 
-    /// Kept out of the way of calls that succeed.
+    /// Separated from the path of successful calls.
     #[cold]
     #[inline(never)]
     fn failed(&mut self, function: Function, status: fmi2::Status) -> CallError {
         use fmi2::Status;
         match status {
-            // The value or the information is not available; the instance lives on.
+            // The value or the information is not available; the instance stays usable.
             Status::DISCARD => {
                 let messages = self.take_words();
                 return CallError::Failed {
@@ -128,7 +128,7 @@ impl Instance {
         }
     }
 
-    /// The instance is now in the state that its version calls so.
+    /// Enters the state of its version.
     pub(super) fn enter(&mut self, state2: fmi2::State, state3: fmi3::State) {
         self.state = match self.state {
             State::Fmi2(_) => State::Fmi2(state2),

@@ -27,17 +27,17 @@ pub struct Fraction {
 pub struct Dependency {
     /// Index of the dependent variable's element, from 1; 0 for all elements.
     pub element: usize,
-    /// Value reference of what it depends on.
+    /// Value reference of the variable that it depends on.
     pub on: u32,
     /// Index of that variable's element, from 1; 0 for all elements.
     pub on_element: usize,
-    /// How it depends.
+    /// Kind of the dependency.
     pub kind: DependencyKind,
 }
 
 impl Instance {
-    /// Whether the FMU has said since the last time that its clocks have new intervals (scheduled
-    /// execution, `fmi3ClockUpdateCallback`).
+    /// Whether the FMU has reported new clock intervals since the last call (scheduled execution,
+    /// `fmi3ClockUpdateCallback`).
     pub fn take_clocks_changed(&self) -> bool {
         self.environment.take_clocks_changed()
     }
@@ -48,8 +48,8 @@ impl Instance {
         let mut values = vec![f64::NAN; n];
         let mut qualifiers = vec![IntervalQualifier::NOT_YET_KNOWN; n];
         let (v, q) = (values.as_mut_ptr(), qualifiers.as_mut_ptr());
-        // SAFETY: the instance is alive and in a state that allows the call; all arrays have as many
-        // elements as is said, here and below.
+        // SAFETY: the instance is alive and in a state that allows the call; all arrays have the stated lengths, here
+        // and below.
         unsafe { call!(self, fmi3 GetIntervalDecimal.get_interval_decimal(r, n, v, q))? };
         let pairs = values.into_iter().zip(qualifiers);
         let interval = |(value, qualifier)| Interval { value, qualifier };
@@ -76,7 +76,7 @@ impl Instance {
     /// `fmi3SetIntervalDecimal` \[s\].
     ///
     /// # Panics
-    /// If there are not as many values as clocks, here and below.
+    /// If the numbers of values and clocks differ, here and below.
     pub fn set_intervals(&mut self, clocks: &[u32], values: &[f64]) -> Result<(), CallError> {
         assert_eq!(clocks.len(), values.len());
         let (r, n, v) = (clocks.as_ptr(), clocks.len(), values.as_ptr());
@@ -98,7 +98,7 @@ impl Instance {
         unsafe { call!(self, fmi3 SetIntervalFraction.set_interval_fraction(r, n, c, s)) }
     }
 
-    /// `fmi3GetShiftDecimal`: when clocks tick first \[s\].
+    /// `fmi3GetShiftDecimal`: time of the first tick of each clock \[s\].
     pub fn get_shifts(&mut self, clocks: &[u32]) -> Result<Vec<f64>, CallError> {
         let (r, n) = (clocks.as_ptr(), clocks.len());
         let mut values = vec![f64::NAN; n];
@@ -139,15 +139,14 @@ impl Instance {
         unsafe { call!(self, fmi3 SetShiftFraction.set_shift_fraction(r, n, c, s)) }
     }
 
-    /// `fmi3ActivateModelPartition`: runs the partition of a clock that ticks at `time` \[s\] (scheduled
-    /// execution).
+    /// `fmi3ActivateModelPartition`: runs the partition of a clock that ticks at `time` \[s\] (scheduled execution).
     pub fn activate_model_partition(&mut self, clock: u32, time: f64) -> Result<(), CallError> {
         // SAFETY: as above.
         unsafe { call!(self, fmi3 ActivateModelPartition.activate_model_partition(clock, time)) }
     }
 
-    /// `fmi3GetNumberOfVariableDependencies` and `fmi3GetVariableDependencies`: what a variable depends on
-    /// since the structural parameters changed.
+    /// `fmi3GetNumberOfVariableDependencies` and `fmi3GetVariableDependencies`: dependencies of a variable after
+    /// structural parameters have changed.
     pub fn variable_dependencies(&mut self, dependent: u32) -> Result<Vec<Dependency>, CallError> {
         let mut n = 0usize;
         // SAFETY: as above.

@@ -6,16 +6,16 @@ use crate::description::FmiVersion;
 use pilotage_abi::{fmi2, fmi3};
 
 impl Instance {
-    /// Whether the description offers directional derivatives.
+    /// Whether the description declares directional derivatives.
     pub fn provides_directional_derivatives(&self) -> bool {
         self.facts.directional
     }
 
-    /// `fmi2GetDirectionalDerivative`, `fmi3GetDirectionalDerivative`: how much `unknowns` change where
-    /// `knowns` change by `seed`.
+    /// `fmi2GetDirectionalDerivative`, `fmi3GetDirectionalDerivative`: change of `unknowns` for a change `seed` of
+    /// `knowns`.
     ///
     /// # Panics
-    /// FMI 2.0: if `seed` is not as long as `knowns` or `result` not as long as `unknowns`.
+    /// FMI 2.0: if the lengths of `seed` and `knowns`, or of `result` and `unknowns`, differ.
     pub fn directional_derivative(
         &mut self,
         unknowns: &[u32],
@@ -37,8 +37,8 @@ impl Instance {
             Some(fmi2::Function::GetDirectionalDerivative),
             fmi3::Function::GetDirectionalDerivative,
         );
-        // SAFETY: the instance is alive and in a state that allows the call; all arrays have as many
-        // elements as is said, here and below.
+        // SAFETY: the instance is alive and in a state that allows the call; all arrays have the stated lengths, here
+        // and below.
         self.guarded(result, functions, |own, r| unsafe {
             call!(own, fmi2 GetDirectionalDerivative.get_directional_derivative(u, n, k, m, s, r),
                 fmi3 GetDirectionalDerivative.get_directional_derivative(
@@ -46,7 +46,7 @@ impl Instance {
         })
     }
 
-    /// `fmi3GetAdjointDerivative`: how much the sum of `unknowns`, weighted by `seed`, changes with each of
+    /// `fmi3GetAdjointDerivative`: derivatives of the sum of `unknowns`, weighted by `seed`, with respect to each of
     /// `knowns`.
     pub fn adjoint_derivative(
         &mut self,
@@ -69,11 +69,11 @@ impl Instance {
         })
     }
 
-    /// `fmi2SetRealInputDerivatives`: derivatives of inputs with respect to time, of these orders (from 1).
-    /// FMI 3.0 has intermediate updates instead.
+    /// `fmi2SetRealInputDerivatives`: time derivatives of inputs, of these orders (from 1). FMI 3.0 has intermediate
+    /// updates instead.
     ///
     /// # Panics
-    /// If there are not as many orders and values as references, here and below.
+    /// If the numbers of orders or values and references differ, here and below.
     pub fn set_input_derivatives(
         &mut self,
         references: &[u32],
@@ -88,8 +88,8 @@ impl Instance {
         unsafe { call!(self, fmi2 SetRealInputDerivatives.set_real_input_derivatives(r, n, o, v)) }
     }
 
-    /// `fmi2GetRealOutputDerivatives`, `fmi3GetOutputDerivatives`: derivatives of outputs with respect to
-    /// time, of these orders (from 1).
+    /// `fmi2GetRealOutputDerivatives`, `fmi3GetOutputDerivatives`: time derivatives of outputs, of these orders (from
+    /// 1).
     pub fn get_output_derivatives(
         &mut self,
         references: &[u32],

@@ -1,4 +1,4 @@
-//! What a call of an FMU can end with.
+//! Errors of calls of an FMU.
 
 use crate::description::FmiVersion;
 use crate::message::Message;
@@ -6,38 +6,38 @@ use crate::version::{Function, InterfaceType, State};
 use pilotage_abi::fmi2::Status;
 use thiserror::Error;
 
-/// What a call of an FMU can end with.
+/// Error of a call of an FMU.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum CallError {
-    /// The function that makes an instance returned NULL.
+    /// The function that creates an instance returned NULL.
     #[error("{} refused{}", function.name(), said(messages))]
     NotInstantiated {
         /// The function.
         function: Function,
-        /// What the FMU said.
+        /// Messages of the FMU.
         messages: Vec<Message>,
     },
     /// The description has no element for this kind.
     #[error("it is no FMU for {kind}: its description has no <{}>", kind.element())]
     OtherKind {
-        /// What was asked for.
+        /// The requested kind.
         kind: InterfaceType,
     },
-    /// A name that C cannot hold.
+    /// A text that cannot be a C string.
     #[error("{text:?} contains a NUL, which C strings cannot hold")]
     Nul {
         /// The text.
         text: String,
     },
-    /// A call that the standard does not allow now; it was not made.
+    /// The standard does not allow the call in this state; it was not made.
     #[error("{} is not allowed in state {}", function.name(), state.name())]
     NotAllowed {
         /// The function.
         function: Function,
-        /// The state that the instance is in.
+        /// The state of the instance.
         state: State,
     },
-    /// A call that the FMU's version of the standard does not have.
+    /// The FMU's version of the standard has no such call.
     #[error("the FMU is of FMI {version}, which has nothing like {}", function.name())]
     OtherVersion {
         /// The function.
@@ -51,18 +51,18 @@ pub enum CallError {
         /// The function.
         function: Function,
     },
-    /// The FMU says in its description that it cannot do this.
+    /// The description declares that the FMU does not support this.
     #[error("the FMU declares {flag}=\"false\"")]
     NotCapable {
         /// The attribute of `<CoSimulation>`, `<ModelExchange>` or `<ScheduledExecution>`.
         flag: &'static str,
     },
-    /// The call was made, and what it gave cannot be.
+    /// The call returned success with an impossible result.
     #[error("{} returned OK and gave {what}", function.name())]
     Absurd {
         /// The function.
         function: Function,
-        /// What it gave.
+        /// The result.
         what: String,
     },
     /// The call was made and failed.
@@ -70,14 +70,14 @@ pub enum CallError {
     Failed {
         /// The function.
         function: Function,
-        /// What it returned; FMI 3.0 gives the numbers the same meaning.
+        /// The returned status; FMI 3.0 uses the same numbers.
         status: Status,
-        /// What the FMU said.
+        /// Messages of the FMU.
         messages: Vec<Message>,
     },
 }
 
-/// The last messages, to be put behind an error.
+/// The last messages, to be appended to an error.
 fn said(messages: &[Message]) -> String {
     const SHOWN: usize = 3;
     let from = messages.len().saturating_sub(SHOWN);

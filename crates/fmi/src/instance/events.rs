@@ -5,40 +5,40 @@ use crate::binding::Functions;
 use pilotage_abi::fmi2::{EventInfo, FALSE, TRUE};
 use pilotage_abi::{fmi2, fmi3};
 
-/// What a round of the event iteration tells (`fmi2NewDiscreteStates`, `fmi3UpdateDiscreteStates`).
+/// Result of a round of the event iteration (`fmi2NewDiscreteStates`, `fmi3UpdateDiscreteStates`).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct EventUpdate {
-    /// The iteration goes on: call it again.
+    /// Another round is needed.
     pub needs_another: bool,
-    /// The model wants the simulation to end.
+    /// The model requests the end of the simulation.
     pub is_end_requested: bool,
-    /// The nominal values of the states are new.
+    /// The nominal values of the states have changed.
     pub nominals_changed: bool,
-    /// The states have jumped.
+    /// The states have changed discontinuously.
     pub states_changed: bool,
-    /// When the next time event comes \[s\].
+    /// Time of the next time event \[s\].
     pub next_time: Option<f64>,
 }
 
-/// What the model says after a step of the solver (`fmi2CompletedIntegratorStep`).
+/// Result of `fmi2CompletedIntegratorStep` after a step of the solver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct IntegratorStep {
-    /// There is an event: [`Instance::enter_event_mode`].
+    /// There is an event: call [`Instance::enter_event_mode`].
     pub is_event: bool,
-    /// The model wants the simulation to end.
+    /// The model requests the end of the simulation.
     pub is_end_requested: bool,
 }
 
-/// Rounds after which an event iteration is taken for one without end.
+/// Maximum number of rounds of an event iteration, after which it is considered endless.
 pub const MAX_EVENT_ROUNDS: u32 = 1000;
 
-/// Most event indicators that an instance is asked for: what says that it has more is damaged, and memory ends.
+/// Maximum number of event indicators of an instance: a larger number means a damaged FMU and would exhaust memory.
 pub const MAX_EVENT_INDICATORS: usize = 100_000;
 
 impl Instance {
-    /// The event iteration: rounds until none is needed or the end is asked for (`fmi2NewDiscreteStates`: FMI
-    /// 2.0.5, section 3.2.2; `fmi3UpdateDiscreteStates`). Changes in any round count; the next time event is
-    /// the last round's.
+    /// The event iteration: rounds until none is needed or the end is requested (`fmi2NewDiscreteStates`: FMI 2.0.5,
+    /// section 3.2.2; `fmi3UpdateDiscreteStates`). Changes of all rounds are combined; the next time event is that of
+    /// the last round.
     ///
     /// `None` if it does not end within [`MAX_EVENT_ROUNDS`].
     pub fn iterate_event(&mut self) -> Result<Option<EventUpdate>, CallError> {
@@ -78,12 +78,12 @@ impl Instance {
             next_event_time_defined: FALSE,
             next_event_time: f64::INFINITY,
         };
-        // Bytes: only 0 and 1 are a `bool` of Rust; an FMU may write others.
+        // Bytes, since a Rust `bool` must be 0 or 1 and an FMU may write other values.
         let mut flags = [0u8; 5];
         let mut next = f64::INFINITY;
         let [again, end, nominals, values, has_next] =
             flags.each_mut().map(|flag| (&raw mut *flag).cast::<bool>());
-        // SAFETY: as above, and there are places for all that it tells.
+        // SAFETY: as above, and all pointers are valid for writes.
         unsafe {
             call!(self, fmi2 NewDiscreteStates.new_discrete_states(&raw mut info),
                         fmi3 UpdateDiscreteStates.update_discrete_states(
@@ -107,13 +107,13 @@ impl Instance {
         })
     }
 
-    /// `fmi3EvaluateDiscreteStates`: discrete states follow the inputs, without an end of the iteration.
+    /// `fmi3EvaluateDiscreteStates`: updates discrete states for new inputs, without ending the iteration.
     pub fn evaluate_discrete_states(&mut self) -> Result<(), CallError> {
         // SAFETY: as above.
         unsafe { call!(self, fmi3 EvaluateDiscreteStates.evaluate_discrete_states()) }
     }
 
-    /// `fmi3EnterStepMode`: events are handled, steps may follow.
+    /// `fmi3EnterStepMode`: ends event handling; steps may follow.
     pub fn enter_step_mode(&mut self) -> Result<(), CallError> {
         // SAFETY: as above.
         unsafe { call!(self, fmi3 EnterStepMode.enter_step_mode())? };
@@ -135,8 +135,8 @@ impl Instance {
         Ok(())
     }
 
-    /// `fmi2CompletedIntegratorStep`, `fmi3CompletedIntegratorStep`. `is_final`: nobody will go back
-    /// before this point.
+    /// `fmi2CompletedIntegratorStep`, `fmi3CompletedIntegratorStep`. `is_final`: the simulation will not return to a
+    /// time before this one.
     pub fn completed_integrator_step(
         &mut self,
         is_final: bool,
@@ -144,7 +144,7 @@ impl Instance {
         let (mut event2, mut end2) = (FALSE, FALSE);
         let (mut event3, mut end3) = (0u8, 0u8);
         let is_final2 = if is_final { TRUE } else { FALSE };
-        // SAFETY: as above, and there are places for what it tells.
+        // SAFETY: as above, and all pointers are valid for writes.
         unsafe {
             call!(self, fmi2 CompletedIntegratorStep.completed_integrator_step(
                             is_final2, &raw mut event2, &raw mut end2),
@@ -167,7 +167,7 @@ impl Instance {
     /// `fmi2SetContinuousStates`, `fmi3SetContinuousStates`.
     ///
     /// # Panics
-    /// If there are not as many values as states, here and in the calls below.
+    /// If the numbers of values and states differ, here and in the calls below.
     pub fn set_continuous_states(&mut self, values: &[f64]) -> Result<(), CallError> {
         self.check_states(values.len());
         if values.is_empty() {
@@ -238,7 +238,7 @@ impl Instance {
     /// `fmi2GetEventIndicators`, `fmi3GetEventIndicators`.
     ///
     /// # Panics
-    /// If there are not as many values as indicators.
+    /// If the numbers of values and indicators differ.
     pub fn get_event_indicators(&mut self, values: &mut [f64]) -> Result<(), CallError> {
         assert_eq!(values.len(), self.facts.indicators, "event indicators");
         if values.is_empty() {
@@ -256,11 +256,11 @@ impl Instance {
         })
     }
 
-    /// Number of continuous states: the description's derivatives, or `fmi3GetNumberOfContinuousStates`,
-    /// since structural parameters change it.
+    /// Number of continuous states: that of the description's derivatives, or `fmi3GetNumberOfContinuousStates`, since
+    /// structural parameters change it.
     ///
     /// # Errors
-    /// Those of a call; also where the description, without structural parameters, lists another number.
+    /// Errors of the call; also if the description, without structural parameters, lists another number.
     pub fn number_of_continuous_states(&mut self) -> Result<usize, CallError> {
         if let Functions::Fmi3(_) = self.loaded.binding.functions {
             let mut n = 0usize;
@@ -278,10 +278,10 @@ impl Instance {
         Ok(self.facts.states)
     }
 
-    /// Number of event indicators: the description's, or `fmi3GetNumberOfEventIndicators`.
+    /// Number of event indicators: that of the description, or `fmi3GetNumberOfEventIndicators`.
     ///
     /// # Errors
-    /// As above.
+    /// As for [`Self::number_of_continuous_states`].
     pub fn number_of_event_indicators(&mut self) -> Result<usize, CallError> {
         if let Functions::Fmi3(_) = self.loaded.binding.functions {
             let mut n = 0usize;

@@ -1,4 +1,4 @@
-//! An instance of an FMU of FMI 2.0 or 3.0, safe to call in any order.
+//! An instance of an FMU of FMI 2.0 or 3.0; its functions are safe to call in any order.
 //!
 //! | file | functions |
 //! | --- | --- |
@@ -6,8 +6,8 @@
 //! | `mod` | experiment, initialization, termination, reset, configuration mode, debug logging |
 //! | `values` | getting and setting variables |
 //! | `stepping` | `doStep`, asynchronous steps |
-//! | `events` | event mode, continuous-time mode and all else of model exchange |
-//! | `derivatives` | directional, adjoint, of inputs and outputs with respect to time |
+//! | `events` | event mode, continuous-time mode and other functions of model exchange |
+//! | `derivatives` | directional and adjoint; time derivatives of inputs and outputs |
 //! | `clocks` | intervals and shifts of clocks, model partitions, dependencies (FMI 3.0) |
 //! | `states` | saving and restoring |
 
@@ -43,36 +43,36 @@ use pilotage_process::Place;
 use std::ffi::{CString, c_char, c_void};
 use std::sync::Arc;
 
-/// Most states, indicators or dependencies that are believed: an FMU may say anything.
+/// Maximum number of states, indicators or dependencies accepted: an FMU may return any number.
 const MOST: usize = 1 << 26;
 
 /// An instance of an FMU.
 ///
-/// Calls are checked against the standard's state machine (FMI 2.0, sections 3.2.3 and 4.2.4; FMI 3.0,
-/// sections 2.3, 3.3, 4.3 and 5.3) before they are made. After a fatal error nothing is called any more,
-/// not even the function that frees the instance.
+/// Calls are checked against the standard's state machine (FMI 2.0, sections 3.2.3 and 4.2.4; FMI 3.0, sections 2.3,
+/// 3.3, 4.3 and 5.3) before they are made. After a fatal error no function is called any more, not even that which
+/// frees the instance.
 #[derive(Debug)]
 pub struct Instance {
     loaded: Arc<Loaded>,
     component: *mut c_void,
-    /// By which whoever watches this process knows it.
+    /// Identifies the instance to the watching process.
     place: Place,
-    /// Numbers that the FMU writes, and what stands behind them.
+    /// Buffer of numbers that the FMU writes, with guard values at its end.
     room: Vec<u64>,
-    /// The FMU may keep the address until it is freed.
+    /// The FMU may keep the address until the instance is freed.
     _callbacks: Option<Box<CallbackFunctions>>,
-    /// Freed after the FMU's instance, which may keep addresses that it should not.
+    /// Freed after the FMU's instance, which may wrongly keep these addresses.
     _texts: PoisonedTexts,
     environment: Registered,
     kind: InterfaceType,
     state: State,
     facts: Facts,
-    /// Where initialization and reconfiguration lead to (FMI 3.0).
+    /// The state after initialization or reconfiguration (FMI 3.0).
     running: fmi3::State,
-    /// For `fmi3EnterInitializationMode`, which takes what `fmi2SetupExperiment` did.
+    /// Arguments of `fmi3EnterInitializationMode`, which replaces `fmi2SetupExperiment`.
     experiment: Experiment,
     saved: Vec<FmuState>,
-    /// What the FMU said of the last call that it did not do (completely).
+    /// The FMU's message about the last call that it did not complete.
     words: Option<String>,
 }
 
@@ -84,12 +84,12 @@ struct Experiment {
     stop: Option<f64>,
 }
 
-// SAFETY: the standard lets an instance be called from any thread, if not from two at once (FMI 2.0,
-// section 2.1.5; FMI 3.0, section 2.2.3), which `&mut self` forbids; `&self` calls nothing.
+// SAFETY: by the standard an instance may be called from any thread, but not from two at once (FMI 2.0, section 2.1.5;
+// FMI 3.0, section 2.2.3), which `&mut self` prevents; `&self` calls nothing.
 unsafe impl Send for Instance {}
 
 impl Instance {
-    /// The version of FMI that it speaks.
+    /// The FMI version of the FMU.
     #[inline]
     pub fn version(&self) -> FmiVersion {
         match self.state {
@@ -98,23 +98,23 @@ impl Instance {
         }
     }
 
-    /// What it was made for.
+    /// Its interface type.
     pub fn kind(&self) -> InterfaceType {
         self.kind
     }
 
-    /// The state that it is in.
+    /// Its current state.
     #[inline]
     pub fn state(&self) -> State {
         self.state
     }
 
-    /// Takes what the FMU has said since the last time.
+    /// Takes the messages that the FMU has sent since the last call.
     pub fn take_messages(&self) -> Vec<Message> {
         self.environment.take()
     }
 
-    /// `fmi2SetDebugLogging`, `fmi3SetDebugLogging`: which categories the FMU shall log; none for all.
+    /// `fmi2SetDebugLogging`, `fmi3SetDebugLogging`: selects the categories to be logged; empty for all.
     ///
     /// # Errors
     /// See [`CallError`], here and in all calls below.
@@ -131,7 +131,7 @@ impl Instance {
         }
     }
 
-    /// `fmi2SetupExperiment`; FMI 3.0 is told when initialization begins.
+    /// `fmi2SetupExperiment`; for FMI 3.0 the values are passed when initialization begins.
     pub fn setup_experiment(
         &mut self,
         tolerance: Option<f64>,
@@ -148,8 +148,7 @@ impl Instance {
             return Ok(());
         }
         let defined = |value: Option<f64>| if value.is_some() { TRUE } else { FALSE };
-        // SAFETY: the instance is alive and in a state that allows the call, here and in the calls
-        // below.
+        // SAFETY: the instance is alive and in a state that allows the call, here and in the calls below.
         unsafe {
             call!(self, fmi2 SetupExperiment.setup_experiment(
                 defined(tolerance), tolerance.unwrap_or(0.0), start, defined(stop), stop.unwrap_or(0.0)))
@@ -177,9 +176,9 @@ impl Instance {
         Ok(())
     }
 
-    /// `fmi2ExitInitializationMode`, `fmi3ExitInitializationMode`. Leads to the first communication point
-    /// (co-simulation), to event mode (model exchange, and co-simulation with
-    /// [`InstanceOptions::event_mode_used`]) or to clock activation mode.
+    /// `fmi2ExitInitializationMode`, `fmi3ExitInitializationMode`. The next state is the first communication point
+    /// (co-simulation), event mode (model exchange, and co-simulation with [`InstanceOptions::event_mode_used`]) or
+    /// clock activation mode.
     pub fn exit_initialization_mode(&mut self) -> Result<(), CallError> {
         // SAFETY: as above.
         unsafe {
@@ -196,7 +195,7 @@ impl Instance {
         Ok(())
     }
 
-    /// `fmi3EnterConfigurationMode`: structural parameters may be set.
+    /// `fmi3EnterConfigurationMode`: allows setting structural parameters.
     pub fn enter_configuration_mode(&mut self) -> Result<(), CallError> {
         // SAFETY: as above.
         unsafe { call!(self, fmi3 EnterConfigurationMode.enter_configuration_mode())? };
@@ -211,7 +210,7 @@ impl Instance {
         Ok(())
     }
 
-    /// `fmi3ExitConfigurationMode`: goes back to where it came from.
+    /// `fmi3ExitConfigurationMode`: returns to the previous state.
     pub fn exit_configuration_mode(&mut self) -> Result<(), CallError> {
         let is_first = self.state == State::Fmi3(fmi3::State::ConfigurationMode);
         // SAFETY: as above.
@@ -245,7 +244,7 @@ impl Drop for Instance {
     fn drop(&mut self) {
         self.end_pending_step();
         self.free_saved();
-        // SAFETY: the instance is alive and nobody calls it again.
+        // SAFETY: the instance is alive and is not called again.
         unsafe {
             match &self.loaded.binding.functions {
                 Functions::Fmi2(f) => {

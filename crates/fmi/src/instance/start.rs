@@ -1,4 +1,4 @@
-//! Making an instance.
+//! Creating an instance.
 
 use super::{CallError, Experiment, Instance, c_string};
 use crate::binding::{Functions, Loaded};
@@ -15,22 +15,22 @@ use std::ffi::c_void;
 use std::path::{MAIN_SEPARATOR, Path};
 use std::sync::Arc;
 
-/// What an instance is told when it is made, beside its name. All is off by default.
+/// Options passed to an instance at creation, besides its name. All are off by default.
 #[derive(Debug, Default)]
 pub struct InstanceOptions {
-    /// It may show a window.
+    /// The instance may show a window.
     pub visible: bool,
-    /// Co-simulation of FMI 3.0: events are handled in event mode, and not hidden in steps.
+    /// Co-simulation of FMI 3.0: events are handled in event mode, not hidden within steps.
     pub event_mode_used: bool,
     /// Co-simulation of FMI 3.0: a step may end early.
     pub early_return_allowed: bool,
-    /// Co-simulation of FMI 3.0: the variables that [`Self::intermediate_update`] gets or sets.
+    /// Co-simulation of FMI 3.0: the variables that [`Self::intermediate_update`] reads or sets.
     pub required_intermediate_variables: Vec<u32>,
     /// Co-simulation of FMI 3.0: called within steps.
     pub intermediate_update: Option<IntermediateUpdate>,
 }
 
-/// What the calls need to know of the description.
+/// Values of the description that the calls need.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Facts {
     pub(super) event_mode_used: bool,
@@ -40,18 +40,18 @@ pub(super) struct Facts {
     pub(super) directional: bool,
     /// Adjoint derivatives (FMI 3.0).
     pub(super) adjoint: bool,
-    /// Continuous states, as far as the description tells.
+    /// Number of continuous states, as listed in the description.
     pub(super) states: usize,
-    /// Event indicators, as far as the description tells.
+    /// Number of event indicators, as listed in the description.
     pub(super) indicators: usize,
-    /// FMI 3.0: how many values the listed derivatives and event indicators have; none where structural parameters say it.
+    /// FMI 3.0: number of values of the listed derivatives; `None` if structural parameters determine it.
     pub(super) listed_states: Option<usize>,
-    /// As above.
+    /// The same for the listed event indicators.
     pub(super) listed_indicators: Option<usize>,
 }
 
 impl Facts {
-    /// Of an FMU that is for this kind.
+    /// The values for this kind, if the FMU supports it.
     fn of(description: &ModelDescription, kind: InterfaceType) -> Option<Self> {
         let common = Self {
             states: description.structure.derivatives.len(),
@@ -79,7 +79,7 @@ impl Facts {
     }
 }
 
-/// How many values unknowns have together; none where a structural parameter, which may change, says how many.
+/// Total number of values of unknowns; `None` if it depends on a structural parameter, which may change.
 fn values_of(description: &ModelDescription, unknowns: &[Unknown]) -> Option<usize> {
     let value = |unknown: &Unknown| {
         let position = (unknown.index as usize).checked_sub(1)?;
@@ -103,11 +103,10 @@ pub(super) fn running(kind: InterfaceType, event_mode_used: bool) -> fmi3::State
 }
 
 impl Instance {
-    /// Makes an instance.
+    /// Creates an instance.
     ///
     /// # Errors
-    /// If the FMU refuses, most often because the GUIDs (instantiation tokens) of description and binary
-    /// differ.
+    /// If the FMU refuses, usually because the GUIDs (instantiation tokens) of description and binary differ.
     pub(crate) fn new(
         loaded: Arc<Loaded>,
         description: &ModelDescription,
@@ -171,8 +170,8 @@ impl Instance {
         Ok(instance)
     }
 
-    /// Logging was on while the instance was made, so that a refusal has a reason. From now on, only the
-    /// standard's categories for trouble are asked for, those that the FMU has.
+    /// Reduces logging: it was on during instantiation, so that a refusal has a reason. From now on, only the
+    /// standard's categories for warnings and errors are requested, as far as the FMU has them.
     fn log_trouble_only(&mut self, description: &ModelDescription) {
         const TROUBLE: [&str; 4] = [
             "logStatusWarning",
@@ -183,14 +182,19 @@ impl Instance {
         let declared = description.log_categories.iter().map(|c| c.name.as_str());
         let wanted: Vec<&str> = declared.filter(|name| TROUBLE.contains(name)).collect();
         let before = self.state;
-        // Whether the FMU obeys, or has the function at all, is not important.
-        if self.set_debug_logging(!wanted.is_empty(), &wanted).is_err() {
+        // Whether the FMU complies, or has the function at all, does not matter.
+        let failed = self.set_debug_logging(!wanted.is_empty(), &wanted).is_err();
+        let is_fatal = matches!(
+            self.state,
+            State::Fmi2(fmi2::State::Fatal) | State::Fmi3(fmi3::State::Fatal)
+        );
+        if failed && !is_fatal {
             self.state = before;
         }
     }
 }
 
-/// What both versions need to make an instance.
+/// Arguments of instantiation common to both versions.
 struct Start<'a> {
     loaded: &'a Loaded,
     place: &'a Place,
@@ -207,7 +211,7 @@ impl Start<'_> {
         surroundings::kept(|| self.place.call(number, make))
     }
 
-    /// `fmi2Instantiate`, with all callbacks: some FMUs crash where the memory callbacks are NULL.
+    /// `fmi2Instantiate`, with all callbacks: some FMUs crash if the memory callbacks are NULL.
     fn fmi2(
         &self,
         instantiate: Option<fmi2::functions::pointers::Instantiate>,
@@ -229,8 +233,8 @@ impl Start<'_> {
             InterfaceType::CoSimulation | InterfaceType::ScheduledExecution => Type::CO_SIMULATION,
         };
         let visible = if self.visible { TRUE } else { FALSE };
-        // SAFETY: all strings end with a NUL and live until the call returns; the callbacks live
-        // as long as the instance.
+        // SAFETY: all strings are NUL-terminated and live until the call returns; the callbacks live as long as the
+        // instance.
         let make = || unsafe {
             instantiate(
                 name.as_ptr(),
@@ -246,7 +250,7 @@ impl Start<'_> {
         Ok((made, callbacks, PoisonedTexts::new([name, guid, resources])))
     }
 
-    /// `fmi3InstantiateXXX`. `run` says whether event mode is used and early return allowed.
+    /// `fmi3InstantiateXXX`. `run`: whether event mode is used and early return is allowed.
     fn fmi3(
         &self,
         f: &crate::binding::fmi3::Functions,
@@ -263,8 +267,8 @@ impl Start<'_> {
         let [name, token, resources] = given.each_ref().map(|text| text.as_ptr());
         let (visible, environment) = (self.visible, self.environment);
         let log = Some(logger::fmi3::callback());
-        // SAFETY: all strings end with a NUL and live until the call returns, as do the `len`
-        // variables; the callbacks are functions of this program.
+        // SAFETY: all strings are NUL-terminated and live until the call returns, as do the `len` variables; the
+        // callbacks are functions of this program.
         let made = unsafe {
             match self.kind {
                 InterfaceType::ModelExchange => {
@@ -330,15 +334,14 @@ impl Start<'_> {
     }
 }
 
-/// The absolute path of a folder with a separator at its end, as FMI 3.0 wants `resourcePath` (section
-/// 2.2.3).
+/// The absolute path of a folder with a trailing separator, as FMI 3.0 requires for `resourcePath` (section 2.2.3).
 fn folder_path(path: &Path) -> String {
     let mut text = path.to_string_lossy().into_owned();
     text.push(MAIN_SEPARATOR);
     text
 }
 
-/// `file:` URI of an absolute path (RFC 8089), everything unusual percent-encoded, as FMI 2.0 wants
+/// `file:` URI of an absolute path (RFC 8089), with special characters percent-encoded, as FMI 2.0 requires for
 /// `fmuResourceLocation` (section 2.1.5).
 fn file_uri(path: &Path) -> String {
     let path = path.to_string_lossy().replace('\\', "/");
@@ -359,7 +362,7 @@ fn file_uri(path: &Path) -> String {
 mod tests {
     use super::*;
 
-    // FMI rule 19: what an FMU gets as location of its resources.
+    // FMI rule 19: location of the resources passed to an FMU.
     #[test]
     fn paths_become_uris() {
         for (path, uri) in [

@@ -6,10 +6,10 @@ use crate::version::{Function, State};
 use pilotage_abi::{fmi2, fmi3};
 use std::ptr;
 
-/// Largest state that is taken \[bytes\]: an FMU may say anything.
+/// Maximum size of a serialized state \[bytes\]: an FMU may return any number.
 const LARGEST: usize = 1 << 31;
 
-/// A copy of an instance's state, held by the FMU; valid for the instance that made it.
+/// A copy of an instance's state, held by the FMU; valid only for the instance that created it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Saved {
     slot: usize,
@@ -20,20 +20,20 @@ pub struct Saved {
 /// A copy of an instance's state as bytes: valid for every instance of the same FMU and kind.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Serialized {
-    /// The FMU's own format.
+    /// In the FMU's own format.
     pub bytes: Vec<u8>,
-    /// The state of the calling sequence in which it was saved.
+    /// The state of the state machine in which it was saved.
     pub state: State,
 }
 
 impl Instance {
-    /// `fmi2GetFMUstate`, `fmi3GetFMUState`: saves the complete state, to be restored any number of times.
+    /// `fmi2GetFMUstate`, `fmi3GetFMUState`: saves the complete state, which can be restored any number of times.
     pub fn save(&mut self) -> Result<Saved, CallError> {
         let saved = self.empty_slot(self.state);
         self.save_into(saved)
     }
 
-    /// `fmi2GetFMUstate`, `fmi3GetFMUState`: saves the complete state in the place of one saved before.
+    /// `fmi2GetFMUstate`, `fmi3GetFMUState`: saves the complete state, overwriting a saved one.
     ///
     /// # Panics
     /// If `saved` belongs to another instance, here and below.
@@ -42,7 +42,7 @@ impl Instance {
         let state = self.state;
         let place = self.place(saved);
         let slot: *mut _ = &raw mut self.saved[place];
-        // SAFETY: the instance is alive; the place holds NULL or a state that it made.
+        // SAFETY: the instance is alive; the slot holds NULL or a state that it created.
         unsafe {
             call!(self, fmi2 GetFmuState.get_fmu_state(slot), fmi3 GetFmuState.get_fmu_state(slot))?;
         }
@@ -53,14 +53,14 @@ impl Instance {
         Ok(Saved { state, ..saved })
     }
 
-    /// `fmi2SetFMUstate`, `fmi3SetFMUState`: goes back to a saved state.
+    /// `fmi2SetFMUstate`, `fmi3SetFMUState`: restores a saved state.
     ///
     /// # Panics
     /// If the state was freed, here and below.
     pub fn restore(&mut self, saved: Saved) -> Result<(), CallError> {
         self.can_save()?;
         let kept = self.kept(saved);
-        // SAFETY: the instance is alive and made this state.
+        // SAFETY: the instance is alive and created this state.
         unsafe {
             call!(self, fmi2 SetFmuState.set_fmu_state(kept), fmi3 SetFmuState.set_fmu_state(kept))?;
         }
@@ -68,12 +68,12 @@ impl Instance {
         Ok(())
     }
 
-    /// `fmi2FreeFMUstate`, `fmi3FreeFMUState`. States that are not freed go with the instance.
+    /// `fmi2FreeFMUstate`, `fmi3FreeFMUState`. States that are not freed are freed with the instance.
     pub fn free(&mut self, saved: Saved) -> Result<(), CallError> {
         self.can_save()?;
         let place = self.place(saved);
         let slot: *mut _ = &raw mut self.saved[place];
-        // SAFETY: the instance is alive and made this state; the FMU writes NULL back.
+        // SAFETY: the instance is alive and created this state; the FMU writes NULL back.
         let freed = unsafe {
             call!(self, fmi2 FreeFmuState.free_fmu_state(slot), fmi3 FreeFmuState.free_fmu_state(slot))
         };
@@ -81,13 +81,13 @@ impl Instance {
         freed
     }
 
-    /// `fmi2SerializedFMUstateSize` and `fmi2SerializeFMUstate`, or their like of FMI 3.0.
+    /// `fmi2SerializedFMUstateSize` and `fmi2SerializeFMUstate`, or the equivalents of FMI 3.0.
     pub fn serialize(&mut self, saved: Saved) -> Result<Serialized, CallError> {
         self.can_serialize()?;
         let kept = self.kept(saved);
         let mut size = 0usize;
         let s = &raw mut size;
-        // SAFETY: the instance is alive and made this state; `size` is there to be written.
+        // SAFETY: the instance is alive and created this state; `size` is valid for writes.
         unsafe {
             call!(self, fmi2 SerializedFmuStateSize.serialized_fmu_state_size(kept, s),
                         fmi3 SerializedFmuStateSize.serialized_fmu_state_size(kept, s))?;
@@ -101,7 +101,7 @@ impl Instance {
         }
         let mut bytes = vec![0u8; size];
         let b = bytes.as_mut_ptr();
-        // SAFETY: the same, and there are `size` bytes.
+        // SAFETY: as above, and there are `size` bytes.
         unsafe {
             call!(self, fmi2 SerializeFmuState.serialize_fmu_state(kept, b.cast(), size),
                         fmi3 SerializeFmuState.serialize_fmu_state(kept, b, size))?;
@@ -112,14 +112,14 @@ impl Instance {
         })
     }
 
-    /// `fmi2DeSerializeFMUstate`, `fmi3DeserializeFMUState`: a state, to be restored, from bytes that this
-    /// or another instance of the same FMU has serialized.
+    /// `fmi2DeSerializeFMUstate`, `fmi3DeserializeFMUState`: creates a saved state from bytes that this or another
+    /// instance of the same FMU has serialized.
     pub fn deserialize(&mut self, serialized: &Serialized) -> Result<Saved, CallError> {
         self.can_serialize()?;
         let saved = self.empty_slot(serialized.state);
         let (b, n) = (serialized.bytes.as_ptr(), serialized.bytes.len());
         let slot: *mut _ = &raw mut self.saved[saved.slot];
-        // SAFETY: the instance is alive; there are `n` bytes, and a place for the state.
+        // SAFETY: the instance is alive; there are `n` bytes, and the slot is valid for writes.
         unsafe {
             call!(self, fmi2 DeSerializeFmuState.deserialize_fmu_state(b.cast(), n, slot),
                         fmi3 DeserializeFmuState.deserialize_fmu_state(b, n, slot))?;
@@ -132,7 +132,7 @@ impl Instance {
         Ok(saved)
     }
 
-    /// Frees what was not freed, before the instance goes.
+    /// Frees the remaining states before the instance is freed.
     pub(super) fn free_saved(&mut self) {
         for slot in 0..self.saved.len() {
             let (owner, state) = (self.environment.number(), self.state);
@@ -142,7 +142,7 @@ impl Instance {
         }
     }
 
-    /// An error where an FMU that has said OK has put no state there.
+    /// An error if an FMU returned OK without storing a state.
     fn is_there(
         &self,
         place: usize,
@@ -154,7 +154,7 @@ impl Instance {
         }
     }
 
-    /// That this function of the FMU's version gave something that cannot be.
+    /// The error that this function of the FMU's version returned an impossible result.
     pub(super) fn absurd(
         &self,
         (of2, of3): (fmi2::Function, fmi3::Function),
@@ -205,7 +205,7 @@ impl Instance {
     }
 }
 
-/// An error if the description says that the FMU cannot do something.
+/// An error if the description declares that the FMU does not support something.
 pub(super) fn capable(is_capable: bool, flag: &'static str) -> Result<(), CallError> {
     match is_capable {
         true => Ok(()),

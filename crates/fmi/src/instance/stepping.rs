@@ -9,31 +9,31 @@ use std::ffi::c_char;
 use std::ptr;
 use std::time::Duration;
 
-/// How a communication step ended.
+/// Result of a communication step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Step {
-    /// At its end.
+    /// It reached its end.
     Done,
-    /// Before its end (`fmi2Discard`, `fmi3Discard`).
+    /// It ended early (`fmi2Discard`, `fmi3Discard`).
     Discarded {
-        /// The last successful time \[s\], if the FMU says.
+        /// The last successful time \[s\], if the FMU reports it.
         last_successful: Option<f64>,
-        /// The FMU wants the simulation to end.
+        /// The FMU requests the end of the simulation.
         is_end_requested: bool,
     },
-    /// With something to tell (FMI 3.0, section 4.2.1).
+    /// It ended with a notification (FMI 3.0, section 4.2.1).
     Stopped {
-        /// Where the FMU stands \[s\]: before the end after an early return.
+        /// Time reached \[s\]: before the end of the step after an early return.
         reached: f64,
-        /// There is an event to handle: [`Instance::enter_event_mode`].
+        /// There is an event to handle: call [`Instance::enter_event_mode`].
         is_event: bool,
-        /// The FMU wants the simulation to end.
+        /// The FMU requests the end of the simulation.
         is_end_requested: bool,
     },
 }
 
 impl Instance {
-    /// `fmi2DoStep`, `fmi3DoStep`; nobody will go back before `t`. A pending step is waited for.
+    /// `fmi2DoStep`, `fmi3DoStep`; the simulation will not return to a time before `t`. Waits for a pending step.
     #[inline(always)]
     pub fn do_step(&mut self, t: f64, h: f64) -> Result<Step, CallError> {
         match self.step(t, h, true)? {
@@ -42,14 +42,14 @@ impl Instance {
         }
     }
 
-    /// `fmi2DoStep`, `fmi3DoStep`, after which a state [saved](Self::save) before may be restored.
+    /// `fmi2DoStep`, `fmi3DoStep`, after which a state [saved](Self::save) earlier may be restored.
     pub fn do_step_revocably(&mut self, t: f64, h: f64) -> Result<Step, CallError> {
         let step = self.step(t, h, false)?;
         step.map_or_else(|| self.wait_for_step(), Ok)
     }
 
-    /// `fmi2DoStep`, not waited for: `None` if the step is pending, to be asked for by
-    /// [`Self::poll_step`]. `is_final`: nobody will go back before `t`.
+    /// `fmi2DoStep` without waiting: `None` if the step is pending, to be polled by [`Self::poll_step`]. `is_final`:
+    /// the simulation will not return to a time before `t`.
     pub fn begin_step(
         &mut self,
         t: f64,
@@ -59,7 +59,7 @@ impl Instance {
         self.step(t, h, is_final)
     }
 
-    /// Whether a pending step has ended, and how (`fmi2GetStatus`).
+    /// Whether a pending step has ended, with its result (`fmi2GetStatus`).
     pub fn poll_step(&mut self) -> Result<Option<Step>, CallError> {
         let status = self.status(StatusKind::DO_STEP_STATUS)?;
         if status == Status::PENDING {
@@ -69,7 +69,7 @@ impl Instance {
         self.ended(status).map(Some)
     }
 
-    /// `fmi2CancelStep`: gives a pending step up. Only reset, free and the like are allowed then.
+    /// `fmi2CancelStep`: cancels a pending step. Only reset, free and similar calls are allowed afterwards.
     pub fn cancel_step(&mut self) -> Result<(), CallError> {
         // SAFETY: the instance is alive and in a state that allows the call.
         unsafe { call!(self, fmi2 CancelStep.cancel_step())? };
@@ -100,7 +100,7 @@ impl Instance {
         stepped
     }
 
-    /// Kept out of the way of steps that succeed.
+    /// Separated from the path of successful steps.
     #[cold]
     #[inline(never)]
     fn not_done(&mut self, status: Status) -> Result<Option<Step>, CallError> {
@@ -111,7 +111,7 @@ impl Instance {
         self.ended(status).map(Some)
     }
 
-    /// A step of FMI 2.0 that ended with a status.
+    /// Result of a step of FMI 2.0 that ended with this status.
     fn ended(&mut self, status: Status) -> Result<Step, CallError> {
         if status == Status::DISCARD {
             self.state = State::Fmi2(fmi2::State::StepFailed);
@@ -124,11 +124,10 @@ impl Instance {
 
     #[inline(never)]
     fn step3(&mut self, t: f64, h: f64, is_final: bool) -> Result<Step, CallError> {
-        // Bytes: only 0 and 1 are a `bool` of Rust; an FMU may write others.
+        // Bytes, since a Rust `bool` must be 0 or 1 and an FMU may write other values.
         let (mut event, mut end, mut early) = (0u8, 0u8, 0u8);
         let mut last = f64::NAN;
-        // SAFETY: the instance is alive and in a state that allows the call; there are places for all
-        // that it tells.
+        // SAFETY: the instance is alive and in a state that allows the call; all pointers are valid for writes.
         let done = unsafe {
             call!(self, fmi3 DoStep.do_step(t, h, is_final, (&raw mut event).cast(),
                 (&raw mut end).cast(), (&raw mut early).cast(), &raw mut last))
@@ -150,7 +149,7 @@ impl Instance {
         }
     }
 
-    /// Asks until a pending step has ended.
+    /// Polls until a pending step has ended.
     #[cold]
     fn wait_for_step(&mut self) -> Result<Step, CallError> {
         loop {
@@ -168,7 +167,7 @@ impl Instance {
         }
     }
 
-    /// What the FMU tells about a discarded step.
+    /// The FMU's information about a discarded step.
     fn discarded(&mut self) -> Step {
         let last = self.real_status(StatusKind::LAST_SUCCESSFUL_TIME).ok();
         let is_end_requested = self.boolean_status(StatusKind::TERMINATED).unwrap_or(false);
@@ -181,8 +180,8 @@ impl Instance {
     /// `fmi2GetStatus`.
     pub fn status(&mut self, kind: StatusKind) -> Result<Status, CallError> {
         let mut status = Status::PENDING;
-        // SAFETY: the instance is alive and in a state that allows the call; there is a place for the
-        // result, here and below.
+        // SAFETY: the instance is alive and in a state that allows the call; the result is valid for writes, here and
+        // below.
         unsafe { call!(self, fmi2 GetStatus.get_status(kind, &raw mut status)) }.map(|()| status)
     }
 
@@ -194,7 +193,7 @@ impl Instance {
             .map(|()| value)
     }
 
-    /// `fmi2GetIntegerStatus`; the standard has no kind for it yet.
+    /// `fmi2GetIntegerStatus`; the standard defines no kind for it yet.
     pub fn integer_status(&mut self, kind: StatusKind) -> Result<i32, CallError> {
         let mut value = 0;
         // SAFETY: as above.
@@ -213,7 +212,7 @@ impl Instance {
     /// `fmi2GetStringStatus`: with [`StatusKind::PENDING_STATUS`], a text about a pending step.
     pub fn string_status(&mut self, kind: StatusKind) -> Result<String, CallError> {
         let mut text: *const c_char = ptr::null();
-        // SAFETY: as above; after success it is NULL or a string that lives until the next call.
+        // SAFETY: as above; after success it is NULL or a string that is valid until the next call.
         unsafe {
             call!(self, fmi2 GetStringStatus.get_string_status(kind, &raw mut text))?;
             Ok(owned(text).unwrap_or_default())

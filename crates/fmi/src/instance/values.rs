@@ -9,25 +9,25 @@ use pilotage_abi::{fmi2, fmi3};
 use std::ffi::{CString, c_char};
 use std::ptr;
 
-/// A type of numbers that FMUs have variables of: `f64` (`fmi2Real`, `fmi3Float64`), `i32` (`fmi2Integer`,
-/// `fmi3Int32`), and those of FMI 3.0 alone: `f32`, `i8`, `u8`, `i16`, `u16`, `u32`, `i64`, `u64`.
+/// A number type of FMU variables: `f64` (`fmi2Real`, `fmi3Float64`), `i32` (`fmi2Integer`, `fmi3Int32`), and those of
+/// FMI 3.0 only: `f32`, `i8`, `u8`, `i16`, `u16`, `u32`, `i64`, `u64`.
 pub trait Number: Copy + Default + sealed::Sealed {
-    /// Gets variables. The elements of an array (FMI 3.0) stand one after another.
+    /// Gets variables. The elements of an array (FMI 3.0) are consecutive.
     ///
     /// # Errors
     /// See [`CallError`].
     ///
     /// # Panics
-    /// FMI 2.0: if there are not as many values as references.
+    /// FMI 2.0: if the numbers of values and references differ.
     fn get(i: &mut Instance, references: &[u32], values: &mut [Self]) -> Result<(), CallError>;
 
-    /// Sets variables, likewise.
+    /// Sets variables, in the same layout.
     ///
     /// # Errors
     /// See [`CallError`].
     ///
     /// # Panics
-    /// FMI 2.0: if there are not as many values as references.
+    /// FMI 2.0: if the numbers of values and references differ.
     fn set(i: &mut Instance, references: &[u32], values: &[Self]) -> Result<(), CallError>;
 }
 
@@ -46,7 +46,7 @@ macro_rules! number {
                 i.check_lengths(r.len(), v.len());
                 let n = v.len();
                 let functions = (None$(.or(Some(fmi2::Function::$Get2)))?, fmi3::Function::$Get3);
-                // SAFETY: the instance is alive, both arrays have as many elements as is said.
+                // SAFETY: the instance is alive; both arrays have the stated lengths.
                 i.guarded(v, functions, |i, v| unsafe {
                     call!(i, $(fmi2 $Get2.$get2(r.as_ptr(), r.len(), v),)?
                         fmi3 $Get3.$get3(r.as_ptr(), r.len(), v, n))
@@ -56,7 +56,7 @@ macro_rules! number {
             #[inline(always)]
             fn set(i: &mut Instance, r: &[u32], v: &[Self]) -> Result<(), CallError> {
                 i.check_lengths(r.len(), v.len());
-                // SAFETY: the instance is alive, both arrays have as many elements as is said.
+                // SAFETY: the instance is alive; both arrays have the stated lengths.
                 unsafe {
                     call!(i, $(fmi2 $Set2.$set2(r.as_ptr(), r.len(), v.as_ptr()),)?
                         fmi3 $Set3.$set3(r.as_ptr(), r.len(), v.as_ptr(), v.len()))
@@ -81,13 +81,13 @@ number! {
     u64: fmi3 GetUInt64.get_uint64, SetUInt64.set_uint64;
 }
 
-/// Bytes behind what an FMU is given to write into: it may write too much, into memory that is somebody else's.
+/// Number of guard bytes after a buffer for an FMU, which detect writes beyond its end.
 const GUARD: usize = 128;
-/// What they are.
+/// Value of the guard bytes.
 const BYTE: u8 = 0xa5;
 
 impl Instance {
-    /// Lets the FMU write numbers, and looks whether it has written more than those.
+    /// Lets the FMU write numbers into a buffer, and checks that it has not written beyond its end.
     #[inline]
     pub(super) fn guarded<T: Number>(
         &mut self,
@@ -100,12 +100,12 @@ impl Instance {
         room.clear();
         room.resize((size + GUARD).div_ceil(8), u64::from_ne_bytes([BYTE; 8]));
         let begin = room.as_mut_ptr().cast::<u8>();
-        // SAFETY: there is room for `size` bytes, which is not that of the values.
+        // SAFETY: the buffer has `size` bytes and does not overlap the values.
         unsafe { begin.copy_from_nonoverlapping(values.as_ptr().cast(), size) };
         let done = call(self, begin.cast());
-        // SAFETY: as above; any bytes are a number.
+        // SAFETY: as above; any bytes are a valid number.
         unsafe { begin.copy_to_nonoverlapping(values.as_mut_ptr().cast(), size) };
-        // SAFETY: there are `GUARD` more.
+        // SAFETY: `GUARD` more bytes follow.
         let guard = unsafe { std::slice::from_raw_parts(begin.add(size), GUARD) };
         let is_whole = guard.iter().fold(true, |is, &byte| is & (byte == BYTE));
         self.room = room;
@@ -129,7 +129,7 @@ impl Instance {
         CallError::Absurd { function, what }
     }
 
-    /// In FMI 2.0 every variable has one value, and the FMU is not told how many there are.
+    /// In FMI 2.0 every variable has one value, and the number of values is not passed to the FMU.
     #[inline]
     pub(super) fn check_lengths(&self, references: usize, values: usize) {
         if self.version() == FmiVersion::V2 {
@@ -154,7 +154,7 @@ impl Instance {
     /// `fmi2SetReal`, `fmi3SetFloat64`.
     ///
     /// # Panics
-    /// FMI 2.0: if there are not as many values as references, here and in the calls below.
+    /// FMI 2.0: if the numbers of values and references differ, here and in the calls below.
     #[inline]
     pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> Result<(), CallError> {
         f64::set(self, references, values)
@@ -183,7 +183,7 @@ impl Instance {
         let as2 = |&value: &bool| if value { TRUE } else { FALSE };
         let values2: Vec<Boolean> = values.iter().map(as2).collect();
         let (r, n) = (references.as_ptr(), references.len());
-        // SAFETY: the instance is alive, all arrays have as many elements as is said, here and below.
+        // SAFETY: the instance is alive; all arrays have the stated lengths, here and below.
         unsafe {
             call!(self, fmi2 SetBoolean.set_boolean(r, n, values2.as_ptr()),
                         fmi3 SetBoolean.set_boolean(r, n, values.as_ptr(), values.len()))
@@ -199,7 +199,7 @@ impl Instance {
         self.check_lengths(references.len(), values.len());
         let (r, n) = (references.as_ptr(), references.len());
         let mut values2: Vec<Boolean> = vec![FALSE; values.len()];
-        // Only 0 and 1 are a `bool` of Rust; an FMU may write other bytes.
+        // A Rust `bool` must be 0 or 1; an FMU may write other bytes.
         let mut bytes = vec![0u8; values.len()];
         // SAFETY: as above; a C `bool` is a byte.
         unsafe {
@@ -216,7 +216,7 @@ impl Instance {
     pub fn set_boolean(&mut self, reference: u32, value: bool) -> Result<(), CallError> {
         let value2 = if value { TRUE } else { FALSE };
         let r = &raw const reference;
-        // SAFETY: as above, with one of each; nothing is allocated.
+        // SAFETY: as above, with one element each; nothing is allocated.
         unsafe {
             call!(self, fmi2 SetBoolean.set_boolean(r, 1, &raw const value2),
                         fmi3 SetBoolean.set_boolean(r, 1, &raw const value, 1))
@@ -227,7 +227,7 @@ impl Instance {
     pub fn get_boolean(&mut self, reference: u32) -> Result<bool, CallError> {
         let (mut value2, mut byte) = (FALSE, 0u8);
         let r = &raw const reference;
-        // SAFETY: as above, with one of each; nothing is allocated.
+        // SAFETY: as above, with one element each; nothing is allocated.
         unsafe {
             call!(self, fmi2 GetBoolean.get_boolean(r, 1, &raw mut value2),
                         fmi3 GetBoolean.get_boolean(r, 1, (&raw mut byte).cast(), 1))?;
@@ -249,7 +249,7 @@ impl Instance {
         }
     }
 
-    /// `fmi2GetString`, `fmi3GetString`; `count` values in all.
+    /// `fmi2GetString`, `fmi3GetString`; `count` values in total.
     pub fn get_strings(
         &mut self,
         references: &[u32],
@@ -259,8 +259,7 @@ impl Instance {
         let mut pointers: Vec<*const c_char> = vec![ptr::null(); count];
         let (r, n) = (references.as_ptr(), references.len());
         let p = pointers.as_mut_ptr();
-        // SAFETY: as above; after success the FMU's pointers are NULL or to strings that live until the
-        // next call.
+        // SAFETY: as above; after success the FMU's pointers are NULL or strings that are valid until the next call.
         unsafe {
             call!(self, fmi2 GetString.get_string(r, n, p), fmi3 GetString.get_string(r, n, p, count))?;
             let texts = pointers.iter().map(|&text| owned(text));
@@ -289,7 +288,7 @@ impl Instance {
         unsafe { call!(self, fmi3 SetBinary.set_binary(r, n, s, p, values.len())) }
     }
 
-    /// `fmi3GetBinary`; `count` values in all.
+    /// `fmi3GetBinary`; `count` values in total.
     pub fn get_binaries(
         &mut self,
         references: &[u32],
@@ -303,16 +302,16 @@ impl Instance {
         unsafe { call!(self, fmi3 GetBinary.get_binary(r, n, s, p, count))? };
         let copy = |(&bytes, &size): (&*const u8, &usize)| match bytes.is_null() {
             true => Vec::new(),
-            // SAFETY: after success these are that many bytes, which live until the next call.
+            // SAFETY: after success there are `size` bytes, which are valid until the next call.
             false => unsafe { std::slice::from_raw_parts(bytes, size) }.to_vec(),
         };
         Ok(pointers.iter().zip(&sizes).map(copy).collect())
     }
 
-    /// `fmi3SetClock`: which clocks tick.
+    /// `fmi3SetClock`: sets which clocks tick.
     ///
     /// # Panics
-    /// If there are not as many values as references, here and below.
+    /// If the numbers of values and references differ, here and below.
     pub fn set_clocks(&mut self, references: &[u32], values: &[bool]) -> Result<(), CallError> {
         assert_eq!(references.len(), values.len());
         let (r, n) = (references.as_ptr(), references.len());
@@ -320,7 +319,7 @@ impl Instance {
         unsafe { call!(self, fmi3 SetClock.set_clock(r, n, values.as_ptr())) }
     }
 
-    /// `fmi3GetClock`: which clocks tick. Reading an output clock turns it off.
+    /// `fmi3GetClock`: which clocks tick. Reading an output clock resets it.
     pub fn get_clocks(&mut self, references: &[u32], values: &mut [bool]) -> Result<(), CallError> {
         assert_eq!(references.len(), values.len());
         let (r, n) = (references.as_ptr(), references.len());

@@ -1,9 +1,9 @@
-//! What the logger callback of FMI 2.0 receives.
+//! The logger callback of FMI 2.0.
 //!
-//! The message is a `printf` format with values (FMI 2.0, section 2.1.5), so that the callback has a
-//! variable number of arguments. Stable Rust cannot define such a function. On x86-64 with the
-//! System V calling convention (Linux, macOS) an assembly entry makes a `va_list` of the registers and
-//! the C library formats; elsewhere the format is shown as it came, with the values left out.
+//! The message is a `printf` format with values (FMI 2.0, section 2.1.5), so the callback is variadic. Stable Rust
+//! cannot define such a function. On x86-64 with the System V calling convention (Linux, macOS) an assembly entry point
+//! builds a `va_list` from the registers and the C library formats the message; on other platforms the format is shown
+//! unchanged, without the values.
 
 use crate::binding::owned_message;
 use crate::environment;
@@ -11,14 +11,14 @@ use crate::message::Message;
 use pilotage_abi::fmi2::{Char, ComponentEnvironment, Status};
 use std::ffi::c_void;
 
-/// How long a formatted message may be [bytes].
+/// Maximum length of a formatted message [bytes].
 #[cfg(all(target_arch = "x86_64", unix))]
 const LONGEST: usize = 4096;
 
-/// Notes a message; `values` is NULL or the `va_list` of the values.
+/// Stores a message; `values` is NULL or the `va_list` of the values.
 ///
 /// # Safety
-/// Strings are NULL or end with a NUL; `values` fits the format, as the FMU vouches.
+/// Strings are NULL or NUL-terminated; `values` matches the format, for which the FMU vouches.
 unsafe extern "C" fn receive(
     environment: ComponentEnvironment,
     instance_name: *const Char,
@@ -27,7 +27,7 @@ unsafe extern "C" fn receive(
     format: *const Char,
     values: *mut c_void,
 ) {
-    // SAFETY: handed on from the caller.
+    // SAFETY: the obligation is passed on from the caller.
     let (instance_name, category, text) = unsafe {
         let category = owned_message(category).unwrap_or_default();
         (
@@ -49,10 +49,10 @@ mod sys_v {
         fn vsnprintf(to: *mut Char, size: usize, format: *const Char, values: *mut c_void) -> i32;
     }
 
-    /// The logger callback: spills the registers that may hold values, makes a `va_list` of them
-    /// (System V ABI, AMD64 supplement, section 3.5.7) and calls [`receive`].
+    /// The logger callback: saves the registers that may hold values, builds a `va_list` from them (System V ABI, AMD64
+    /// supplement, section 3.5.7) and calls [`receive`].
     ///
-    /// Five arguments have names, so that the first value is in the sixth register, r9.
+    /// There are five named arguments, so the first value is in the sixth register, r9.
     #[unsafe(naked)]
     pub(super) unsafe extern "C" fn entry(
         environment: ComponentEnvironment,
@@ -62,13 +62,13 @@ mod sys_v {
         format: *const Char,
         first: usize,
     ) {
-        // Frame: 176 bytes register save area, 24 bytes va_list, 8 bytes to align.
+        // Frame: 176 bytes register save area, 24 bytes va_list, 8 bytes for alignment.
         std::arch::naked_asm!(
             "push rbp",
             "mov rbp, rsp",
             "sub rsp, 208",
             "mov [rsp + 40], r9",
-            // al: whether any vector register is in use.
+            // al: nonzero if vector registers are in use.
             "test al, al",
             "je 2f",
             "movaps [rsp + 48], xmm0",
@@ -94,18 +94,19 @@ mod sys_v {
         )
     }
 
-    /// The format with its values.
+    /// The format, expanded with its values.
     ///
-    /// What writes to memory, or more than anybody reads, is not expanded: the format is shown as it is.
+    /// Formats that write to memory, or whose output would be too long, are not expanded but shown unchanged.
     ///
     /// # Safety
-    /// `format` is NULL or ends with a NUL; `values` fits it.
+    /// `format` is NULL or NUL-terminated; `values` matches it.
     pub(super) unsafe fn expand(format: *const Char, values: *mut c_void) -> String {
-        // SAFETY: handed on from the caller.
+        // SAFETY: the obligation is passed on from the caller.
         let Some(raw) = (unsafe { owned_message(format) }) else {
             return String::new();
         };
-        if !raw.contains('%') || !is_harmless(&raw) {
+        // Of longer formats the end is not in `raw`.
+        if !raw.contains('%') || raw.len() >= LONGEST || !is_harmless(&raw) {
             return raw;
         }
         let mut text = vec![0u8; LONGEST];
@@ -120,8 +121,8 @@ mod sys_v {
         }
     }
 
-    /// Whether a format has no conversion `n`, and none whose width or precision may be longer than what is kept: the C
-    /// library would fill a width of 2147483647 for seconds.
+    /// Whether a format has neither a conversion `n` nor a width or precision that may exceed the maximum length: the C
+    /// library would take seconds for a width of 2147483647.
     fn is_harmless(format: &str) -> bool {
         let mut rest = format;
         while let Some((_, conversion)) = rest.split_once('%') {
@@ -132,7 +133,7 @@ mod sys_v {
             let is_long = |digits: &str| {
                 !digits.is_empty() && !digits.parse().is_ok_and(|n: usize| n < LONGEST)
             };
-            // A text ends where it ends, whatever precision is given for it.
+            // A precision only shortens a string, whatever its value.
             let is_given = match kind.starts_with('s') {
                 true => modifiers
                     .split('.')
@@ -180,10 +181,10 @@ mod sys_v {
 #[cfg(all(target_arch = "x86_64", unix))]
 use sys_v::{entry, expand};
 
-/// The logger callback where no entry in assembly exists: named arguments alone.
+/// The logger callback on platforms without the assembly entry point: named arguments only.
 ///
 /// # Safety
-/// Strings are NULL or end with a NUL.
+/// Strings are NULL or NUL-terminated.
 #[cfg(not(all(target_arch = "x86_64", unix)))]
 unsafe extern "C" fn entry(
     environment: ComponentEnvironment,
@@ -194,21 +195,21 @@ unsafe extern "C" fn entry(
     _first: usize,
 ) {
     let none = std::ptr::null_mut();
-    // SAFETY: handed on from the caller.
+    // SAFETY: the obligation is passed on from the caller.
     unsafe { receive(environment, instance_name, status, category, format, none) }
 }
 
-/// The format as it is.
+/// The format, unchanged.
 ///
 /// # Safety
-/// `format` is NULL or ends with a NUL.
+/// `format` is NULL or NUL-terminated.
 #[cfg(not(all(target_arch = "x86_64", unix)))]
 unsafe fn expand(format: *const Char, _values: *mut c_void) -> String {
-    // SAFETY: handed on from the caller.
+    // SAFETY: the obligation is passed on from the caller.
     unsafe { owned_message(format) }.unwrap_or_default()
 }
 
-/// The logger callback with the type that the standard gives it.
+/// The logger callback with the type required by the standard.
 pub(crate) fn callback() -> pilotage_abi::fmi2::types::CallbackLogger {
     let entry: unsafe extern "C" fn(
         ComponentEnvironment,
@@ -218,8 +219,7 @@ pub(crate) fn callback() -> pilotage_abi::fmi2::types::CallbackLogger {
         *const Char,
         usize,
     ) = entry;
-    // SAFETY: both are pointers to code. A caller passes the five named arguments just as to a
-    // function of fixed arity on all platforms that we know; the sixth is read only where the
-    // assembly above knows where it stands.
+    // SAFETY: both are function pointers. On all known platforms a caller passes the five named arguments as to a
+    // function of fixed arity; the sixth is read only by the assembly above, which knows its location.
     unsafe { std::mem::transmute(entry) }
 }

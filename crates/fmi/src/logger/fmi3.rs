@@ -1,4 +1,4 @@
-//! What the logger callback of FMI 3.0 receives: plain text (section 2.2.3).
+//! The logger callback of FMI 3.0, which receives plain text (section 2.2.3).
 
 use crate::binding::owned_message;
 use crate::environment;
@@ -6,17 +6,17 @@ use crate::message::Message;
 use pilotage_abi::fmi2;
 use pilotage_abi::fmi3::{InstanceEnvironment, LogMessageCallback, Status, String as CString};
 
-/// Notes a message.
+/// Stores a message.
 ///
 /// # Safety
-/// Strings are NULL or end with a NUL.
+/// Strings are NULL or NUL-terminated.
 unsafe extern "C" fn receive(
     environment: InstanceEnvironment,
     status: Status,
     category: CString,
     message: CString,
 ) {
-    // SAFETY: handed on from the caller.
+    // SAFETY: the obligation is passed on from the caller.
     let (category, text) = unsafe {
         let category = owned_message(category).unwrap_or_default();
         (category, owned_message(message).unwrap_or_default())

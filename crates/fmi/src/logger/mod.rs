@@ -1,4 +1,4 @@
-//! The logger callbacks that instances get.
+//! Logger callbacks of instances.
 
 pub(super) mod fmi2;
 pub(super) mod fmi3;

@@ -1,17 +1,17 @@
-//! Why a run of model exchange cannot go on.
+//! Errors of model exchange runs.
 
 use crate::CallError;
 use crate::instance::MAX_EVENT_INDICATORS;
 use pilotage_ode::IntegrationError;
 use thiserror::Error;
 
-/// Why a run of model exchange cannot go on.
+/// Why a model exchange run failed.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum RunError {
     /// A call failed.
     #[error(transparent)]
     Call(#[from] CallError),
-    /// The solver cannot go on.
+    /// The solver failed.
     #[error(transparent)]
     Integration(#[from] IntegrationError<CallError>),
     /// The event iteration does not end.
@@ -19,29 +19,29 @@ pub enum RunError {
         "at {time} s the FMU still wants new discrete states after {rounds} rounds of the event iteration"
     )]
     EventIteration {
-        /// Where \[s\].
+        /// Time \[s\].
         time: f64,
-        /// How many rounds there were.
+        /// Number of rounds.
         rounds: u32,
     },
-    /// It says that it has more event indicators than any model.
+    /// It reports more event indicators than any model has.
     #[error(
         "it has {indicators} event indicators; {MAX_EVENT_INDICATORS} are the most that are taken"
     )]
     Indicators {
-        /// How many.
+        /// Number of event indicators.
         indicators: usize,
     },
-    /// Events come faster and faster (Zeno), or chatter.
+    /// Events accumulate (Zeno behaviour), or chatter.
     #[error(
         "{events} events within {span:e} s at {time} s: the model chatters, or its events come ever faster"
     )]
     Chattering {
-        /// Where \[s\].
+        /// Time \[s\].
         time: f64,
-        /// How many there were.
+        /// Number of events.
         events: u32,
-        /// In which time \[s\].
+        /// Time span of the events \[s\].
         span: f64,
     },
 }

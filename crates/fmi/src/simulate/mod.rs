@@ -1,5 +1,5 @@
-//! A model exchange instance integrated in time (FMI 2.0, section 3.2; FMI 3.0, section 3): continuous
-//! states by an error-controlled solver, with state, time and step events.
+//! Time integration of a model exchange instance (FMI 2.0, section 3.2; FMI 3.0, section 3): an error-controlled solver
+//! for the continuous states, with state, time and step events.
 //!
 //! ```text
 //! instance in event mode -> ModelExchangeRun::begin -> set inputs, step_to(t), read outputs, ... -> terminate
@@ -17,20 +17,20 @@ use super::version::State;
 use pilotage_abi::{fmi2, fmi3};
 use pilotage_ode::{Advance, Method, Solver};
 
-/// How a run is solved.
+/// Solver options of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunOptions {
-    /// Error that a step of the solver may have, relative to each state; beside that, a hundredth of it
-    /// relative to the state's nominal value.
+    /// Error tolerance of a solver step, relative to each state; in addition, a hundredth of it relative to the nominal
+    /// value of the state.
     pub tolerance: f64,
-    /// Which method solves.
+    /// Integration method.
     pub method: Method,
-    /// Longest step of the solver \[s\].
+    /// Maximum step of the solver \[s\].
     pub longest_step: f64,
 }
 
 impl Default for RunOptions {
-    /// A tolerance of 1e-6, steps as long as the error allows, the method as the problem wants it.
+    /// Tolerance 1e-6, steps limited only by the error, method selected according to the problem.
     fn default() -> Self {
         Self {
             tolerance: 1e-6,
@@ -40,31 +40,31 @@ impl Default for RunOptions {
     }
 }
 
-/// Where [`ModelExchangeRun::step_to`] ended.
+/// Result of [`ModelExchangeRun::step_to`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reached {
-    /// At the time asked for.
+    /// The requested time was reached.
     Target,
-    /// At this time \[s\], where the model wants the simulation to end.
+    /// The model requested the end of the simulation at this time \[s\].
     EndRequested(f64),
 }
 
-/// What a run has cost.
+/// Work statistics of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct RunWork {
     /// The solver's work.
     pub solver: pilotage_ode::Work,
-    /// Events where an indicator changed.
+    /// Number of events at which an indicator changed sign.
     pub state_events: u64,
-    /// Events at a time that the model named.
+    /// Number of events at times given by the model.
     pub time_events: u64,
-    /// Events that the model asked for after a step.
+    /// Number of events requested by the model after a step.
     pub step_events: u64,
-    /// Events where inputs jumped.
+    /// Number of events at which inputs jumped.
     pub input_events: u64,
 }
 
-/// What [`ModelExchangeRun::save`] keeps; valid for the run that made it.
+/// A state saved by [`ModelExchangeRun::save`]; valid for the run that created it.
 #[derive(Debug, Clone)]
 pub struct SavedRun {
     instance: Saved,
@@ -76,27 +76,27 @@ pub struct SavedRun {
     cluster: (f64, u32),
 }
 
-/// A model exchange instance on its way through time. Outputs may be read whenever it stands.
+/// The simulation of a model exchange instance. Outputs may be read after each step.
 #[derive(Debug)]
 pub struct ModelExchangeRun {
     model: Model,
     solver: Solver,
     options: RunOptions,
-    /// Whether `completedIntegratorStep` is wanted.
+    /// Whether `completedIntegratorStep` must be called.
     tells_steps: bool,
     next_time: Option<f64>,
     x: Vec<f64>,
     nominals: Vec<f64>,
     is_over: bool,
-    /// Beyond this time the instance is not asked [s].
+    /// Stop time, beyond which the instance is not evaluated [s].
     stop: f64,
-    /// First event of those that followed each other at once, and their number.
+    /// Time of the first event of the current cluster of events, and their number.
     cluster: (f64, u32),
     work: RunWork,
 }
 
 impl ModelExchangeRun {
-    /// For an instance for model exchange that is not initialized yet; [`Self::instance`] is there to do it.
+    /// Takes an instance for model exchange that is not initialized yet; initialize it by [`Self::instance`].
     pub fn new(instance: Instance, description: &ModelDescription, options: RunOptions) -> Self {
         let me = description.model_exchange.as_ref();
         Self {
@@ -114,23 +114,22 @@ impl ModelExchangeRun {
         }
     }
 
-    /// The instance. Once the run has begun, what is set this way should be set in event mode: see
-    /// [`Self::event_mode`].
+    /// The instance. Once the run has begun, variables should be set in event mode: see [`Self::event_mode`].
     pub fn instance(&mut self) -> &mut Instance {
         &mut self.model.instance
     }
 
-    /// Where it stands \[s\].
+    /// Current time \[s\].
     pub fn time(&self) -> f64 {
         self.solver.time()
     }
 
-    /// The continuous states there.
+    /// Continuous states at the current time.
     pub fn states(&self) -> &[f64] {
         self.solver.state()
     }
 
-    /// What it has cost.
+    /// Work statistics so far.
     pub fn work(&self) -> RunWork {
         RunWork {
             solver: self.solver.work(),
@@ -138,17 +137,17 @@ impl ModelExchangeRun {
         }
     }
 
-    /// The tolerance, which may be changed until the run begins.
+    /// Sets the tolerance, until the run begins.
     pub fn set_tolerance(&mut self, tolerance: f64) {
         self.options.tolerance = tolerance;
     }
 
-    /// Tells the stop time of the experiment \[s\], beyond which no instance needs to work.
+    /// Sets the stop time of the experiment \[s\], beyond which the instance is not evaluated.
     pub fn set_stop(&mut self, stop: Option<f64>) {
         self.stop = stop.unwrap_or(f64::INFINITY);
     }
 
-    /// Begins at `start` \[s\]: the instance has just left initialization mode, and is in event mode.
+    /// Begins at `start` \[s\]: the instance has just left initialization mode and is in event mode.
     ///
     /// # Errors
     /// See [`RunError`], here and below.
@@ -165,11 +164,11 @@ impl ModelExchangeRun {
         self.finish_event(true)
     }
 
-    /// Real inputs from now on: held, or rising with `slopes` (in their units per second). Where one of them
-    /// jumps, the model is told of an event.
+    /// Sets real inputs from now on: held, or linear with `slopes` (in their units per second). If one of them jumps,
+    /// an event is triggered.
     ///
     /// # Panics
-    /// If there are not as many values and slopes as references.
+    /// If the numbers of values or slopes and references differ.
     pub fn set_inputs(
         &mut self,
         references: &[u32],
@@ -186,7 +185,7 @@ impl ModelExchangeRun {
         Ok(())
     }
 
-    /// Saves all that changes, to go back to any number of times; over `old` if there is one.
+    /// Saves the complete state, which can be restored any number of times; overwrites `old` if given.
     pub fn save(&mut self, old: Option<SavedRun>) -> Result<SavedRun, RunError> {
         let (solver, instance) = (&self.solver, &mut self.model.instance);
         let (mut x, saved) = match old {
@@ -206,7 +205,7 @@ impl ModelExchangeRun {
         })
     }
 
-    /// Goes back to where it was saved.
+    /// Restores a saved state.
     pub fn restore(&mut self, saved: &SavedRun) -> Result<(), RunError> {
         self.model.instance.restore(saved.instance)?;
         self.model.set_back(&saved.inputs);
@@ -217,7 +216,7 @@ impl ModelExchangeRun {
         Ok(())
     }
 
-    /// Goes to event mode, to set what is discrete; the event is handled when time goes on.
+    /// Enters event mode, to set discrete variables; the event is handled when the simulation continues.
     pub fn event_mode(&mut self) -> Result<&mut Instance, RunError> {
         if !self.is_in_event_mode() {
             self.model.instance.enter_event_mode()?;
@@ -226,12 +225,12 @@ impl ModelExchangeRun {
         Ok(&mut self.model.instance)
     }
 
-    /// Time derivatives of real outputs where it stands, with the inputs going on as they do [their units per
-    /// second]: by differences of second order over `span` \[s\] ahead, as if no event came, the states along their
-    /// derivatives. 0 once the model has asked for the end.
+    /// Time derivatives of real outputs at the current time [their units per second], with the inputs continued: by
+    /// second-order forward differences over `span` \[s\], ignoring events, with the states extrapolated along their
+    /// derivatives. 0 after the model has requested the end.
     ///
     /// # Panics
-    /// If there are not as many slopes as references.
+    /// If the numbers of slopes and references differ.
     pub fn output_slopes(
         &mut self,
         references: &[u32],
@@ -268,7 +267,7 @@ impl ModelExchangeRun {
         state == State::Fmi2(fmi2::State::EventMode) || state == State::Fmi3(fmi3::State::EventMode)
     }
 
-    /// Integrates to `target` \[s\], all events on the way and there handled.
+    /// Integrates to `target` \[s\], and handles all events up to and at that time.
     pub fn step_to(&mut self, target: f64) -> Result<Reached, RunError> {
         if self.is_in_event_mode() {
             self.finish_event(false)?;
@@ -282,12 +281,12 @@ impl ModelExchangeRun {
         })
     }
 
-    /// One step of the solver, and the event at its end if there is one.
+    /// Performs one step of the solver, and handles the event at its end, if any.
     fn advance(&mut self, target: f64) -> Result<(), RunError> {
         let limit = self.next_time.map_or(target, |next| next.min(target));
         let mut is_state_event = false;
         let mut is_step_event = false;
-        // The model may have named a time that is already here.
+        // The next time event may be due already.
         if limit > self.time() {
             let advance = self.solver.advance(&mut self.model, limit)?;
             is_state_event = advance == Advance::Event;
@@ -310,8 +309,8 @@ impl ModelExchangeRun {
         self.finish_event(is_state_event || is_time_event)
     }
 
-    /// The event iteration, and back to continuous-time mode. `is_new`: the equations may have become others,
-    /// so that the solver finds the length of its steps anew.
+    /// Performs the event iteration and returns to continuous-time mode. `is_new`: the equations may have changed, so
+    /// that the solver selects a new step size.
     fn finish_event(&mut self, is_new: bool) -> Result<(), RunError> {
         let Some(update) = self.model.instance.iterate_event()? else {
             let (time, rounds) = (self.time(), MAX_EVENT_ROUNDS);
@@ -335,7 +334,7 @@ impl ModelExchangeRun {
         Ok(())
     }
 
-    /// Absolute tolerances from the nominal values of the states.
+    /// Computes absolute tolerances from the nominal values of the states.
     fn read_nominals(&mut self) -> Result<(), RunError> {
         if self.nominals.is_empty() {
             return Ok(());
@@ -346,7 +345,7 @@ impl ModelExchangeRun {
         Ok(())
     }
 
-    /// An error if too many events come at once: the model would never come further.
+    /// An error if too many events follow each other immediately: the simulation would not progress.
     fn check_chattering(&mut self) -> Result<(), RunError> {
         const EVENTS: u32 = 200;
         let (t, span) = (self.time(), 1e-10 * (1.0 + self.time().abs()));
@@ -377,7 +376,7 @@ fn solver(indicators: usize, nominals: &[f64], options: RunOptions) -> Solver {
     Solver::new(indicators, options)
 }
 
-/// A state's nominal value may be wrong in an FMU: zero or negative counts as 1.
+/// The nominal value of a state may be invalid in an FMU: zero or negative values are replaced by 1.
 fn absolute(nominals: &[f64], tolerance: f64) -> Vec<f64> {
     let usable = |nominal: f64| {
         if nominal > 0.0 && nominal.is_finite() {

@@ -1,4 +1,4 @@
-//! A model exchange instance as equations for the solver.
+//! The equations of a model exchange instance for the solver.
 
 use crate::description::{ModelDescription, VariableKind};
 use crate::{CallError, Instance};
@@ -12,7 +12,7 @@ use std::collections::HashMap;
 pub(super) struct Model {
     pub(super) instance: Instance,
     inputs: Inputs,
-    /// Value references of the derivatives and of their states, where the FMU offers the Jacobian.
+    /// Value references of the derivatives and of their states, if the FMU provides the Jacobian.
     jacobian: Option<(Vec<u32>, Vec<u32>)>,
 }
 
@@ -45,7 +45,7 @@ impl Inputs {
         position
     }
 
-    /// Moves the time that slopes count from to `t`; the inputs stay the same functions.
+    /// Moves the reference time of the slopes to `t`; the inputs stay the same functions.
     fn rebase(&mut self, t: f64) {
         for position in 0..self.values.len() {
             self.values[position] = self.at(position, t);
@@ -75,7 +75,7 @@ impl Model {
         self.inputs.clone_from(inputs);
     }
 
-    /// Takes inputs from time `t` on. Says whether one of them jumps.
+    /// Takes inputs from time `t` on. Returns whether one of them jumps.
     pub(super) fn plan_inputs(
         &mut self,
         t: f64,
@@ -88,7 +88,7 @@ impl Model {
         for (i, (&reference, &value)) in references.iter().zip(values).enumerate() {
             let position = self.inputs.position(reference);
             let before = self.inputs.values[position];
-            // What goes on as it did, but for rounding, is no jump; what was never set is one.
+            // A value that continues as before, except for rounding, is no jump; the first value is one.
             let is_same = (value - before).abs() <= 1e-12 * value.abs().max(before.abs());
             jumps |= !is_same && value != before;
             self.inputs.values[position] = value;
@@ -110,12 +110,12 @@ impl Model {
         }
     }
 
-    /// Puts the instance at `(t, x)`.
+    /// Sets time and states of the instance.
     pub(super) fn put(&mut self, t: f64, x: &[f64]) -> Result<(), CallError> {
         self.put_ahead(t, 0.0, f64::INFINITY, x)
     }
 
-    /// Puts the instance at `x` and `ahead` [s] after `t`, its time not beyond `stop`.
+    /// Sets the states `x` and the time `ahead` [s] after `t`, at most `stop`.
     pub(super) fn put_ahead(
         &mut self,
         t: f64,
@@ -134,7 +134,7 @@ impl Model {
     }
 }
 
-/// Value references of the derivatives and of their states; `None` if there are none, or arrays among them.
+/// Value references of the derivatives and of their states; `None` if any is missing or an array.
 fn derivatives_and_states(description: &ModelDescription) -> Option<(Vec<u32>, Vec<u32>)> {
     let variable = |index: u32| description.variables.get((index as usize).checked_sub(1)?);
     let pair = |index: u32| {
@@ -151,7 +151,7 @@ fn derivatives_and_states(description: &ModelDescription) -> Option<(Vec<u32>, V
     Some(pairs?.into_iter().unzip())
 }
 
-/// `false` for a call that the FMU discarded: the values are not defined there.
+/// `false` if the FMU discarded the call: the values are not defined at this point.
 fn defined(result: Result<(), CallError>) -> Result<bool, CallError> {
     match result {
         Ok(()) => Ok(true),

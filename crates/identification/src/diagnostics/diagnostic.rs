@@ -1,12 +1,12 @@
-//! What may be odd about a fit, with the words and the code of each.
+//! Diagnostics of a fit, with message and code.
 
 use pilotage_inference::spectrum::{Contradiction, Starved};
 use thiserror::Error;
 
-/// One reason to look twice at a fit.
+/// A reason to check a fit.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Diagnostic {
-    /// The closed loop has a pole in the right half-plane: flown on, this pilot leaves the target.
+    /// The closed loop has a pole in the right half-plane: this pilot leaves the target if the flight continues.
     #[error(
         "the closed loop is UNSTABLE: with its vehicle this pilot has a pole at {pole:+.2e} 1/s, so it \
          leaves the target when it is flown on{}",
@@ -15,26 +15,26 @@ pub enum Diagnostic {
     UnstableLoop {
         /// Real part of the rightmost pole [1/s].
         pole: f64,
-        /// True where the options do not ask for a stable loop.
+        /// Whether the options allow an unstable loop.
         allowed: bool,
     },
     /// The vehicle does not move in any run.
     #[error("the vehicle does not move in any run: nothing can be said of the pilot")]
     ConstantData,
-    /// No run has a target away from where it begins, so that all that moves is the pilot's own noise.
+    /// No run has a target away from its initial position, so that all motion is the pilot's own noise.
     #[error(
-        "{}: what moves is the human's own noise, and no pilot can be told from that; record runs to targets {}, or \
+        "{}: what moves is the human's own noise, and no pilot can be identified from that; record runs to targets {}, or \
          to moving ones",
         targets(*.forcing, *.error),
         if *.forcing == 0.0 { "away from the start" } else { "farther away" }
     )]
     NoForcing {
-        /// The farthest that a target is from where its run begins \[m\].
+        /// Largest distance of a target from the initial position of its run \[m\].
         forcing: f64,
         /// The largest error of a run \[m\].
         error: f64,
     },
-    /// The positions follow the targets with a factor that no human flies.
+    /// The positions follow the targets with a factor that no human produces.
     #[error(
         "the vehicle moves {factor:.3} times as far as its targets: position or target has {}",
         match *.factor < 0.0 {
@@ -43,22 +43,22 @@ pub enum Diagnostic {
         }
     )]
     WrongScale {
-        /// Slope of the positions over the targets, both from where the run begins.
+        /// Slope of the positions over the targets, both relative to the start of the run.
         factor: f64,
     },
-    /// The runs are so short, or their samples so far apart, that another unit of time is likely.
+    /// The runs are so short, or their samples so sparse, that another time unit is likely.
     #[error(
         "the longest run takes {duration:.1} s with a sample every {step:.2e} s: a pilot acts within tenths \
          of a second and takes seconds to a target, so the times may be in another unit; head the column \
          with it, as in `time [ms]`"
     )]
     TimeScale {
-        /// The longest run \[s\].
+        /// Duration of the longest run \[s\].
         duration: f64,
         /// Median time between its samples \[s\].
         step: f64,
     },
-    /// A run that is fitted far worse than the others.
+    /// The fit of one run is far worse than that of the others.
     #[error(
         "{run} is fitted {ratio:.1} times as badly as the others: its origin, its target or its unit may be \
          another, or another pilot flew; see what the fit is without it"
@@ -66,28 +66,28 @@ pub enum Diagnostic {
     Misfit {
         /// Name of the run.
         run: String,
-        /// Its rms residual over the median of all runs'.
+        /// Its rms residual over the median of all runs.
         ratio: f64,
     },
-    /// The recorded stick stays at zero, and the vehicle moves.
+    /// The recorded stick stays at zero although the vehicle moves.
     #[error(
         "the recorded stick of {run} stays at zero while the vehicle moves: leave the column out"
     )]
     DeadStick {
-        /// Name of the first run of which this is so.
+        /// Name of the first such run.
         run: String,
     },
-    /// A long time without a row, in a fit that came to nothing.
+    /// A long gap between rows, in a fit that failed.
     #[error("{run} has no rows from {from} s to {to} s: split it there, or fit with a --mesh-step")]
     Gap {
         /// Name of the run.
         run: String,
-        /// The last row before it \[s\].
+        /// Time of the last row before the gap \[s\].
         from: f64,
-        /// The first after it \[s\].
+        /// Time of the first row after the gap \[s\].
         to: f64,
     },
-    /// A run that is fitted from rest is already in motion.
+    /// A run that is fitted from rest is in motion at its start.
     #[error(
         "{run} begins at {speed:.2} m/s, and full stick from rest gives {most:.2} m/s: it was in motion \
          before its first sample; begin the recording earlier, or fit with --initial-state free"
@@ -95,12 +95,12 @@ pub enum Diagnostic {
     Moving {
         /// Name of the run.
         run: String,
-        /// Its speed over the first samples [m/s].
+        /// Speed over the first samples [m/s].
         speed: f64,
-        /// What full stick from hover gives over the same time [m/s].
+        /// Speed that full stick from hover yields over the same time [m/s].
         most: f64,
     },
-    /// A target that is elsewhere for one or two samples.
+    /// A target that differs for one or two samples.
     #[error(
         "the target of {run} is {target} m at {time} s and {around} m before and after: if that is an error, \
          mend it, since the pilot is made to answer it"
@@ -115,7 +115,7 @@ pub enum Diagnostic {
         /// The target before and after \[m\].
         around: f64,
     },
-    /// The recording jumps and does not come back.
+    /// The recording jumps and does not return.
     #[error(
         "{run} jumps by {size:.3e}{} at {time} s and does not come back: part of it may have another origin \
          or unit",
@@ -124,9 +124,9 @@ pub enum Diagnostic {
     Jump {
         /// Name of the run.
         run: String,
-        /// Time of the first sample after it \[s\].
+        /// Time of the first sample after the jump \[s\].
         time: f64,
-        /// How far, with its unit.
+        /// Size of the jump.
         size: f64,
         /// Unit of the size.
         unit: &'static str,
@@ -134,7 +134,7 @@ pub enum Diagnostic {
     /// The stick of the fitted pilot stays at zero.
     #[error("the fitted pilot does nothing: its stick stays at zero")]
     IdlePilot,
-    /// A sample far from its neighbours.
+    /// A sample that is far from its neighbours.
     #[error(
         "the sample of {run} at {time} s is {value:.3e}{} {}empty the cell if it is an error",
         symbol(.unit),
@@ -145,22 +145,22 @@ pub enum Diagnostic {
         run: String,
         /// Time of the sample \[s\].
         time: f64,
-        /// Recorded minus modelled; what was recorded, where the fit has no residual.
+        /// Recorded minus modelled; the recorded value if the fit has no residual.
         value: f64,
         /// Its unit.
         unit: &'static str,
-        /// How many such samples there are.
+        /// Number of such samples.
         count: usize,
-        /// Their part of the objective, 0 to 1; none where the fit has no residual.
+        /// Their share of the objective, 0 to 1; `None` if the fit has no residual.
         share: Option<f64>,
     },
-    /// The describing function of the flights is not that of the fit.
+    /// The describing function of the flights contradicts the fit.
     #[error(transparent)]
     Contradicted(Contradiction),
-    /// Sines tell fewer numbers than are sought.
+    /// The target's sines determine fewer parameters than are sought.
     #[error(transparent)]
     Starved(Starved),
-    /// The model explains little of what was recorded.
+    /// The model explains little of the recording.
     #[error(
         "the model explains {:.0} % of the variance of what was recorded: another --order, --vehicle \
          or --initial-state may do better",
@@ -170,7 +170,7 @@ pub enum Diagnostic {
         /// Variance accounted for, 1 at best.
         explained: f64,
     },
-    /// The recorded stick pushes the other way than the vehicle's motion implies.
+    /// The recorded stick has the opposite sign of what the vehicle's motion implies.
     #[error(
         "the recorded stick goes against the vehicle's motion (correlation {correlation:.2} with the \
          stick that the motion implies): forward is negative here, so its sign may be wrong"
@@ -179,7 +179,7 @@ pub enum Diagnostic {
         /// Correlation of the recorded stick with that of the inverted vehicle.
         correlation: f64,
     },
-    /// Mass, inertia and arm do not belong to one body.
+    /// Mass, inertia and arm length are inconsistent.
     #[error(
         "the vehicle's radius of gyration √(inertia/mass) is {gyration:.3} m with an arm of {arm} m: \
          one of mass, inertia and arm_length may be in another unit"
@@ -192,7 +192,7 @@ pub enum Diagnostic {
     },
     /// The vehicle's own pitch loop is unstable.
     #[error(
-        "the vehicle's own pitch loop is unstable, so nobody can have flown it; see `pilotage vehicle \
+        "the vehicle's own pitch loop is unstable, so it cannot have been flown; see `pilotage vehicle \
          check`"
     )]
     VehicleUnstable,
@@ -204,9 +204,9 @@ pub enum Diagnostic {
     Copy {
         /// Name of the flight.
         run: String,
-        /// Name of the one before.
+        /// Name of the first one with these samples.
         of: String,
-        /// How many flights are such copies.
+        /// Number of such copies.
         count: usize,
     },
     /// The mesh is coarser than a tenth of a run.
@@ -220,7 +220,7 @@ pub enum Diagnostic {
         /// The shortest run \[s\].
         duration: f64,
     },
-    /// Between the nodes of the mesh the solution is not one of the equations.
+    /// The solution does not follow the equations between the nodes of the mesh.
     #[error(
         "the mesh is too coarse: solved with short steps, the equations are {error:.2e} m rms from the \
          solution, whose residual is {residual:.2e} m rms; {run} is the worst, with an interval of \
@@ -236,22 +236,22 @@ pub enum Diagnostic {
         /// Longest interval of the worst run's mesh \[s\].
         interval: f64,
     },
-    /// The closed loop is stable about hover and leaves the target all the same: the stick comes to its stops.
+    /// The closed loop is stable about hover but leaves the target, since the stick reaches its stops.
     #[error(
         "the closed loop is stable for small errors alone: flown on towards a target {step:.3} m away, with \
          the stick at its stops, it is {error:.3} m off after {time:.0} s"
     )]
     Leaves {
-        /// The target, from where the flight begins \[m\].
+        /// The target relative to the start \[m\].
         step: f64,
-        /// When it was given up \[s\].
+        /// Time at which the simulation was ended \[s\].
         time: f64,
-        /// How far off it was then \[m\].
+        /// Distance from the target at that time \[m\].
         error: f64,
-        /// True where the options do not ask for a stable loop.
+        /// Whether the options allow an unstable loop.
         allowed: bool,
     },
-    /// The stick lies at its stops in many samples.
+    /// The stick is at its stops in many samples.
     #[error(
         "the stick lies at its stop in {}{:.0} % of the fitted ones: a linear pilot that is held \
          there is not what the human did",
@@ -259,39 +259,39 @@ pub enum Diagnostic {
         100.0 * .fitted
     )]
     SaturatedStick {
-        /// Part of the recorded samples, 0 to 1; none without a recorded stick.
+        /// Share of the recorded samples, 0 to 1; `None` without a recorded stick.
         recorded: Option<f64>,
-        /// Part of the fitted ones, 0 to 1.
+        /// Share of the fitted samples, 0 to 1.
         fitted: f64,
     },
-    /// Of several starts, one alone led to this objective, or one alone ran: there may be a better optimum.
+    /// Only one of several starts led to this objective, or only one ran: there may be a better optimum.
     #[error("{}", alone(*.starts))]
     OneStart {
         /// Number of starts.
         starts: usize,
     },
-    /// The fit was ended before all starts were tried.
+    /// The fit was stopped before all starts were tried.
     #[error(
         "{skipped} of {starts} starts were not tried, since the fit was ended; there may be a better optimum"
     )]
     StoppedEarly {
-        /// Starts that were not tried.
+        /// Number of starts that were not tried.
         skipped: usize,
-        /// All of them.
+        /// Number of all starts.
         starts: usize,
     },
-    /// A start passed a pilot with a lower objective, and did not converge: there is a better optimum.
+    /// A start reached a feasible iterate with a lower objective but did not converge: there is a better optimum.
     #[error(
         "start {start} came to a sum of squares of {objective:.6} and did not converge: there is a \
          better optimum, try --max-iterations or --random-starts 20"
     )]
     Lower {
-        /// Which start, from 1.
+        /// Number of the start, from 1.
         start: usize,
-        /// That objective, in units of [`crate::Fit::objective`].
+        /// That objective, in the unit of [`crate::Fit::objective`].
         objective: f64,
     },
-    /// Free initial states that no vehicle has: far beyond what it does afterwards.
+    /// Free initial states that are unphysical: far beyond the vehicle's later motion.
     #[error(
         "{run} begins with {state} = {value:.2}, which stays within {later:.2} after a second: its free \
          initial states explain what the pilot should, and many optima do so; fit with --initial-state \
@@ -302,7 +302,7 @@ pub enum Diagnostic {
         run: String,
         /// Name of the state.
         state: &'static str,
-        /// Its value at the start, in its own unit.
+        /// Its initial value, in its own unit.
         value: f64,
         /// Its largest magnitude after the first second.
         later: f64,
@@ -317,15 +317,14 @@ pub enum Diagnostic {
         if *.contradicted { ": what was flown is no stable loop, see --allow-unstable-loop" } else { "" }
     )]
     LoopOnBound {
-        /// Real part of the poles there [1/s].
+        /// Real part of the poles on the bound [1/s].
         pole: f64,
-        /// The highest frequency of a pair among them [rad/s]; none where they do not swing.
+        /// The highest frequency of a pair among them [rad/s]; `None` if they do not oscillate.
         swings: Option<f64>,
-        /// What the bound costs: how much greater the objective is than without it, relatively; none where it was
-        /// not looked at.
+        /// Relative increase of the objective due to the bound; `None` if not computed.
         cost: Option<f64>,
-        /// True where the human flew something else, as one sees: a pair swings, the bound costs as much as is left,
-        /// and that is no small part of what the vehicle moved.
+        /// Whether the human evidently flew something else: a pair oscillates, the bound costs as much as the remaining
+        /// residual, and that is a visible part of the vehicle's motion.
         contradicted: bool,
     },
     /// The closed loop has a pole so slow that the runs hardly show it.
@@ -335,32 +334,32 @@ pub enum Diagnostic {
         -1.0 / .pole
     )]
     SlowLoop {
-        /// Its real part [1/s].
+        /// Real part of the pole [1/s].
         pole: f64,
-        /// The longest run \[s\].
+        /// Duration of the longest run \[s\].
         duration: f64,
     },
-    /// θ1 lies on its bound: the pilot integrates the error for ever.
-    #[error("θ1 lies on its bound: this pilot integrates, which runs this short cannot tell")]
+    /// θ1 lies on its bound: the pilot is an integrator.
+    #[error("θ1 lies on its bound: this pilot integrates, which runs this short cannot determine")]
     Integrates,
-    /// Another of the conditions for a stable pilot holds with equality: it swings undamped.
+    /// Another condition for a stable pilot holds with equality: it oscillates undamped.
     #[error("the pilot lies on its stability bound: it swings undamped at {frequency:.3} rad/s")]
     PilotOnBound {
-        /// Its rightmost pole's frequency [rad/s].
+        /// Frequency of its rightmost pole [rad/s].
         frequency: f64,
     },
-    /// A pole is faster than any that samples so far apart can tell.
+    /// A pole is faster than the sampling can resolve.
     #[error(
-        "the pole at {pole:.3e} 1/s is faster than the samples can tell ({limit:.0} 1/s): \
+        "the pole at {pole:.3e} 1/s is faster than the samples resolve ({limit:.0} 1/s): \
          its size means nothing"
     )]
     FastPole {
-        /// Its real part [1/s].
+        /// Real part of the pole [1/s].
         pole: f64,
-        /// π over the time between samples [1/s].
+        /// π over the sampling interval [1/s].
         limit: f64,
     },
-    /// A pole lies on a zero: a pilot of lower order does the same.
+    /// A pole coincides with a zero: a pilot of lower order is equivalent.
     #[error("a pole of {pole:.3} 1/s lies on a zero: a lower --order says the same")]
     Cancelled {
         /// Magnitude of the pole [1/s].
@@ -368,10 +367,10 @@ pub enum Diagnostic {
     },
 }
 
-/// Part of the objective above which outliers govern the result.
+/// Share of the objective above which outliers dominate the result.
 const GOVERNS: f64 = 0.5;
 impl Diagnostic {
-    /// One word for scripts.
+    /// Code for scripts.
     pub fn code(&self) -> &'static str {
         match self {
             Self::UnstableLoop { .. } => "unstable-loop",
@@ -411,7 +410,7 @@ impl Diagnostic {
         }
     }
 
-    /// True when the recorded data hold nothing of a pilot, whatever was found.
+    /// Whether the recorded data contain no information about a pilot, whatever the fit is.
     pub fn is_of_data_without_pilot(&self) -> bool {
         matches!(
             self,
@@ -419,7 +418,7 @@ impl Diagnostic {
         )
     }
 
-    /// True when it makes the result meaningless: the fit is then no answer, converged or not.
+    /// Whether it makes the result meaningless, converged or not.
     pub fn is_fatal(&self) -> bool {
         match self {
             own if own.is_of_data_without_pilot() => true,
@@ -431,7 +430,7 @@ impl Diagnostic {
     }
 }
 
-/// How far the targets are from where the runs begin \[m\].
+/// Distance of the targets from the start of the runs \[m\].
 fn targets(forcing: f64, error: f64) -> String {
     match forcing {
         0.0 => "every run begins at its target, which stays there".to_owned(),
@@ -442,7 +441,7 @@ fn targets(forcing: f64, error: f64) -> String {
     }
 }
 
-/// How many flights are copies, where there is more than one.
+/// Number of copies, if there is more than one.
 fn others(count: usize) -> String {
     match count {
         1 => String::new(),
@@ -450,7 +449,7 @@ fn others(count: usize) -> String {
     }
 }
 
-/// How many samples are like the worst, and what part of the objective they are.
+/// Number of such samples, and their share of the objective.
 fn weight(count: usize, share: Option<f64>) -> String {
     let others = match count {
         1 => String::new(),
@@ -465,10 +464,10 @@ fn weight(count: usize, share: Option<f64>) -> String {
     }
 }
 
-/// Of so many starts, one came here.
+/// Message for the number of starts of which one led to the result.
 fn alone(starts: usize) -> String {
     match starts {
-        0 | 1 => "one start alone ran, so nothing tells whether there is a better optimum; leave --start out, or \
+        0 | 1 => "one start alone ran, so there may be a better optimum; leave --start out, or \
                   try --random-starts 8"
             .to_owned(),
         _ => format!(
@@ -478,20 +477,20 @@ fn alone(starts: usize) -> String {
     }
 }
 
-/// Where the loop lies on its bound, and what that means.
+/// Poles on the stability bound and their meaning.
 fn place(pole: f64, swings: Option<f64>) -> String {
     match swings {
         Some(frequency) => format!(
-            "a pair at {pole:.1e} ± {frequency:.2}i 1/s: it hardly comes to rest, and the human's own loop may not \
+            "a pair at {pole:.1e} ± {frequency:.2}i 1/s: it hardly settles, and the human's own loop may not \
              have been stable"
         ),
         None => format!(
-            "a pole at {pole:.1e} 1/s: flights this short do not tell how it settles in the long run"
+            "a pole at {pole:.1e} 1/s: flights this short do not show how it settles in the long run"
         ),
     }
 }
 
-/// A unit behind a number.
+/// Unit after a number.
 fn symbol(unit: &str) -> String {
     match unit {
         "1" => String::new(),

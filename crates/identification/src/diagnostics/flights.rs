@@ -1,4 +1,4 @@
-//! What the recorded flights and the vehicle say before anybody looks at θ.
+//! Diagnostics of the recorded flights and the vehicle, independent of θ.
 
 use super::{Diagnostic, Fit, FitOptions, Trial};
 use crate::Mesh;
@@ -9,29 +9,31 @@ use crate::vehicle::PitchLoop;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
-/// A run whose positions differ by less does not move [m].
+/// Range of the positions below which a run does not move [m].
 const STILL: f64 = 1e-6;
-/// A run is driven when its target is at least this part of its largest error away from its start; largest but for a few.
+/// A run is driven if its target is at least this part of its largest error away from its start; outliers are excluded
+/// by the quantile below.
 const DRIVEN: f64 = 0.5;
 const NEARLY_ALL: f64 = 0.98;
-/// Delays by which positions follow targets \[s\], and how many are looked at.
+/// Longest delay \[s\] between targets and positions, and number of delays tried.
 const LONGEST_DELAY: f64 = 1.5;
 const DELAYS: u32 = 15;
-/// Correlation of positions with targets from which the slope between them means something.
+/// Minimum correlation of positions with targets for a meaningful slope.
 const FOLLOWS: f64 = 0.7;
-/// Slopes of positions over targets that humans fly; little at first. Beyond them are other units: feet are 3.28.
+/// Slopes of positions over targets that humans produce; initially they are small. Slopes outside indicate another
+/// unit: feet give 3.28.
 const SLOPES: std::ops::RangeInclusive<f64> = -0.1..=2.5;
-/// Longest run that is too short for a task [s], and longest time between samples [s].
+/// Duration of a run below which it is too short for a task [s], and longest plausible time between samples [s].
 const SHORT: f64 = 1.0;
 const SPARSE: f64 = 2.0;
-/// Correlation below which the stick's sign is in doubt.
+/// Correlation below which the stick's sign is doubtful.
 const AGAINST: f64 = -0.5;
-/// Radius of gyration over arm length: that of any body with motors on arms.
+/// Radius of gyration over arm length of any body with motors on arms.
 const GYRATION: std::ops::RangeInclusive<f64> = 0.05..=5.0;
-/// Longest mesh interval, as a part of a run.
+/// Longest mesh interval relative to the run.
 const COARSE: f64 = 0.1;
 
-/// The diagnostics.
+/// The diagnostics of the flights.
 pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Diagnostic> {
     let vehicle = options.loop_vehicle().is_some();
     [
@@ -51,7 +53,7 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
     .collect()
 }
 
-/// Flights that have the same samples, to the bit.
+/// Flights with bitwise identical samples.
 fn copy(trials: &[Trial]) -> Option<Diagnostic> {
     let bits = |trial: &Trial| -> Vec<u64> {
         let columns = [&trial.time, &trial.target, &trial.position];
@@ -83,7 +85,7 @@ fn is_still(trial: &Trial) -> bool {
     most - least <= STILL
 }
 
-/// What is wrong with how the vehicle moves, of one run or of all.
+/// Diagnoses the motion of one or all runs.
 fn movement(trials: &[Trial]) -> Option<Diagnostic> {
     if trials.iter().all(is_still) {
         return Some(Diagnostic::ConstantData);
@@ -98,7 +100,7 @@ fn movement(trials: &[Trial]) -> Option<Diagnostic> {
             .map(|(w, z)| (w - z).abs());
         let mut errors: Vec<f64> = errors.filter(|e| e.is_finite()).collect();
         errors.sort_by(f64::total_cmp);
-        // But for single outliers.
+        // Excludes single outliers.
         let last = (NEARLY_ALL * errors.len() as f64) as usize;
         (trial.forcing(), errors.get(last).copied().unwrap_or(0.0))
     };
@@ -114,8 +116,8 @@ fn movement(trials: &[Trial]) -> Option<Diagnostic> {
     (!all.iter().any(is_driven)).then_some(none)
 }
 
-/// Slope of positions over targets as long ago as they are most like, both from where the runs begin, where it is no
-/// human's. A slope below zero means something where no delay makes them alike.
+/// Slope of positions over targets, both relative to the start, at the delay with the highest correlation, if no human
+/// produces it. A negative slope is used only if no delay gives a positive correlation.
 fn wrong_scale(trials: &[Trial]) -> Option<f64> {
     let all =
         (0..=DELAYS).map(|k| followed(trials, LONGEST_DELAY * f64::from(k) / f64::from(DELAYS)));
@@ -128,7 +130,7 @@ fn wrong_scale(trials: &[Trial]) -> Option<f64> {
     (!SLOPES.contains(&slope)).then_some(slope)
 }
 
-/// Correlation of positions with targets so long before \[s\], and the slope between them.
+/// Correlation of positions with the targets `delay` seconds earlier, and the slope between them.
 fn followed(trials: &[Trial], delay: f64) -> [f64; 2] {
     let (mut product, mut targets, mut positions) = (0.0, 0.0, 0.0);
     for trial in trials {
@@ -206,7 +208,7 @@ fn coarse_mesh(options: &FitOptions, trials: &[Trial]) -> Option<Diagnostic> {
 
 fn saturated(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Option<Diagnostic> {
     let sticks = trials.iter().filter_map(|trial| trial.stick.as_deref());
-    // The hand stops at full deflection, whatever limit the fit is given.
+    // A human's stick stops at full deflection, whatever the limit of the fit is.
     let recorded = at_stop(&sticks.flatten().copied().collect::<Vec<_>>(), 1.0);
     let model: Vec<f64> = fit.runs.iter().flat_map(|run| finite(&run.stick)).collect();
     let fitted = at_stop(&model, options.stick_limit).unwrap_or(0.0);

@@ -1,4 +1,4 @@
-//! What comes of the fitted pilot when the equations are solved without the optimiser.
+//! Diagnostics from simulations of the fitted pilot without the optimiser.
 
 use super::{Diagnostic, Fit, FitOptions, Trial};
 use crate::joint::Joint;
@@ -7,12 +7,12 @@ use crate::statistics::{range, rms};
 use crate::{Objective, RunFit};
 use rayon::prelude::*;
 
-/// The mesh is too coarse when its solution is off by more than this part of the rms residual ...
+/// The mesh is too coarse if the error of its solution exceeds this part of the rms residual ...
 const COARSE: f64 = 0.2;
-/// ... and by more than this part of what the vehicle moves.
+/// ... and this part of the vehicle's motion.
 const VISIBLE: f64 = 1e-3;
 
-/// The diagnostics.
+/// The diagnostics of the simulations.
 pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Diagnostic> {
     let Some(&vehicle) = options.loop_vehicle().filter(|_| fit.is_feasible()) else {
         return Vec::new();
@@ -29,7 +29,7 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
         .collect()
 }
 
-/// The equations solved from the states with which the solution begins, and the distance of the two.
+/// Distance of the solution from the equations integrated from the solution's initial states.
 fn mesh_error(
     fit: &Fit,
     options: &FitOptions,
@@ -65,7 +65,7 @@ fn mesh_error(
     })
 }
 
-/// The farthest target of all runs, flown to from rest and held.
+/// Simulates a step from rest to the farthest target of all runs.
 fn leaves(fit: &Fit, options: &FitOptions, joint: &Joint, trials: &[Trial]) -> Option<Diagnostic> {
     fit.closed_loop.as_ref().filter(|known| known.is_stable())?;
     let steps = trials.iter().zip(&fit.runs).flat_map(|(trial, run)| {

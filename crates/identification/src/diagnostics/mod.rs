@@ -1,5 +1,5 @@
-//! Why a fit may say less than it seems to: something is odd about the flights or the vehicle, other starts
-//! ended elsewhere, or the data cannot tell some of the pilot's parameters.
+//! Diagnostics: why a fit may be less reliable than it seems. The flights or the vehicle may be implausible, other
+//! starts may end elsewhere, or the data may not determine some of the pilot's parameters.
 
 mod diagnostic;
 mod flights;
@@ -12,7 +12,7 @@ pub use diagnostic::Diagnostic;
 use super::{Fit, FitOptions, Trial, frequency};
 use pilotage_inference::spectrum::Excitation;
 
-/// What speaks against taking `fit` at its word, the gravest first.
+/// Diagnostics of a fit, the most severe first.
 pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Diagnostic> {
     let mut diagnostics = flights::diagnostics(fit, options, trials);
     diagnostics.extend(samples::diagnostics(fit, options, trials));
@@ -21,7 +21,7 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
     diagnostics.extend(contradicted(fit, options, trials));
     diagnostics.extend(starved(fit, trials));
     if diagnostics.contains(&Diagnostic::ConstantData) {
-        // What a pilot of nothing is like, nobody needs to know.
+        // The properties of a pilot without data are irrelevant.
         diagnostics.retain(Diagnostic::is_fatal);
     }
     let rank = |diagnostic: &Diagnostic| {
@@ -34,14 +34,14 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
     diagnostics
 }
 
-/// Where what was fitted is not what the flights say of pilot and loop without a model.
+/// Whether the fit contradicts the describing functions of the flights.
 fn contradicted(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Option<Diagnostic> {
     let describing = frequency::describing(fit, trials, options);
     let found = describing.contradicted().filter(|_| fit.converged)?;
     Some(Diagnostic::Contradicted(found))
 }
 
-/// Where sines tell fewer numbers than θ has.
+/// Whether the target's sines determine fewer parameters than θ has.
 fn starved(fit: &Fit, trials: &[Trial]) -> Option<Diagnostic> {
     let excitation = Excitation::of(&frequency::flights(trials))?;
     let found = excitation.starved(fit.theta.len(), 1)?;

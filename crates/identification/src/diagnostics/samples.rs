@@ -1,4 +1,4 @@
-//! Samples that stand out: outliers, jumps, targets that flicker, runs that begin in motion.
+//! Diagnostics of samples: outliers, jumps, flickering targets, runs that start in motion.
 
 use super::{Diagnostic, Fit, FitOptions, Trial};
 use crate::simulate::at_full_stick;
@@ -7,18 +7,18 @@ use crate::trials::median_step;
 use crate::{InitialState, Objective, RunFit};
 use pilotage_inference::outliers::{self, Breaks, Kind, Values, median, resolution};
 
-/// A target that is elsewhere for no more samples is an error.
+/// Maximum number of samples by which a target differs in error.
 const FLICKER: usize = 2;
-/// What a target may change by beside a flicker, as a part of it.
+/// Maximum change of a target next to such samples, relative to their deviation.
 const QUIET: f64 = 0.1;
-/// The first samples of a run [s], at least three, that say whether it moves.
+/// Duration of the first samples of a run [s], at least three, that show whether it moves.
 const BEGINNING: f64 = 0.5;
-/// So many usual steps without a row are a gap.
+/// Multiple of the usual step from which on a time without rows is a gap.
 const GAP: f64 = 10.0;
-/// Standard errors that a speed is beyond what rest allows.
+/// Number of standard errors by which a speed must exceed the possible speed from rest.
 const SURE: f64 = 5.0;
 
-/// The diagnostics.
+/// The diagnostics of the samples.
 pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Diagnostic> {
     let unit = options.objective.unit();
     let looked_at = looked_at(fit, trials);
@@ -38,7 +38,7 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
     all.into_iter().flatten().collect()
 }
 
-/// A run and what is looked at: its residuals, or what was recorded where the fit has none.
+/// The residuals of each run, or the recorded positions if the fit is not feasible.
 fn looked_at(fit: &Fit, trials: &[Trial]) -> Vec<Values> {
     let pairs = trials.iter().zip(&fit.runs);
     let values = |(trial, run): (&Trial, &RunFit)| Values {
@@ -84,7 +84,7 @@ fn jump(breaks: &Breaks, trials: &[Trial], unit: &'static str) -> Option<Diagnos
     })
 }
 
-/// A target that leaves its value for some samples and comes back to it, quiet before and after.
+/// A target that leaves its value for a few samples and returns to it, constant before and after.
 fn target_outlier(trial: &Trial) -> Option<Diagnostic> {
     let target = &trial.target;
     for count in 1..=FLICKER {
@@ -112,7 +112,7 @@ fn target_outlier(trial: &Trial) -> Option<Diagnostic> {
     None
 }
 
-/// The run that is fitted worst, where it is far worse than the others in metres and by the size of its task.
+/// The run with the worst fit, if it is far worse than the others both in metres and relative to its task.
 fn misfit(looked_at: &[Values], trials: &[Trial]) -> Option<Diagnostic> {
     let sizes: Vec<f64> = looked_at.iter().map(|own| rms(&own.values)).collect();
     let tasks: Vec<f64> = trials.iter().map(Trial::forcing).collect();
@@ -123,7 +123,8 @@ fn misfit(looked_at: &[Values], trials: &[Trial]) -> Option<Diagnostic> {
     })
 }
 
-/// The longest time without a row, where the samples are the mesh's nodes: one interval, over which no scheme is right.
+/// The longest time without rows. If the samples are the mesh's nodes, it is a single interval, over which no scheme is
+/// accurate.
 fn gap(trials: &[Trial]) -> Option<Diagnostic> {
     let of_run = |trial: &Trial| {
         let usual = median_step(&trial.time)?;
@@ -142,7 +143,7 @@ fn gap(trials: &[Trial]) -> Option<Diagnostic> {
         .map(|(_, diagnostic)| diagnostic)
 }
 
-/// A run that is fitted from rest and moves faster at once than any vehicle from rest.
+/// A run that is fitted from rest but moves faster at its start than any vehicle from rest.
 fn moving(looked_at: &[Values], options: &FitOptions, trials: &[Trial]) -> Option<Diagnostic> {
     if options.initial_state == InitialState::Free || options.objective == Objective::Stick {
         return None;
@@ -179,8 +180,8 @@ fn beginning(trial: &Trial) -> Vec<(f64, f64)> {
     known.into_iter().take(count).collect()
 }
 
-/// The median slope between two samples (P. K. Sen, "Estimates of the regression coefficient based on Kendall's
-/// tau", J. Am. Stat. Assoc. 63, 1968): a wrong sample or two do not move it.
+/// The median slope between two samples (P. K. Sen, "Estimates of the regression coefficient based on Kendall's tau",
+/// J. Am. Stat. Assoc. 63, 1968), robust to a few wrong samples.
 fn slope(samples: &[(f64, f64)]) -> Option<f64> {
     let after = |i: usize| samples[i + 1..].iter().map(move |b| (samples[i], b));
     let pairs = (0..samples.len()).flat_map(after);

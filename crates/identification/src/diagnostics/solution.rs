@@ -1,4 +1,4 @@
-//! What θ, its poles, its residuals and the other starts say.
+//! Diagnostics of θ, its poles, its residuals and the other starts.
 
 use super::{Diagnostic, Fit, FitOptions};
 use crate::constraints::{RouthHurwitz, STABILITY_MARGIN};
@@ -10,27 +10,28 @@ use pilotage_models::Pilot;
 use pilotage_models::quadcopter::{N_STATES, STATE_NAMES};
 use std::f64::consts::PI;
 
-/// A condition for stability within this many margins is on its bound.
+/// A stability condition within this many margins is on its bound.
 const ON_BOUND: f64 = 10.0;
 /// Relative distance of a pole from a zero that it cancels.
 const CANCELLED: f64 = 0.01;
-/// A stick that never leaves zero by more does nothing.
+/// Maximum stick deflection of a pilot that does nothing.
 const IDLE: f64 = 1e-6;
-/// Variance accounted for below which the model says little.
+/// Variance accounted for below which the model is poor.
 const POOR: f64 = 0.5;
-/// A state that begins beyond so many times what it is after [`SETTLED`] seconds is no vehicle's.
+/// An initial state above this multiple of its largest magnitude after [`SETTLED`] seconds is unphysical.
 const WILD: f64 = 3.0;
 const SETTLED: f64 = 1.0;
-/// A pole that fades less during the longest run may as well be unstable.
+/// A pole that decays less than this during the longest run may as well be unstable.
 const HARDLY: f64 = 0.1;
-/// A pair swings when it turns by so much during the longest run [rad].
+/// Phase that a pair must cover during the longest run to count as oscillating [rad].
 const SWINGS: f64 = 1.0;
-/// Relative cost of the bound on the closed loop from which no pilot within it may do what the human did ...
+/// Relative cost of the bound on the closed loop from which no pilot within it may reproduce the human ...
 const DEAR: f64 = 1.0;
-/// ... and the part of the vehicle's way that must be left unexplained to say so.
+/// ... provided that this part of the vehicle's motion remains unexplained.
 const VISIBLE: f64 = 0.02;
 
-/// The diagnostics; where the solve did not converge, those of its last iterate alone that say what went wrong.
+/// The diagnostics of the solution; if the solve did not converge, only those of the last iterate that explain the
+/// failure.
 pub fn diagnostics(fit: &Fit, options: &FitOptions) -> Vec<Diagnostic> {
     let pilot = options.pilot;
     let poles = pilot.poles(&fit.theta);
@@ -61,7 +62,7 @@ fn closed_loop(fit: &Fit, options: &FitOptions) -> Option<Diagnostic> {
     }
     let duration = fit.runs.iter().map(RunFit::duration).fold(0.0, f64::max);
     if let Some(pole) = closed_loop.on_bound() {
-        // Two equal real poles are a slow pair, by rounding.
+        // Two equal real poles may be a slow pair by rounding.
         let swings = (pole.im * duration > SWINGS).then_some(pole.im);
         let cost = (fit.unbounded).map(|unbounded| fit.objective / unbounded - 1.0);
         let is_dear = cost.is_some_and(|cost| cost > DEAR);
@@ -75,7 +76,7 @@ fn closed_loop(fit: &Fit, options: &FitOptions) -> Option<Diagnostic> {
     (-pole * duration < HARDLY).then_some(Diagnostic::SlowLoop { pole, duration })
 }
 
-/// Rms of all residuals over how far the vehicle moves in a run.
+/// Rms of all residuals over the largest displacement of the vehicle in a run.
 fn unexplained(fit: &Fit) -> f64 {
     let moved = fit.runs.iter().flat_map(|run| {
         let begin = run.position.first().copied().unwrap_or(0.0);
@@ -120,7 +121,7 @@ fn one_start(fit: &Fit) -> Option<Diagnostic> {
     (starts > 0 && fit.agreeing() <= 1).then_some(Diagnostic::OneStart { starts })
 }
 
-/// The vehicle's state that begins furthest beyond what it does after [`SETTLED`].
+/// The vehicle's state whose initial value exceeds its later values after [`SETTLED`] the most.
 fn wild_start(fit: &Fit, options: &FitOptions) -> Option<Diagnostic> {
     if options.initial_state != InitialState::Free || options.objective != Objective::Response {
         return None;
@@ -132,7 +133,7 @@ fn wild_start(fit: &Fit, options: &FitOptions) -> Option<Diagnostic> {
                 .iter()
                 .fold(0.0, |m: f64, x| m.max(x[i].abs()))
         };
-        // The position begins where it was recorded.
+        // The position starts where it was recorded.
         let begin = |i: usize| (i, run.states[0][i], later(i));
         let worst = (1..N_STATES)
             .map(begin)
@@ -215,7 +216,7 @@ mod tests {
     use crate::ClosedLoop;
     use crate::RunFit;
 
-    /// A fit of `theta` to samples 0.05 s apart, with these objectives of its starts.
+    /// A fit of `theta` to samples 0.05 s apart, with starts of these objectives.
     fn fit(theta: [f64; 6], starts: &[f64]) -> Fit {
         let run = RunFit {
             name: "run".into(),
@@ -336,8 +337,8 @@ mod tests {
         );
     }
 
-    /// In 15 s: a double real root, a pair by rounding, does not swing; beside a pair that does, a slow pole is not
-    /// what is told.
+    /// In 15 s, a double real root that is a pair by rounding does not oscillate. If an oscillating pair is on the
+    /// bound too, it is reported instead of the slow pole.
     #[test]
     fn what_lies_on_the_bound_is_told_by_how_it_swings() {
         let with = |poles: &[(f64, f64)]| {

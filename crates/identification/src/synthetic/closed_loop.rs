@@ -1,13 +1,13 @@
-//! Human and vehicle, step by step.
+//! Step-by-step simulation of human and vehicle.
 
 use super::{Hands, Human, Signal, Vehicle};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// States of a hand: wish behind its lag, arm, arm's rate.
+/// Number of states of a hand: command after its lag, arm, arm's rate.
 const PER_HAND: usize = 3;
 
-/// The remnant at the moment when a constant target appears [stick]. The shipped flights were made with it.
+/// Remnant at the moment when a constant target appears [stick]. The shipped flights were generated with it.
 const STARTLE: f64 = 0.04;
 
 /// Human and vehicle in closed loop, integrated by the classical Runge–Kutta method with a fixed step.
@@ -29,7 +29,7 @@ pub struct Loop<'a> {
 }
 
 impl<'a> Loop<'a> {
-    /// At rest, the target just appearing.
+    /// Starts at rest, at the moment when the target appears.
     pub fn new(
         hands: &'a Hands,
         vehicle: &'a dyn Vehicle,
@@ -63,7 +63,7 @@ impl<'a> Loop<'a> {
         own
     }
 
-    /// Advances by one step; the remnant is held over it.
+    /// Advances by one step, with the remnant constant over it.
     pub fn advance(&mut self, random: &mut ChaCha8Rng) {
         let h = self.step;
         let k1 = self.derivative(&self.state, 0.0);
@@ -80,7 +80,7 @@ impl<'a> Loop<'a> {
         }
     }
 
-    /// Time of a point within the present step \[s\].
+    /// Time of a point within the current step \[s\].
     fn time(&self, fraction: f64) -> f64 {
         (self.steps as f64 + fraction) * self.step
     }
@@ -104,7 +104,7 @@ impl<'a> Loop<'a> {
         held.collect()
     }
 
-    /// The positions now.
+    /// The current positions.
     pub fn positions(&self) -> Vec<f64> {
         self.observed()
             .iter()
@@ -112,13 +112,13 @@ impl<'a> Loop<'a> {
             .collect()
     }
 
-    /// What the vehicle has beside them.
+    /// The vehicle's other recorded quantities.
     pub fn others(&self) -> Vec<f64> {
         self.vehicle
             .record(self.time(0.0), self.vehicle_states(), &self.sticks())
     }
 
-    /// Positions and rates now; a stick at its stop does not move.
+    /// Current positions and rates; a stick at its stop does not move.
     fn observed(&self) -> Vec<(f64, f64)> {
         let sticks = self.sticks();
         let hands = self.state[self.n..].chunks(PER_HAND).zip(&self.hands.axes);
@@ -135,7 +135,7 @@ impl<'a> Loop<'a> {
         self.vehicle.observe(time, [x, &dx], [&sticks, &rates])
     }
 
-    /// Notes the errors of now, for when they are seen.
+    /// Stores the current errors for the delayed perception.
     fn look(&mut self) {
         let time = self.time(0.0);
         for (axis, (position, rate)) in self.observed().into_iter().enumerate() {
@@ -144,7 +144,7 @@ impl<'a> Loop<'a> {
         }
     }
 
-    /// The remnant one step on: exact discretisation of an Ornstein–Uhlenbeck process.
+    /// The remnant after one step: exact discretisation of an Ornstein–Uhlenbeck process.
     fn next_remnant(&self, axis: usize, random: &mut ChaCha8Rng) -> f64 {
         let human = &self.hands.axes[axis];
         let decay = (-self.step / human.remnant_time).exp();
@@ -153,8 +153,8 @@ impl<'a> Loop<'a> {
         decay * self.remnants[axis] + deviation * (1.0 - decay * decay).sqrt() * deviate
     }
 
-    /// Error and rate as seen at `fraction` of the present step, a delay ago; nothing before the target
-    /// appears. Between steps it is interpolated linearly.
+    /// Error and rate as perceived at `fraction` of the current step, after the delay; zero before the target appears.
+    /// Linear interpolation between steps.
     fn seen(&self, axis: usize, fraction: f64) -> (f64, f64) {
         let seen = &self.seen[axis];
         let now = (seen.len() - 1) as f64 + fraction;
@@ -167,7 +167,7 @@ impl<'a> Loop<'a> {
         (a.0 + part * (b.0 - a.0), a.1 + part * (b.1 - a.1))
     }
 
-    /// What each hand is told, before lag and arm: its own axis and what leaks from the other.
+    /// Command of each hand, before lag and arm: that of its own axis plus the cross-coupling from the other axis.
     fn commands(&self, fraction: f64) -> Vec<f64> {
         let own = self.hands.axes.iter().enumerate().map(|(axis, human)| {
             let (error, rate) = self.seen(axis, fraction);
@@ -199,12 +199,12 @@ impl<'a> Loop<'a> {
 }
 
 impl Human {
-    /// A speed of the stick that the hand can have.
+    /// Limits a rate to the hand's maximum speed.
     fn limited(&self, rate: f64) -> f64 {
         rate.clamp(-self.stick_rate, self.stick_rate)
     }
 
-    /// `[ẇ, ṡ, r̈]` of wish behind the lag, arm and arm's rate.
+    /// Derivatives `[ẇ, ṡ, r̈]` of the command after the lag, the arm and the arm's rate.
     fn derivative(&self, hand: &[f64], command: f64, dx: &mut [f64]) {
         let wish = match self.lag {
             0.0 => command,

@@ -1,23 +1,23 @@
-//! Why a human cannot fly.
+//! Errors of synthetic flights.
 
 use pilotage_linear::NotFinite;
 
-/// Why a human cannot fly.
+/// Why flights cannot be simulated.
 #[derive(Debug, thiserror::Error)]
 pub enum SyntheticError {
-    /// A parameter that no human or experiment has.
+    /// A parameter is out of range.
     #[error("{name} = {value} is out of range; expected {min} to {max}")]
     Range {
         /// Name of the parameter, as on the command line.
         name: &'static str,
         /// Its value.
         value: f64,
-        /// Least value.
+        /// Minimum value.
         min: f64,
-        /// Greatest value.
+        /// Maximum value.
         max: f64,
     },
-    /// A target that is asked for twice: its runs would have the same names.
+    /// A target is given twice: its runs would have the same names.
     #[error("target {target} m is given twice; `runs` says how often each is flown to")]
     Twice {
         /// The target \[m\].
@@ -37,39 +37,39 @@ pub enum SyntheticError {
         position: f64,
         /// Its unit.
         unit: String,
-        /// The command that looks at the vehicle.
+        /// Command that checks the vehicle.
         command: &'static str,
     },
-    /// Human and vehicle are unstable from the start on.
+    /// The loop of human and vehicle is unstable about the start.
     #[error("human and vehicle swing up: about the start their loop is unstable")]
     Unstable,
-    /// More sines, ramps or steps than a run has room for.
+    /// More sines, ramps or steps than fit into a run.
     #[error("{count} of them do not fit into a run of {samples} samples: {needed} are needed")]
     Crowded {
-        /// How many were asked for.
+        /// Requested number.
         count: usize,
-        /// Samples of a run.
+        /// Number of samples of a run.
         samples: usize,
-        /// Samples that they need.
+        /// Number of samples required.
         needed: usize,
     },
-    /// A model that nobody can move.
+    /// The model has no stick.
     #[error("`{vehicle}` has no input `stick`, by which a vehicle is flown")]
     NoStick {
         /// Name of the model.
         vehicle: String,
     },
-    /// A position that is none of the outputs.
+    /// A position is not among the outputs.
     #[error("`{vehicle}` has no output `{output}`; its outputs are {}", .outputs.join(", "))]
     NoOutput {
         /// Name of the model.
         vehicle: String,
-        /// What is not among them.
+        /// The missing output.
         output: String,
         /// The outputs.
         outputs: Vec<String>,
     },
-    /// Another number of positions than of sticks.
+    /// The numbers of positions and sticks differ.
     #[error("the vehicle has {sticks} stick(s), and {measured} position(s) are named")]
     Axes {
         /// Number of sticks.
@@ -77,10 +77,10 @@ pub enum SyntheticError {
         /// Number of positions.
         measured: usize,
     },
-    /// A start at which the vehicle has no linearisation.
+    /// The vehicle has no linearisation at the start.
     #[error(transparent)]
     NotSmooth(#[from] NotFinite),
-    /// A vehicle for which no gain and lead are found.
+    /// No gain and lead are found for the vehicle.
     #[error(
         "no gain and lead are found with which a human holds axis {axis} of this vehicle: with a lead of three over the \
          crossover frequency the phase margin stays below 45 degrees"

@@ -1,4 +1,4 @@
-//! What is flown, and the recordings.
+//! Flights and their recordings.
 
 use super::closed_loop::Loop;
 use super::recording::Recording;
@@ -8,20 +8,20 @@ use pilotage_series::Series;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-/// Integration step [s], at most: small against the arm's lag and the delay.
+/// Maximum integration step [s]: small compared with the arm's lag and the delay.
 const MAX_STEP: f64 = 1e-3;
 
-/// Integration step [s], at least: vehicles that ask for less are too stiff to be flown step by step.
+/// Minimum integration step [s]: vehicles that require less are too stiff for this simulation.
 const MIN_STEP: f64 = 1e-5;
 
-/// A set of flights: the same human several times to each target, never quite the same way.
+/// A set of flights: the same human flies several times to each target, with random variation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flights {
-    /// Distances to fly, in the unit of the position \[m\]; both axes of a vehicle with two have them.
+    /// Distances to fly, in the unit of the position \[m\]; applied to every axis.
     pub targets: Vec<f64>,
-    /// Targets that move, instead of those.
+    /// Moving targets, used instead of `targets`.
     pub moving: Option<Moving>,
-    /// Runs to each target; with targets that move, runs.
+    /// Number of runs to each target; with moving targets, of all runs.
     pub runs: usize,
     /// Duration of a run \[s\].
     pub duration: f64,
@@ -29,7 +29,7 @@ pub struct Flights {
     pub rate: f64,
     /// Seed: the same seed gives the same flights.
     pub seed: u64,
-    /// Standard deviation of `k`, `T_L`, `τ` and `ω_n` from run to run, relative.
+    /// Relative standard deviation of `k`, `T_L`, `τ` and `ω_n` between runs.
     pub variation: f64,
 }
 
@@ -48,33 +48,34 @@ impl Default for Flights {
     }
 }
 
-/// One flight with the human's parameters on that day.
+/// One flight with the human's parameters in it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flight {
-    /// Its name, such as `10m-run1`, or `run1` where targets move.
+    /// Its name, such as `10m-run1`, or `run1` for moving targets.
     pub name: String,
     /// The human in this run, in each axis.
     pub humans: Vec<Human>,
-    /// `target`, `position` and `stick`, then `target2`, `position2` and `stick2` where there is a second axis, then
-    /// what else the vehicle has; positions to 0.1 mm, or to four digits of a target below 1 m, all else likewise.
+    /// `target`, `position` and `stick`, then `target2`, `position2` and `stick2` if there is a second axis, then the
+    /// vehicle's other outputs; positions are rounded to 0.1 mm, or to four digits of a target below 1 m, all else
+    /// likewise.
     pub series: Series,
 }
 
-/// A run to be flown.
+/// A planned run.
 struct Run {
     name: String,
     targets: Vec<Signal>,
-    /// Its random numbers.
+    /// Random numbers of the run.
     random: ChaCha8Rng,
 }
 
 impl Flights {
-    /// Lets `human` fly them all. Run `j` draws from its own random stream, so that it does not depend
-    /// on the runs before it.
+    /// Simulates all flights of `human`. Run `j` draws from its own random stream, so that it does not depend on the
+    /// previous runs.
     ///
     /// # Errors
-    /// When a parameter is out of its range, human and vehicle are unstable, or a run does not stay within 100 times
-    /// its target.
+    /// If a parameter is out of range, human and vehicle are unstable, or a run does not stay within 100 times its
+    /// target.
     pub fn fly(&self, human: &Human, vehicle: &dyn Vehicle) -> Result<Vec<Flight>, SyntheticError> {
         let axes = vec![*human; vehicle.axes()];
         self.fly_hands(
@@ -92,7 +93,7 @@ impl Flights {
     /// As [`Self::fly`].
     ///
     /// # Panics
-    /// When there are not as many hands as axes.
+    /// If the number of hands differs from that of the axes.
     pub fn fly_hands(
         &self,
         hands: &Hands,
@@ -127,7 +128,7 @@ impl Flights {
             ("duration", self.duration, 1.0, 3600.0),
             ("rate", self.rate, 1.0, 1e4),
             ("variation", self.variation, 0.0, 0.3),
-            // Fewer samples are no trial.
+            // A trial requires at least this many samples.
             ("duration · rate", self.duration * self.rate, 9.0, 3.6e7),
         ];
         check_ranges(targets.chain(rest))?;
@@ -150,8 +151,8 @@ impl Flights {
         }
     }
 
-    /// The runs with their targets. Those that move have random streams of their own, so that they are the same
-    /// whoever flies.
+    /// The runs with their targets. Moving targets use separate random streams, so that they do not depend on the
+    /// human.
     fn planned(&self, vehicle: &dyn Vehicle) -> Vec<Run> {
         let axes = vehicle.axes();
         let Some(moving) = &self.moving else {
@@ -190,7 +191,7 @@ impl Flights {
         random
     }
 
-    /// One run from rest.
+    /// Simulates one run from rest.
     fn fly_one(&self, hands: &Hands, vehicle: &dyn Vehicle, run: &mut Run) -> Series {
         let largest = (0.5 / vehicle.fastest()).clamp(MIN_STEP, MAX_STEP);
         let substeps = (1.0 / (self.rate * largest)).ceil() as usize;
@@ -211,7 +212,7 @@ impl Flights {
     }
 }
 
-/// Refuses a run in which human and vehicle swing up.
+/// Rejects a run in which human and vehicle diverge.
 fn check_bounded(run: &Run, vehicle: &dyn Vehicle, series: &Series) -> Result<(), SyntheticError> {
     for (axis, (name, target)) in ["position", "position2"]
         .into_iter()

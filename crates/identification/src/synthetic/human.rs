@@ -7,11 +7,11 @@ use rand_distr::{Distribution, StandardNormal};
 /// A human's parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Human {
-    /// Gain `k`: stick for each metre (or other unit of the position) of error.
+    /// Gain `k`: stick per metre (or other unit of the position) of error.
     pub gain: f64,
     /// Lead time `T_L` \[s\].
     pub lead: f64,
-    /// Lag time `T_I` \[s\]; 0: none.
+    /// Lag time `T_I` \[s\]; 0 for none.
     pub lag: f64,
     /// Reaction delay `τ` \[s\].
     pub delay: f64,
@@ -19,10 +19,10 @@ pub struct Human {
     pub frequency: f64,
     /// Damping ratio of the arm `ζ`.
     pub damping: f64,
-    /// Greatest speed of the stick [1/s]; infinite: none.
+    /// Maximum speed of the stick [1/s]; infinite for no limit.
     pub stick_rate: f64,
-    /// Standard deviation of the remnant, as a fraction of the stick that the first sight of the target
-    /// calls for (`k |ŷ|`): people are as imprecise as they move much.
+    /// Standard deviation of the remnant, relative to the initial stick command for the target (`k |ŷ|`): human noise
+    /// is proportional to the motion.
     pub remnant: f64,
     /// Correlation time of the remnant \[s\].
     pub remnant_time: f64,
@@ -44,12 +44,12 @@ impl Default for Human {
     }
 }
 
-/// A human who flies one axis or two.
+/// A human who flies one or two axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hands {
     /// The human in each axis.
     pub axes: Vec<Human>,
-    /// The fraction of what each hand is told that leaks into the other.
+    /// Fraction of each hand's command that is added to the other.
     pub coupling: f64,
 }
 
@@ -59,7 +59,7 @@ impl Hands {
         check_ranges([("coupling", self.coupling, -1.0, 1.0)])
     }
 
-    /// Both on another day, each hand by itself.
+    /// The hands with the random variation of one run, each varied independently.
     pub(super) fn on_a_day(&self, variation: f64, random: &mut ChaCha8Rng) -> Self {
         let axes = self.axes.iter();
         Self {
@@ -86,8 +86,8 @@ impl Human {
         ])
     }
 
-    /// The same human on another day: gain, lead, delay and arm vary by the relative standard deviation
-    /// `variation`, at most 2.5 of them.
+    /// The human with the random variation of one run: gain, lead, delay and arm vary by the relative standard
+    /// deviation `variation`, limited to 2.5 standard deviations.
     pub(super) fn on_a_day(&self, variation: f64, random: &mut ChaCha8Rng) -> Self {
         let mut vary = |value: f64| {
             let deviate: f64 = StandardNormal.sample(random);

@@ -1,9 +1,8 @@
 //! A synthetic human who flies the vehicle, so that examples and tests need no recordings of people.
 //!
-//! It is *not* the model that pilotage fits: data from the fitted model itself would make every fit
-//! look good (the inverse crime). It flies as people fly K/s²-like plants (McRuer's crossover model):
-//! gain and lead on the error seen a delay ago, through the second-order lag of the arm, with noise of
-//! its own, and the stick ends at its stops:
+//! It is *not* the model that pilotage fits: data from the fitted model itself would make every fit look good (the
+//! inverse crime). It behaves as humans do with K/s²-like plants (McRuer's crossover model): gain and lead act on the
+//! delayed error, through the second-order lag of the arm, with added noise, and the stick is limited by its stops:
 //!
 //! ```text
 //! c(t)  = -k (e(t-τ) + T_L ė(t-τ)) + n(t)            n: remnant, coloured noise
@@ -11,21 +10,21 @@
 //! stick = clip(s, -1, 1)
 //! ```
 //!
-//! With a vehicle that follows the stick at once people lag: then `c` is what comes out of `1 / (T_I s + 1)`. The hand may
-//! have a greatest speed, `|ṡ| <= r`. In two axes each hand has such a loop of its own, and a part of what one is told
-//! leaks into the other.
+//! With a vehicle that follows the stick instantly, humans use a lag: `c` is then filtered by `1 / (T_I s + 1)`. The
+//! hand may have a maximum speed, `|ṡ| <= r`. With two axes each hand has such a loop, and a part of each hand's
+//! command is added to the other.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! | --- | --- |
 //! | `human` | the human's parameters |
-//! | `flights` | what is flown, and the recordings |
-//! | `target` | targets that move |
-//! | `vehicle` | what is flown: the quadcopter |
-//! | `model_vehicle` | or any model file |
-//! | `tuning` | gain, lead and lag that suit a vehicle |
-//! | `stability` | whether a human holds a vehicle |
+//! | `flights` | flights and their recordings |
+//! | `target` | moving targets |
+//! | `vehicle` | the vehicle: the quadcopter |
+//! | `model_vehicle` | any model file as the vehicle |
+//! | `tuning` | gain, lead and lag suited to a vehicle |
+//! | `stability` | whether a human stabilises a vehicle |
 //! | `recording` | a flight as a recorder writes it |
-//! | `closed_loop` | human and vehicle, step by step |
+//! | `closed_loop` | step-by-step simulation of human and vehicle |
 
 mod closed_loop;
 mod error;
@@ -46,7 +45,7 @@ pub use target::{Moving, Shape, Signal};
 pub use tuning::Given;
 pub use vehicle::Vehicle;
 
-/// The first of `(name, value, min, max)` that is out of range.
+/// Returns an error for the first of `(name, value, min, max)` that is out of range.
 fn check_ranges(
     ranges: impl IntoIterator<Item = (&'static str, f64, f64, f64)>,
 ) -> Result<(), SyntheticError> {

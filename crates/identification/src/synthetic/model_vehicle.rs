@@ -9,11 +9,11 @@ use pilotage_models::{Scalar, TextModel};
 use pilotage_sdk::{At, Equations};
 use std::convert::Infallible;
 
-/// Where a signal of a model is found.
+/// Location of a signal in a model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Place {
     State(usize),
-    /// Among what [`Equations::output`] writes.
+    /// Index in the output of [`Equations::output`].
     Computed(usize),
 }
 
@@ -22,24 +22,23 @@ enum Place {
 pub struct ModelVehicle {
     model: TextModel,
     parameters: Vec<f64>,
-    /// Values of all inputs; those of the sticks are replaced.
+    /// Values of all inputs; those of the sticks are overwritten.
     inputs: Vec<f64>,
-    /// The sticks among the inputs.
+    /// Indices of the sticks among the inputs.
     sticks: Vec<usize>,
     /// The measured positions with their units.
     positions: Vec<(Place, String)>,
     others: Vec<(Place, String, String)>,
-    /// From the sticks to the positions, about the start.
+    /// Linearisation from the sticks to the positions about the start.
     linear: StateSpace,
     signs: Vec<f64>,
 }
 
 impl ModelVehicle {
-    /// The model whose outputs `measured` are the positions, one for each stick; `position` and `position2` where none
-    /// is named.
+    /// Uses the outputs `measured` of the model as positions, one per stick; by default `position` and `position2`.
     ///
     /// # Errors
-    /// When the model has no stick or no such output, or its start is no point at which it can be linearised.
+    /// If the model has no stick or no such output, or cannot be linearised at its start.
     pub fn new(model: TextModel, measured: &[String]) -> Result<Self, SyntheticError> {
         let table = model.variables();
         let inputs = table.inputs();
@@ -99,13 +98,13 @@ impl ModelVehicle {
         Ok(own)
     }
 
-    /// From the sticks to the positions, about the start.
+    /// Linearisation from the sticks to the positions about the start.
     pub fn linear(&self) -> &StateSpace {
         &self.linear
     }
 
-    /// A real frequency above the unstable poles, nearly at rest if there are none: there the sign of the transfer
-    /// function tells where a stick leads [1/s].
+    /// A real frequency above the unstable poles, close to 0 if there are none, at which the sign of the transfer
+    /// function gives the direction of a stick [1/s].
     pub(super) fn anchor(&self) -> f64 {
         let poles = self.linear.poles();
         let unstable = poles.iter().map(|pole| pole.re).fold(0.0, f64::max);
@@ -121,7 +120,7 @@ impl ModelVehicle {
                 values.iter().enumerate().map(mark).collect()
             };
             let x = marked(k, &self.start());
-            // What is no stick is marked by no number.
+            // Inputs other than sticks have no derivative.
             let u = marked(
                 k.checked_sub(n).map_or(usize::MAX, |k| self.sticks[k]),
                 &self.inputs,
@@ -141,7 +140,7 @@ impl ModelVehicle {
         system
     }
 
-    /// All inputs, with these sticks.
+    /// All inputs, with these stick values.
     fn inputs<T: Scalar>(&self, stick: &[T]) -> Vec<T> {
         let mut inputs: Vec<T> = self.inputs.iter().map(|value| T::from(*value)).collect();
         for (k, value) in self.sticks.iter().zip(stick) {
@@ -173,7 +172,7 @@ impl ModelVehicle {
     }
 }
 
-/// The output of that name.
+/// Index of the output with that name.
 fn output(model: &TextModel, name: &str) -> Result<usize, SyntheticError> {
     let table = model.variables();
     let index = table
@@ -204,7 +203,7 @@ fn place(model: &TextModel, index: usize) -> Place {
     }
 }
 
-/// Whether a recording has another column of that name.
+/// Whether another column of a recording has that name.
 fn is_column(name: &str) -> bool {
     [
         "time",
@@ -238,7 +237,7 @@ impl Vehicle for ModelVehicle {
         &self.positions[axis].1
     }
 
-    /// The range of the input; none where the model says none.
+    /// The range of the input; infinite if the model has none.
     fn stops(&self, axis: usize) -> (f64, f64) {
         let table = self.model.variables();
         let stick = &table.variables()[table.inputs().start + self.sticks[axis]];

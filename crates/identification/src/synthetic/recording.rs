@@ -3,11 +3,11 @@
 use super::{Signal, Vehicle};
 use pilotage_series::{Column, Series};
 
-/// Resolution of a recording, as a power of ten, where no small target asks for a finer one: no recorder has sixteen
+/// Resolution of a recording, as a power of ten, unless a small target requires a finer one: no recorder has sixteen
 /// digits.
 const RESOLUTION: i32 = -4;
 
-/// What is sampled; of each sample a number for each axis, or for each of the vehicle's other outputs.
+/// Sampled values: for each sample one number per axis, or per other output of the vehicle.
 #[derive(Debug, Default)]
 pub struct Recording {
     pub positions: Vec<Vec<f64>>,
@@ -16,7 +16,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// The table: target, position and stick of each axis, then the others.
+    /// The table: target, position and stick of each axis, then the other outputs.
     pub fn series(&self, vehicle: &dyn Vehicle, targets: &[Signal], time: Vec<f64>) -> Series {
         let mut columns = Vec::new();
         for (axis, target) in targets.iter().enumerate() {
@@ -60,7 +60,7 @@ fn each(samples: &[Vec<f64>], k: usize, digits: i32) -> Vec<f64> {
         .collect()
 }
 
-/// Resolution of what belongs to a target, as a power of ten.
+/// Resolution of the values of a target, as a power of ten.
 fn digits(target: &Signal) -> i32 {
     match target.size() {
         0.0 => RESOLUTION,

@@ -1,11 +1,11 @@
-//! Targets over time: constant, or moving at random.
+//! Targets over time: constant or moving randomly.
 
 use super::{SyntheticError, check_ranges};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::Rng;
 use std::f64::consts::TAU;
 
-/// Highest frequency of the sines, as a multiple of the bandwidth.
+/// Highest frequency of the sines relative to the bandwidth.
 const TOP: f64 = 4.0;
 
 /// How a target moves.
@@ -13,22 +13,23 @@ const TOP: f64 = 4.0;
 pub enum Shape {
     /// A sum of sines.
     Sines,
-    /// Straight lines from one place to the next.
+    /// Straight lines between positions.
     Ramps,
     /// Jumps.
     Steps,
 }
 
-/// Targets that move, another one in each run and axis.
+/// Moving targets, different in each run and axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moving {
-    /// How they move.
+    /// Shape of the motion.
     pub shape: Shape,
     /// Number of sines, ramps or steps in each axis.
     pub count: usize,
-    /// In the unit of the position: of the slow sines; the farthest place of ramps; the size of a step.
+    /// Amplitude in the unit of the position: of the low-frequency sines; the farthest position of ramps; the size of a
+    /// step.
     pub amplitude: f64,
-    /// Up to here sines have the full amplitude, beyond it one that falls with the square of the
+    /// Sines up to this frequency have the full amplitude; above it the amplitude decreases with the square of the
     /// frequency [rad/s].
     pub bandwidth: f64,
 }
@@ -36,18 +37,18 @@ pub struct Moving {
 /// A target over time.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Signal {
-    /// It appears at time 0 and stays.
+    /// A constant that appears at time 0.
     Constant(f64),
-    /// `Σ a sin(ω t + φ)`: of each sine amplitude, frequency [rad/s] and phase \[rad\].
+    /// `Σ a sin(ω t + φ)`: amplitude, frequency [rad/s] and phase \[rad\] of each sine.
     Sines(Vec<[f64; 3]>),
-    /// Straight lines between points of time \[s\] and place, the last place held.
+    /// Straight lines between points of time \[s\] and position, with the last position held.
     Ramps(Vec<(f64, f64)>),
-    /// Times \[s\] and the places from there on; 0 before the first.
+    /// Times \[s\] and the positions from there on; 0 before the first.
     Steps(Vec<(f64, f64)>),
 }
 
 impl Signal {
-    /// The target and its rate at `time`; a jump has none.
+    /// The target and its rate at `time`; the rate of a jump is 0.
     pub fn at(&self, time: f64) -> (f64, f64) {
         match self {
             Self::Constant(place) => (*place, 0.0),
@@ -56,7 +57,7 @@ impl Signal {
                 (sum.0 + a * sin, sum.1 + a * w * cos)
             }),
             Self::Ramps(points) => ramp(points, time),
-            // Times of steps and samples are the same but for rounding.
+            // Times of steps and samples are equal up to rounding.
             Self::Steps(steps) => match steps.iter().rfind(|(begin, _)| time > begin - 1e-9) {
                 Some((_, place)) => (*place, 0.0),
                 None => (0.0, 0.0),
@@ -64,7 +65,7 @@ impl Signal {
         }
     }
 
-    /// How large it is: a constant's magnitude, the sines' root mean square, the farthest place of the others.
+    /// Its size: the magnitude of a constant, the root mean square of sines, the farthest position of the others.
     pub fn size(&self) -> f64 {
         match self {
             Self::Constant(place) => place.abs(),
@@ -89,7 +90,7 @@ fn ramp(points: &[(f64, f64)], time: f64) -> (f64, f64) {
     }
 }
 
-/// When a run is sampled.
+/// Sampling of a run.
 #[derive(Debug, Clone, Copy)]
 pub struct Sampling {
     /// Duration of the run \[s\].
@@ -99,7 +100,7 @@ pub struct Sampling {
 }
 
 impl Moving {
-    /// Refuses what does not fit into a run.
+    /// Rejects targets that do not fit into a run.
     pub(super) fn check(&self, axes: usize, sampling: Sampling) -> Result<(), SyntheticError> {
         check_ranges([
             ("count", self.count as f64, 1.0, 1e3),
@@ -108,7 +109,7 @@ impl Moving {
         ])?;
         let samples = sampling.duration * sampling.rate;
         let needed = match self.shape {
-            // Four samples to a period of the fastest sine; fewer are not seen for what they are.
+            // Four samples per period of the fastest sine; fewer do not represent it.
             Shape::Sines => {
                 let all = self.multiples(axes, sampling.duration);
                 4 * all.last().copied().unwrap_or_default()
@@ -125,8 +126,8 @@ impl Moving {
         }
     }
 
-    /// The multiples of the base frequency `2π / duration`, for all axes: primes, so that no sine is a harmonic of
-    /// another, from 2 on and evenly over the logarithm of the frequency as far as there are primes.
+    /// Multiples of the base frequency `2π / duration` for all axes: primes, so that no sine is a harmonic of another,
+    /// from 2 on and evenly spaced over the logarithm of the frequency as far as primes allow.
     fn multiples(&self, axes: usize, duration: f64) -> Vec<usize> {
         let count = axes * self.count;
         let top = (TOP * self.bandwidth * duration / TAU).max(2.0);
@@ -143,8 +144,8 @@ impl Moving {
         all
     }
 
-    /// The targets of one run, one for each axis; the axes take turns with the sines' frequencies, so that what each
-    /// brings about is told apart.
+    /// The targets of one run, one per axis; the sines' frequencies alternate between the axes, so that their effects
+    /// can be distinguished.
     pub(super) fn signals(
         &self,
         axes: usize,
@@ -164,8 +165,8 @@ impl Moving {
             .collect()
     }
 
-    /// Sines of random phases, all advanced by the time at which their sum first goes through 0: a target that jumps
-    /// at the start would have no rate there.
+    /// Sines of random phases, all advanced to the first zero of their sum: a target that jumps at the start would have
+    /// no rate there.
     fn sines<'a>(
         &self,
         multiples: impl Iterator<Item = &'a usize>,
@@ -196,7 +197,7 @@ impl Moving {
         Signal::Ramps(points)
     }
 
-    /// Each step comes in the first half of its share of the run, at a sample; its sign is turned where it would lead
+    /// Each step occurs in the first half of its share of the run, at a sample; its sign is reversed if it would lead
     /// farther than two steps from 0.
     fn steps(&self, sampling: Sampling, random: &mut ChaCha8Rng) -> Signal {
         let mut level = 0_i32;
@@ -216,14 +217,14 @@ impl Moving {
 }
 
 impl Sampling {
-    /// The sample nearest to `part` of the `k`-th of `count` equal shares of the run \[s\].
+    /// The sample time nearest to `part` of the `k`-th of `count` equal shares of the run \[s\].
     fn within(self, k: usize, count: usize, part: f64) -> f64 {
         let time = self.duration * (k as f64 + part) / count as f64;
         (time * self.rate).round() / self.rate
     }
 }
 
-/// Where a function of mean 0 first changes its sign, by bisection; its values at a thousand times tell where to look.
+/// First sign change of a function of mean 0, bracketed by a thousand values and refined by bisection.
 fn first_zero(value: impl Fn(f64) -> f64, duration: f64) -> f64 {
     let begin = value(0.0);
     let mut times = (1..1000).map(|k| duration * f64::from(k) / 1000.0);
@@ -241,7 +242,7 @@ fn first_zero(value: impl Fn(f64) -> f64, duration: f64) -> f64 {
     after
 }
 
-/// Evenly from 0 to 1, the end excluded.
+/// Uniform number from 0 to 1, excluding 1.
 fn uniform(random: &mut ChaCha8Rng) -> f64 {
     (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
 }

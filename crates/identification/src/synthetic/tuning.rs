@@ -1,26 +1,26 @@
-//! Gain, lead and lag that suit a vehicle, by McRuer's rules: people make the loop look like K/s about its crossover,
-//! by lead where the vehicle is slower than that, by lag where it is faster.
+//! Gain, lead and lag suited to a vehicle, by McRuer's rules: humans make the loop resemble K/s about its crossover, by
+//! lead if the vehicle is slower than that, by lag if it is faster.
 
 use super::{Human, ModelVehicle, SyntheticError, Vehicle};
 use nalgebra::Complex;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
-/// Highest crossover frequency [rad/s]: that of people with a vehicle like K/s.
+/// Highest crossover frequency [rad/s]: that of humans with a K/s-like vehicle.
 const CROSSOVER: f64 = 2.5;
 
-/// Lowest crossover frequency that is still called flying [rad/s].
+/// Lowest acceptable crossover frequency [rad/s].
 pub(super) const SLOWEST: f64 = 0.05;
 
 /// Phase margin \[rad\].
 const MARGIN: f64 = FRAC_PI_4;
 
-/// Largest `ω T_L` at the crossover: more lead than that is mostly noise.
+/// Maximum `ω T_L` at the crossover: more lead mainly amplifies noise.
 const LEAD: f64 = 3.0;
 
-/// Longest lag \[s\].
+/// Maximum lag \[s\].
 const LAG: f64 = 5.0;
 
-/// What is given of a human; the rest is to suit the vehicle.
+/// Given parameters of a human; the others are chosen to suit the vehicle.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Given {
     /// Gain.
@@ -32,12 +32,12 @@ pub struct Given {
 }
 
 impl Human {
-    /// This human with the gain, lead and lag that suit an axis of a vehicle about its start, to three digits: the highest
-    /// crossover frequency up to 2.5 rad/s that has a phase margin of 45 degrees with a lead of at most `3 / ω`. What is
-    /// `given` stays.
+    /// The human with gain, lead and lag suited to an axis of a vehicle about its start, to three digits: the highest
+    /// crossover frequency up to 2.5 rad/s with a phase margin of 45 degrees and a lead of at most `3 / ω`. The
+    /// parameters in `given` are kept.
     ///
     /// # Errors
-    /// When there is no such frequency above 0.05 rad/s, and the gain is not given.
+    /// If there is no such frequency above 0.05 rad/s, and the gain is not given.
     pub fn suited(
         &self,
         vehicle: &ModelVehicle,
@@ -76,8 +76,8 @@ impl Human {
             .ok_or(SyntheticError::Unsuited { axis: axis + 1 })
     }
 
-    /// Frequency [rad/s], open loop without gain, lead and lag, and its phase \[rad\], upwards. The phase is followed
-    /// without jumps from where it is 0, on the real axis.
+    /// Frequency [rad/s], open loop without gain, lead and lag, and its phase \[rad\], by ascending frequency. The
+    /// phase is continued without jumps from 0 on the real axis.
     fn responses(&self, vehicle: &ModelVehicle, axis: usize) -> Vec<(f64, Complex<f64>, f64)> {
         let plain = Self {
             gain: 1.0,
@@ -108,12 +108,12 @@ impl Human {
         responses.collect()
     }
 
-    /// The transfer function from an error to what the hand is told.
+    /// Transfer function from an error to the hand's command.
     pub(super) fn eye(&self, s: Complex<f64>) -> Complex<f64> {
         (-s * self.delay).exp() * (s * self.lead + 1.0) * self.gain
     }
 
-    /// The transfer function from there to the stick.
+    /// Transfer function from the command to the stick.
     pub(super) fn arm(&self, s: Complex<f64>) -> Complex<f64> {
         let w = self.frequency;
         let arm = s * s + s * (2.0 * self.damping * w) + w * w;
@@ -121,16 +121,16 @@ impl Human {
     }
 }
 
-/// Frequencies one percent apart, upwards.
+/// Ascending frequencies one percent apart.
 fn spread(low: f64, high: f64) -> Vec<f64> {
     let steps = ((high / low).ln() / 0.01).round();
     let part = |k: usize| (0.01 * (k as f64 - steps)).exp();
     (0..=steps as usize).map(|k| high * part(k)).collect()
 }
 
-/// Lead and lag with which the phase margin is kept at that frequency.
+/// Lead and lag that achieve the phase margin at that frequency.
 fn equalisation(frequency: f64, phase: f64, given: Given) -> Option<(f64, f64)> {
-    // The phase that is to be added; what may be taken away where it is negative.
+    // Phase to be added; a negative value may be removed.
     let mut needed = MARGIN - PI - phase;
     let lag = given.lag.unwrap_or_else(|| {
         let excess = (-needed).clamp(0.0, 0.49 * PI);
@@ -149,7 +149,7 @@ fn equalisation(frequency: f64, phase: f64, given: Given) -> Option<(f64, f64)> 
     }
 }
 
-/// To three digits.
+/// Rounds to three significant digits.
 fn rounded(value: f64) -> f64 {
     if value == 0.0 {
         return 0.0;

@@ -1,4 +1,4 @@
-//! What the synthetic human flies.
+//! Vehicles of the synthetic human.
 
 use super::Hands;
 use pilotage_models::{Quadcopter, quadcopter::N_STATES};
@@ -19,36 +19,36 @@ pub trait Vehicle {
     /// The stops of the stick of an axis.
     fn stops(&self, axis: usize) -> (f64, f64);
 
-    /// 1 where a positive stick moves that axis forward, else -1.
+    /// 1 if a positive stick moves that axis forward, else -1.
     fn sign(&self, axis: usize) -> f64;
 
-    /// Writes the states' derivatives.
+    /// Writes the derivatives of the states.
     fn derivative(&self, time: f64, x: &[f64], stick: &[f64], dx: &mut [f64]);
 
-    /// Position of each axis and its rate, from the states and their derivatives, and the sticks and theirs.
+    /// Position of each axis and its rate, from the states and their derivatives, and the sticks and their rates.
     fn observe(&self, time: f64, x: [&[f64]; 2], stick: [&[f64]; 2]) -> Vec<(f64, f64)>;
 
-    /// Names and units of what is recorded beside the positions.
+    /// Names and units of the other recorded quantities.
     fn others(&self) -> Vec<(String, String)> {
         Vec::new()
     }
 
-    /// Their values.
+    /// Values of the other recorded quantities.
     fn record(&self, _time: f64, _x: &[f64], _stick: &[f64]) -> Vec<f64> {
         Vec::new()
     }
 
-    /// Magnitude of the fastest pole [1/s]; 0 where steps of a millisecond are known to suffice.
+    /// Magnitude of the fastest pole [1/s]; 0 if steps of a millisecond are known to suffice.
     fn fastest(&self) -> f64 {
         0.0
     }
 
-    /// Whether a human holds it: small deviations from the start decay. `true` where that is not looked into.
+    /// Whether a human stabilises it: small deviations from the start decay. `true` if not checked.
     fn is_held_by(&self, _hands: &Hands) -> bool {
         true
     }
 
-    /// The command that looks at the vehicle.
+    /// The command that checks the vehicle.
     fn check_command(&self) -> &'static str;
 }
 

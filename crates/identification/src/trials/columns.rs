@@ -1,12 +1,12 @@
-//! Which column of a file is what.
+//! Assignment of columns to quantities.
 
 use super::TrialError;
 use pilotage_text::suggestion::suggestion;
 
-/// What a trial consists of: the columns' names where nobody says otherwise.
+/// Quantities of a trial, which are also the default column names.
 const QUANTITIES: [&str; 4] = ["time", "target", "position", "stick"];
 
-/// The columns' names in files that name them otherwise.
+/// Column names that differ from the defaults.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ColumnNames(Vec<(&'static str, String)>);
 
@@ -14,7 +14,7 @@ impl ColumnNames {
     /// From pairs such as `position`, `z`: the position is in the column `z`.
     ///
     /// # Errors
-    /// When the first of a pair is none of `time`, `target`, `position` and `stick`, or there twice.
+    /// If the first of a pair is none of `time`, `target`, `position` and `stick`, or occurs twice.
     pub fn new(pairs: &[(String, String)]) -> Result<Self, TrialError> {
         let mut names = Self::default();
         for (quantity, name) in pairs {
@@ -32,7 +32,7 @@ impl ColumnNames {
         Ok(names)
     }
 
-    /// The name that was given to a quantity's column.
+    /// The name given for a quantity's column, if any.
     pub fn given(&self, quantity: &str) -> Option<&str> {
         let mut pairs = self.0.iter();
         let (_, name) = pairs.find(|(known, _)| *known == quantity)?;

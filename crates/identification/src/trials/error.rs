@@ -1,11 +1,11 @@
-//! What can be wrong with a trial, with the place where it is wrong.
+//! Errors of trials, with their location.
 
 use pilotage_series::SeriesError;
 use pilotage_text::document::DocumentError;
 use pilotage_text::suggestion::did_you_mean;
 use std::path::PathBuf;
 
-/// Why a file is not a trial, or a list of files not a set of trials.
+/// Why a file is not a trial, or a list of files is not a set of trials.
 #[derive(Debug, thiserror::Error)]
 pub enum TrialError {
     /// The file cannot be opened or read.
@@ -31,36 +31,36 @@ pub enum TrialError {
     /// The file is not a time series.
     #[error(transparent)]
     Series(#[from] SeriesError),
-    /// The manifest is not one.
+    /// The manifest is invalid.
     #[error(transparent)]
     Manifest(#[from] DocumentError),
-    /// A column that a trial must have.
+    /// A required column is missing.
     #[error("{file}: no column `{column}`{}; the columns are {}", did_you_mean(suggestion.as_deref()), found.join(", "))]
     NoColumn {
         /// The file.
         file: String,
-        /// The column.
+        /// The missing column.
         column: String,
-        /// The column that is probably meant to be it.
+        /// Suggestion: a column with a similar name.
         suggestion: Option<String>,
-        /// The columns that are there.
+        /// The existing columns.
         found: Vec<String>,
     },
-    /// A name for a column of something that no trial has.
+    /// A column name is given for an unknown quantity.
     #[error("`{found}` is nothing that a trial has{}; known are time, target, position, stick", did_you_mean(suggestion.as_deref()))]
     Quantity {
-        /// What stands there.
+        /// The quantity found.
         found: String,
-        /// What is probably meant.
+        /// Suggestion: a quantity with a similar name.
         suggestion: Option<String>,
     },
-    /// Two names for the column of one quantity.
+    /// Two names are given for the column of one quantity.
     #[error("the column of `{quantity}` is named twice")]
     TwoColumns {
         /// The quantity.
         quantity: &'static str,
     },
-    /// A unit that is not convertible to the one in which the project computes.
+    /// A unit cannot be converted to the required one.
     #[error("{file}: `{column}` is in `{found}`; expected {expected}")]
     Unit {
         /// The file.
@@ -69,10 +69,10 @@ pub enum TrialError {
         column: &'static str,
         /// The unit found.
         found: String,
-        /// What is understood.
+        /// Allowed units.
         expected: &'static str,
     },
-    /// A stick beyond its stops.
+    /// The stick is beyond its stops.
     #[error("{file}: stick = {value} at {time} s; expected -1 to 1 (or give the column in %)")]
     Stick {
         /// The file.
@@ -82,7 +82,7 @@ pub enum TrialError {
         /// The value.
         value: f64,
     },
-    /// A target that is not known at every sample.
+    /// The target is missing at a sample.
     #[error("{file}: no target at {time} s; the target must be known at every sample")]
     NoTarget {
         /// The file.
@@ -90,17 +90,17 @@ pub enum TrialError {
         /// Time of the sample \[s\].
         time: f64,
     },
-    /// Fewer recorded positions than a fit can use.
+    /// There are fewer recorded positions than a fit requires.
     #[error("{file}: {found} recorded positions; expected at least {expected}")]
     TooFew {
         /// The file.
         file: String,
-        /// Samples of the position that are not missing.
+        /// Number of recorded positions.
         found: usize,
-        /// Least number.
+        /// Minimum number.
         expected: usize,
     },
-    /// A weight that is not a positive number.
+    /// The weight is not a positive number.
     #[error("{file}:{line}: weight = {value}; expected a finite number above 0")]
     Weight {
         /// The manifest.
@@ -110,7 +110,7 @@ pub enum TrialError {
         /// The value.
         value: f64,
     },
-    /// Neither `fit` nor `validation`.
+    /// `use` is neither `fit` nor `validation`.
     #[error("{file}:{line}: use = \"{found}\"; expected \"fit\" or \"validation\"")]
     Use {
         /// The manifest.
@@ -120,13 +120,13 @@ pub enum TrialError {
         /// The value.
         found: String,
     },
-    /// A manifest that lists no run.
+    /// The manifest lists no run.
     #[error("{file}: lists no run; expected tables `[[run]]` with a `file`")]
     NoRuns {
         /// The manifest.
         file: String,
     },
-    /// Two trials of one name.
+    /// Two trials have the same name.
     #[error("two trials are named `{name}`: {first} and {second}; a trial is named after its file")]
     Duplicate {
         /// Their name.

@@ -6,32 +6,32 @@ use pilotage_text::document::{self, Document, TomlTable};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// The trials of a fit, and those kept out of it to judge the result.
+/// The trials of a fit, and those reserved for its validation.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TrialSet {
-    /// What the pilot is fitted to.
+    /// Trials that the pilot is fitted to.
     pub fit: Vec<Trial>,
-    /// What the fitted pilot is tried on.
+    /// Trials that the fitted pilot is validated on.
     pub validation: Vec<Trial>,
-    /// What the user may not have meant or not know, one sentence each, with the file's name.
+    /// Notes on possible mistakes for the user, one sentence each, with the file's name.
     pub notes: Vec<String>,
-    /// All files that were read, manifests too.
+    /// All files that were read, including manifests.
     pub files: Vec<PathBuf>,
 }
 
-/// Files, each with what stands at its top.
+/// Files with their leading comments.
 type Heads = Vec<(String, Vec<String>)>;
 
 impl TrialSet {
-    /// Reads files in the order given; a file `*.toml` is a manifest, any other one run.
+    /// Reads files in the given order; a file `*.toml` is a manifest, any other file is one run.
     ///
     /// # Errors
-    /// When one of them cannot be read, or two trials have one name.
+    /// If one of them cannot be read, or two trials have the same name.
     pub fn read(paths: &[PathBuf]) -> Result<Self, TrialError> {
         Self::read_with(paths, &ColumnNames::default())
     }
 
-    /// The same of files whose columns have names of their own.
+    /// The same with other column names.
     ///
     /// # Errors
     /// As [`TrialSet::read`].
@@ -135,7 +135,7 @@ impl TrialSet {
         Ok(())
     }
 
-    /// Puts the folder's name before that of files that are named alike.
+    /// Prefixes the folder's name to the names of files with the same name.
     fn distinguish(&mut self) {
         let mut count = HashMap::new();
         (self.all()).for_each(|trial| *count.entry(trial.name.clone()).or_insert(0) += 1);
@@ -147,7 +147,7 @@ impl TrialSet {
         }
     }
 
-    /// Says so where files hold the same recording.
+    /// Adds a note if files contain the same recording.
     fn note_copies(&mut self) {
         let mut first: HashMap<&str, &Trial> = HashMap::new();
         let mut copies: Vec<(&Trial, &Trial)> = Vec::new();
@@ -188,7 +188,7 @@ impl TrialSet {
     }
 }
 
-/// A file that cannot be read is one that the manifest's line names.
+/// Adds the line of the manifest to the error for an unreadable file.
 fn listed(error: TrialError, run: &TomlTable) -> TrialError {
     match error {
         TrialError::Read { file, source } => TrialError::Listed {

@@ -1,7 +1,7 @@
 //! Recorded flights.
 //!
-//! One run is one CSV file with the columns `time` \[s\], `target` \[m\], `position` \[m\] and, where it was
-//! recorded, `stick` [-1 to 1]; further columns are passed over. A manifest (TOML) lists runs:
+//! One run is one CSV file with the columns `time` \[s\], `target` \[m\], `position` \[m\] and, if recorded, `stick`
+//! [-1 to 1]; other columns are ignored. A manifest (TOML) lists runs:
 //!
 //! ```toml
 //! [[run]]
@@ -27,7 +27,7 @@ pub use summary::{SATURATED, Summary, at_stop, median_step};
 pub struct Trial {
     /// Short name, unique among the trials of a fit (the file's stem).
     pub name: String,
-    /// The file it came from, as the user wrote it.
+    /// The file it was read from, as given by the user.
     pub origin: String,
     /// SHA-256 of the file's bytes, in hexadecimal.
     pub sha256: String,
@@ -37,27 +37,27 @@ pub struct Trial {
     pub target: Vec<f64>,
     /// The vehicle's position at each sample \[m\]; NaN where missing.
     pub position: Vec<f64>,
-    /// The stick at each sample [-1, 1]; NaN where missing. None where it was not recorded.
+    /// The stick at each sample [-1, 1]; NaN where missing. `None` if it was not recorded.
     pub stick: Option<Vec<f64>>,
     /// Weight of this run's squared residuals in the objective.
     pub weight: f64,
 }
 
 impl Trial {
-    /// Where the run begins: its first recorded position \[m\].
+    /// The initial position: the first recorded one \[m\].
     pub fn origin(&self) -> f64 {
         let recorded = self.position.iter().find(|z| z.is_finite());
         recorded.copied().unwrap_or(0.0)
     }
 
-    /// The farthest that the target is from there \[m\].
+    /// Largest distance of the target from the initial position \[m\].
     pub fn forcing(&self) -> f64 {
         let origin = self.origin();
         let ways = self.target.iter().map(|target| (target - origin).abs());
         ways.fold(0.0, f64::max)
     }
 
-    /// From the first sample to the last \[s\].
+    /// Time from the first sample to the last \[s\].
     pub fn duration(&self) -> f64 {
         self.time[self.time.len() - 1] - self.time[0]
     }

@@ -1,4 +1,4 @@
-//! A trial from its file.
+//! Reading a trial from its file.
 
 use super::summary::median_step;
 use super::{ColumnNames, Trial, TrialError};
@@ -8,46 +8,46 @@ use pilotage_units::Unit;
 use sha2::{Digest, Sha256};
 use std::path::Path;
 
-/// Least number of recorded positions: below that six parameters mean nothing.
+/// Minimum number of recorded positions: fewer do not determine six parameters.
 const MIN_SAMPLES: usize = 10;
 
-/// Unit that lengths are converted to, and of those without one; examples for messages.
+/// Unit of lengths, assumed if a column has none, and examples for messages.
 const LENGTH: Quantity = ("m", "a length, such as m, cm or ft");
 
-/// The same of the stick; full deflection is 1.
+/// The same for the stick; full deflection is 1.
 const STICK: Quantity = ("1", "1 or %");
 
-/// Unit, and what is expected.
+/// Unit, and the expected units for messages.
 type Quantity = (&'static str, &'static str);
 
-/// How far a stick may be beyond its stops, by rounding and calibration, and still be taken for full: 1 % of
-/// the way from stop to stop.
+/// Excess of a stick over its stops, by rounding and calibration, up to which it is set to full deflection: 1 % of the
+/// full range.
 const STICK_TOLERANCE: f64 = 0.02;
 
-/// Least time between samples [s] that makes one doubt that a time without a unit is in seconds: nobody
-/// records a human's hand once a second.
+/// Minimum sampling interval [s] that makes seconds doubtful for times without a unit: a human's stick is not recorded
+/// only once a second.
 const SLOW: f64 = 1.0;
 
-/// A trial, and what its file says beside.
+/// A trial, and further contents of its file.
 pub(super) struct Read {
     pub trial: Trial,
-    /// What the user may not have meant or not know.
+    /// Notes on possible mistakes for the user.
     pub notes: Vec<String>,
-    /// What stands at its top.
+    /// Leading comments of the file.
     pub comments: Vec<String>,
 }
 
 impl Trial {
-    /// Reads one run from its CSV file. What may be wrong with it is told by
-    /// [`TrialSet::read`](super::TrialSet::read) alone.
+    /// Reads one run from its CSV file. Notes on possible mistakes are reported only by
+    /// [`TrialSet::read`](super::TrialSet::read).
     ///
     /// # Errors
-    /// When the file cannot be read, is not a time series, or lacks what a trial must have.
+    /// If the file cannot be read, is not a time series, or lacks a required quantity.
     pub fn read(path: &Path) -> Result<Self, TrialError> {
         Self::read_with_notes(path, &ColumnNames::default()).map(|read| read.trial)
     }
 
-    /// The same, with what the user may not have meant or not know.
+    /// The same, with notes on possible mistakes.
     pub(super) fn read_with_notes(path: &Path, columns: &ColumnNames) -> Result<Read, TrialError> {
         let bytes = std::fs::read(path).map_err(|source| TrialError::Read {
             file: path.to_owned(),
@@ -136,7 +136,7 @@ impl Trial {
     }
 }
 
-/// Puts a stick that is a little beyond its stops on them, and tells so.
+/// Sets a stick that is slightly beyond its stops to full deflection, and returns a note.
 fn clip(stick: &mut [f64]) -> Option<String> {
     let near = |value: f64| (1.0..=1.0 + STICK_TOLERANCE).contains(&value.abs());
     let beyond = stick
@@ -159,7 +159,7 @@ fn clip(stick: &mut [f64]) -> Option<String> {
     })
 }
 
-/// Times that are probably not in seconds, where the header does not say in what they are.
+/// A note if the times are probably not in seconds and the header has no unit.
 fn doubtful_times(series: &Series) -> Option<String> {
     let step = median_step(&series.time).filter(|step| *step >= SLOW)?;
     let duration = series.time[series.time.len() - 1] - series.time[0];
@@ -175,7 +175,7 @@ fn doubtful_times(series: &Series) -> Option<String> {
     })
 }
 
-/// The column of that name, or else of that name in other letters, small or capital.
+/// The column with that name, or else with that name in another case.
 fn named<'a>(series: &'a Series, column: &str) -> Option<&'a Column> {
     let alike = |c: &&Column| c.name.eq_ignore_ascii_case(column);
     series
@@ -183,7 +183,7 @@ fn named<'a>(series: &'a Series, column: &str) -> Option<&'a Column> {
         .or_else(|| series.columns.iter().find(alike))
 }
 
-/// The column that must be there.
+/// The column, or an error if it is missing.
 fn required<'a>(series: &'a Series, column: &str, file: &str) -> Result<&'a Column, TrialError> {
     named(series, column).ok_or_else(|| {
         let names = || series.columns.iter().map(|c| c.name.as_str());
@@ -221,7 +221,7 @@ fn values(
     }
 }
 
-/// SHA-256 of a file's bytes in lower-case hexadecimal: by which a result names what it came from.
+/// SHA-256 of a file's bytes in lower-case hexadecimal, by which a result identifies its data.
 pub fn sha256(bytes: &[u8]) -> String {
     let digest = Sha256::digest(bytes);
     digest.iter().map(|byte| format!("{byte:02x}")).collect()

@@ -1,51 +1,51 @@
-//! A trial in a few numbers, to see at a glance whether it is what it should be.
+//! Summary of a trial, for a quick check of its data.
 
 use super::Trial;
 use crate::statistics::{range, rms};
 use pilotage_inference::outliers::median;
 
-/// A few numbers about one run.
+/// Summary of one run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
-    /// Samples, missing ones included.
+    /// Number of samples, including missing ones.
     pub samples: usize,
-    /// Samples whose position is missing.
+    /// Number of samples whose position is missing.
     pub missing: usize,
     /// Duration \[s\].
     pub duration: f64,
     /// Samples per second [1/s], from the median of the time steps.
     pub rate: f64,
-    /// Longest time step over the median one: 1 for an even grid.
+    /// Longest time step over the median one: 1 for a uniform grid.
     pub largest_gap: f64,
     /// The last target \[m\].
     pub target: f64,
-    /// Least and greatest target \[m\]: the same where it stands still.
+    /// Minimum and maximum target \[m\]: equal if it is constant.
     pub target_range: [f64; 2],
-    /// The last recorded position minus the target then \[m\].
+    /// Last recorded position minus the target at that time \[m\].
     pub final_error: f64,
-    /// Root mean square of the recorded positions minus the targets then \[m\].
+    /// Root mean square of the recorded positions minus the targets at the same times \[m\].
     pub rms_error: f64,
-    /// How far the vehicle went beyond the target, relative to the distance from its first recorded position;
-    /// 0 where it never did. None where that means nothing: the target moves, or the vehicle starts at it, to a
-    /// tenth of the range in which it then moves.
+    /// Overshoot beyond the target, relative to the distance from the first recorded position; 0 if there is none.
+    /// `None` if it is not meaningful: the target moves, or the vehicle starts within a tenth of its later range of
+    /// motion from it.
     pub overshoot: Option<f64>,
-    /// Greatest |stick|; none where the stick was not recorded.
+    /// Largest |stick|; `None` if the stick was not recorded.
     pub peak_stick: Option<f64>,
-    /// Part of the stick's samples that lie at its stops, 0 to 1; likewise.
+    /// Share of the stick's samples at its stops, 0 to 1; likewise.
     pub stick_at_stop: Option<f64>,
 }
 
-/// A stick this near to its stop, relative, lies there: recordings are rounded.
+/// Relative position of a stick from which on it is at its stop: recordings are rounded.
 const AT_STOP: f64 = 0.999;
 
-/// Part of the samples at the stick's stops that is worth a word.
+/// Share of samples at the stick's stops from which on it is reported.
 pub const SATURATED: f64 = 0.05;
 
-/// Least part of the range of the positions that is a way to the target.
+/// Minimum distance to the target relative to the range of the positions.
 const LEAST_WAY: f64 = 0.1;
 
 impl Trial {
-    /// The run in a few numbers.
+    /// Computes the summary.
     pub fn summary(&self) -> Summary {
         let steps = steps(&self.time);
         let step = steps[steps.len() / 2];
@@ -78,27 +78,27 @@ impl Trial {
         if target != greatest || way == 0.0 || way.abs() < LEAST_WAY * (high - low) {
             return None;
         }
-        // The farthest on the side to which it went.
+        // The farthest position in the direction of the target.
         let farthest = if way > 0.0 { high } else { low };
         Some(((farthest - target) / way).max(0.0))
     }
 }
 
-/// Part of the known samples of a stick that lie at its stops; none where there are none.
+/// Share of the known samples of a stick at its stops; `None` if there are none.
 pub fn at_stop(stick: &[f64], stop: f64) -> Option<f64> {
     let known = || stick.iter().filter(|u| u.is_finite());
     let there = known().filter(|u| u.abs() >= AT_STOP * stop).count();
     (known().count() > 0).then(|| there as f64 / known().count() as f64)
 }
 
-/// The time from each sample to the next [s], the shortest first.
+/// Sampling intervals [s], the shortest first.
 fn steps(time: &[f64]) -> Vec<f64> {
     let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
     steps.sort_by(f64::total_cmp);
     steps
 }
 
-/// The usual time from a sample to the next \[s\]; none where there are no two.
+/// Median sampling interval \[s\]; `None` for fewer than two samples.
 pub fn median_step(time: &[f64]) -> Option<f64> {
     median(time.windows(2).map(|pair| pair[1] - pair[0]))
 }

@@ -4,13 +4,13 @@ use pilotage_models::{COEFFICIENTS, Quadcopter};
 use pilotage_text::document::{self, Document, DocumentError, TomlTable};
 use std::path::Path;
 
-/// What can be wrong with a vehicle file.
+/// Errors of a vehicle file.
 #[derive(Debug, thiserror::Error)]
 pub enum VehicleError {
     /// Not a TOML file with the fields of a vehicle.
     #[error(transparent)]
     Document(#[from] DocumentError),
-    /// A value that no such vehicle has.
+    /// A value is out of range.
     #[error(
         "{file}:{line}: {field} = {value} {unit} is out of range; expected {min} to {max} {unit} ({meaning})"
     )]
@@ -25,11 +25,11 @@ pub enum VehicleError {
         value: f64,
         /// Its unit.
         unit: String,
-        /// Least value.
+        /// Minimum value.
         min: f64,
-        /// Greatest value.
+        /// Maximum value.
         max: f64,
-        /// What the field is.
+        /// Meaning of the field.
         meaning: &'static str,
     },
 }
@@ -37,7 +37,7 @@ pub enum VehicleError {
 /// Reads a vehicle file.
 ///
 /// # Errors
-/// When the file cannot be read, a field is unknown, missing or out of its range.
+/// If the file cannot be read, or a field is unknown, missing or out of range.
 pub fn read(path: &Path) -> Result<Quadcopter, VehicleError> {
     parse(&document::read(path)?, &path.display().to_string())
 }
@@ -50,7 +50,7 @@ pub fn parse(text: &str, file: &str) -> Result<Quadcopter, VehicleError> {
     of_table(&Document::parse(text, file)?.root())
 }
 
-/// The vehicle of a table with its coefficients and nothing else.
+/// Reads the vehicle from a table that contains only its coefficients.
 ///
 /// # Errors
 /// As [`read`].
@@ -78,7 +78,7 @@ pub fn of_table(table: &TomlTable) -> Result<Quadcopter, VehicleError> {
     Ok(vehicle)
 }
 
-/// The vehicle as the text of a vehicle file, each field with unit and meaning beside it.
+/// Text of a vehicle file, with unit and meaning of each field.
 pub fn to_toml(vehicle: &Quadcopter) -> String {
     let mut text =
         String::from("# Pitch axis of a quadcopter: the coefficients and their units.\n");
@@ -101,7 +101,7 @@ mod tests {
             rng_seed: proptest::test_runner::RngSeed::Fixed(8),
             ..ProptestConfig::default()
         })]
-        /// Anywhere in the ranges, their ends included.
+        /// Values anywhere in the ranges, including their ends.
         #[test]
         fn a_vehicle_that_is_written_is_read_again_to_the_same_bits(
             parts in prop::array::uniform10(prop_oneof![Just(0.0), Just(1.0), 0.0..1.0]),

@@ -1,5 +1,5 @@
-//! The vehicle's coefficients as user data: a TOML file in which every field has a unit and a range,
-//! and what a look at its pitch loop tells before anybody flies it.
+//! The vehicle's coefficients as user data: a TOML file in which every field has a unit and a range, and a check of its
+//! pitch loop before any flight.
 
 mod file;
 mod pitch_loop;

@@ -9,7 +9,7 @@ use pilotage_models::pilot::roots;
 pub struct PitchLoop {
     /// Its modes, slowest first.
     pub modes: Vec<Mode>,
-    /// `a k_q` and `k_φ` [µs/rad]: Routh–Hurwitz asks for `a k_q > k_φ > 0`, whatever β is.
+    /// `a k_q` and `k_φ` [µs/rad]: Routh–Hurwitz requires `a k_q > k_φ > 0`, for any β.
     pub routh: (f64, f64),
 }
 
@@ -25,7 +25,7 @@ impl PitchLoop {
         }
     }
 
-    /// True when every pole lies in the left half-plane.
+    /// Whether every pole lies in the left half-plane.
     pub fn is_stable(&self) -> bool {
         let (damping, stiffness) = self.routh;
         damping > stiffness && stiffness > 0.0

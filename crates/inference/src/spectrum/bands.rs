@@ -1,4 +1,4 @@
-//! Coherence over flights, in octaves, where forcing functions are no sums of sines: jumps, ramps.
+//! Coherence over flights in octave bands, for forcing functions that are not sums of sines, such as steps and ramps.
 
 use super::Flight;
 use super::excitation::Row;
@@ -6,17 +6,17 @@ use nalgebra::Complex;
 use statrs::distribution::{Beta, ContinuousCDF};
 use std::f64::consts::{PI, TAU};
 
-/// Frequencies of a band, at most.
+/// Maximum number of frequencies of a band.
 const IN_BAND: usize = 8;
-/// Highest frequency of a band, far above what a hand can do [rad/s].
+/// Highest frequency of a band, far above the bandwidth of a human hand [rad/s].
 const TOP: f64 = 32.0;
-/// Flights of which a coherence is known: with one or two it is large by chance.
+/// Minimum number of flights for a coherence: with one or two it is large by chance.
 const FEWEST: usize = 3;
 
-/// Octaves from one turn in the shortest flight up to half of the lowest sampling frequency. None without samples.
+/// Octaves from one period of the shortest flight up to half of the lowest sampling frequency. `None` without samples.
 ///
-/// Signals are taken by their increments, which a flight that begins and ends at rest has within itself; a target jumps
-/// from where the vehicle begins.
+/// Transforms are taken of the signals' increments, which for a flight that begins and ends at rest are contained in
+/// the record; a target is treated as a step from the vehicle's initial position.
 pub(super) fn bands(flights: &[Flight<'_>], of_stick: bool) -> Option<Vec<Row>> {
     let known: Vec<&Flight<'_>> = flights.iter().filter(|own| own.time.len() > 2).collect();
     let duration = |own: &&Flight<'_>| own.time[own.time.len() - 1] - own.time[0];
@@ -43,7 +43,7 @@ pub(super) fn bands(flights: &[Flight<'_>], of_stick: bool) -> Option<Vec<Row>> 
     Some((0..count).map(row).collect())
 }
 
-/// A band of these frequencies [rad/s]; of the flights their first `duration` seconds.
+/// One band with these frequencies [rad/s], from the first `duration` seconds of each flight.
 fn averaged(
     flights: &[&Flight<'_>],
     of_stick: bool,
@@ -62,13 +62,16 @@ fn averaged(
         let own: f64 = transformed.iter().map(|[f, _]| f.norm_sqr()).sum();
         let response: f64 = transformed.iter().map(|[_, u]| u.norm_sqr()).sum();
         let cross: Complex<f64> = transformed.iter().map(|[f, u]| f.conj() * u).sum();
+        if runs == 0 {
+            continue;
+        }
         driven += own / (runs as f64 * omega * omega);
         power += response / (runs as f64 * omega * omega);
         coherent += cross.norm_sqr();
         possible += own * response;
     }
     let n = runs as f64;
-    // A coherence of n values has at least 1/n by chance.
+    // A coherence estimated from n values is at least 1/n by chance.
     let found = coherent / possible;
     let coherence = ((n * found - 1.0) / (n - 1.0)).clamp(0.0, 1.0);
     let coherence = Some(coherence).filter(|own| runs >= FEWEST && own.is_finite());
@@ -85,16 +88,16 @@ fn averaged(
     }
 }
 
-/// How likely the mean coherence of so many frequencies of n flights is as large where nothing is in common: one has the
-/// beta distribution with 1 and n - 1 (Bendat & Piersol, *Random Data*, 4th ed., chapter 9), their mean that with the same
-/// mean and variance.
+/// Probability of a mean coherence this large over several frequencies of n flights if there is no common signal. The
+/// coherence at one frequency has the beta distribution with 1 and n - 1 (Bendat & Piersol, *Random Data*, 4th ed.,
+/// chapter 9); that of the mean is the beta distribution with the same mean and variance.
 fn chance(found: f64, n: f64, frequencies: f64) -> f64 {
     let a = ((n + 1.0) * frequencies - 1.0) / n;
     let all = Beta::new(a, a * (n - 1.0));
     all.map_or(1.0, |all| all.sf(found.clamp(0.0, 1.0)))
 }
 
-/// Transforms of the increments of target and response. None without a response.
+/// Transforms of the increments of forcing function and response. `None` without a response.
 fn transforms(
     flight: &Flight<'_>,
     of_stick: bool,
@@ -112,7 +115,7 @@ fn transforms(
         .iter()
         .copied()
         .find(|own| own.is_finite())?;
-    // What is a target jumps from there; a disturbance is not measured from it.
+    // A target steps from the initial position; a disturbance is not relative to it.
     let is_target = |own: &[f64]| {
         let pairs = own.iter().zip(&flight.error).zip(flight.position);
         pairs.clone().next().is_some()

@@ -1,29 +1,29 @@
-//! Pilot and loop without a model, beside those of a model.
+//! Nonparametric responses of pilot and loop, compared with those of a model.
 
 use super::{Point, Record, Unfit, response};
 use nalgebra::Complex;
 
-/// How unlikely an estimate is whose error bar does not reach the model.
+/// Significance level at which the error bar of an estimate excludes the model.
 const UNLIKELY: f64 = 0.01;
-/// Relative difference of responses that matters.
+/// Minimum relative difference of responses that is reported.
 const MATTERS: f64 = 0.1;
-/// Lines outside, and their part of all, from which the model is in doubt.
+/// Number of lines outside, and their share of all, from which on the model is doubtful.
 const MANY: usize = 3;
 const PART: f64 = 1.0 / 3.0;
 
-/// A response at its lines, and what a model says there.
+/// A response at its lines, and the model's response there.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Checked {
-    /// The lines, by ascending frequency.
+    /// The lines by ascending frequency.
     pub points: Vec<Point>,
     /// The model's response at each; NaN where there is none.
     pub fitted: Vec<Complex<f64>>,
-    /// How sure that is: the mean square of its error; 0 where that is not known.
+    /// Mean square error of the model's response; 0 if not known.
     pub variance: Vec<f64>,
 }
 
 impl Checked {
-    /// With the model's response at jω.
+    /// With the model's response at jω, given as a function of ω.
     pub fn new(points: Vec<Point>, model: impl Fn(f64) -> Complex<f64>) -> Self {
         Self {
             fitted: points.iter().map(|own| model(own.frequency)).collect(),
@@ -32,27 +32,27 @@ impl Checked {
         }
     }
 
-    /// The same where the model's response is known as well as `variance` says at a frequency [rad/s].
+    /// The same with the mean square error `variance` of the model's response at a frequency [rad/s].
     pub fn known_as(mut self, variance: impl Fn(f64) -> f64) -> Self {
         let of = |own: &Point| variance(own.frequency);
         self.variance = self.points.iter().map(of).collect();
         self
     }
 
-    /// Lines, each with what the model says.
+    /// Lines with the model's response at each.
     pub fn lines(&self) -> impl Iterator<Item = (&Point, Complex<f64>)> {
         self.points.iter().zip(self.fitted.iter().copied())
     }
 
-    /// Whether the model lies outside of the error bar of 99 % of a line, and by more than a tenth. What the model itself
-    /// may be off by makes the bar longer.
+    /// Whether the model lies outside of the 99 % error bar of a line and differs by more than a tenth. The uncertainty
+    /// of the model itself widens the bar.
     pub fn is_outside(&self, line: usize) -> bool {
         let (point, fitted) = (&self.points[line], self.fitted[line]);
         let differs = (fitted - point.response).norm() > MATTERS * point.response.norm();
         differs && point.likelihood_beside(fitted, self.variance[line]) < UNLIKELY
     }
 
-    /// The frequencies of lines at which the model is outside [rad/s], where these are many: a third of all, and three.
+    /// Frequencies of the lines at which the model is outside [rad/s], if these are at least three and a third of all.
     pub fn contradicted(&self) -> Option<Vec<f64>> {
         let outside = (0..self.points.len()).filter(|line| self.is_outside(*line));
         let outside: Vec<f64> = outside.map(|line| self.points[line].frequency).collect();
@@ -62,31 +62,31 @@ impl Checked {
     }
 }
 
-/// A flight to a target, at the same times.
+/// A flight to a target; all signals are at the same times.
 #[derive(Debug, Clone)]
 pub struct Flight<'a> {
     /// Its name.
     pub name: &'a str,
     /// Times of the samples \[s\].
     pub time: &'a [f64],
-    /// What drives the loop from outside: the target, disturbances.
+    /// External inputs of the loop: the target, disturbances.
     pub forcing: Vec<&'a [f64]>,
     /// Target minus position, in units of the position.
     pub error: Vec<f64>,
-    /// The stick; none where it was not recorded.
+    /// The stick; `None` if it was not recorded.
     pub stick: Option<&'a [f64]>,
-    /// Where the vehicle is.
+    /// Position of the vehicle.
     pub position: &'a [f64],
 }
 
-/// What flights after sums of sines say of pilot and loop.
+/// Describing functions of pilot and loop from flights driven by sums of sines.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Describing {
-    /// The pilot's describing function, from the error to the stick.
+    /// The pilot's describing function from error to stick.
     pub pilot: Checked,
-    /// That of pilot and vehicle, from the error to the position.
+    /// That of the open loop of pilot and vehicle, from error to position.
     pub open_loop: Checked,
-    /// Runs that tell nothing of either, and why.
+    /// Runs from which neither can be estimated, and why.
     pub left_out: Vec<(String, Unfit)>,
 }
 
@@ -94,7 +94,7 @@ pub struct Describing {
 pub type Model<'m> = &'m dyn Fn(f64) -> Complex<f64>;
 
 impl Describing {
-    /// Of flights with the same forcing functions, beside the responses of a model's pilot and open loop.
+    /// From flights with the same forcing functions, compared with a model's responses of pilot and open loop.
     pub fn of(flights: &[Flight<'_>], [pilot, open_loop]: [Model<'_>; 2]) -> Self {
         let (points, left) = response(&records(flights, |own| Some(own.position)));
         let (sticks, _) = response(&records(flights, |own| own.stick));
@@ -106,12 +106,13 @@ impl Describing {
         }
     }
 
-    /// Whether no run told anything.
+    /// Whether no run yielded an estimate.
     pub fn is_empty(&self) -> bool {
         self.pilot.points.is_empty() && self.open_loop.points.is_empty()
     }
 
-    /// What lies outside of many error bars: the pilot, else the loop.
+    /// The contradiction of the pilot's response, otherwise of the open loop's, if many lines are outside of their
+    /// error bars.
     pub fn contradicted(&self) -> Option<Contradiction> {
         let both = [("pilot", &self.pilot), ("open loop", &self.open_loop)];
         let told = |(what, own): (&'static str, &Checked)| {
@@ -126,7 +127,7 @@ impl Describing {
     }
 }
 
-/// A fitted response that is not the one which the recordings have without a model.
+/// A fitted response that contradicts the nonparametric estimate from the recordings.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
     "the fitted {what} lies outside of the error bars of the describing function, which needs no model, at {} of {lines} \
@@ -135,11 +136,11 @@ impl Describing {
     shown(frequencies)
 )]
 pub struct Contradiction {
-    /// Whose response.
+    /// Name of the response.
     pub what: &'static str,
     /// The lines at which it is outside [rad/s].
     pub frequencies: Vec<f64>,
-    /// How many lines there are.
+    /// Number of lines.
     pub lines: usize,
 }
 
@@ -207,7 +208,7 @@ mod tests {
         );
     }
 
-    /// A model that is not sure itself is not contradicted.
+    /// A model with a large uncertainty of its own is not contradicted.
     #[test]
     fn what_the_model_may_be_off_by_is_allowed_for() {
         let model = |_| Complex::new(0.0, 2.6);
@@ -217,7 +218,7 @@ mod tests {
         assert_eq!(sure.known_as(|_| 0.16).contradicted(), None);
     }
 
-    /// F with 2 and 2ν degrees: its 95 % quantile for ν = 15 is 3.316 (tables), and it is `d²`.
+    /// F distribution with 2 and 2ν degrees of freedom: its 95 % quantile for ν = 15 is 3.316 (tables), equal to `d²`.
     #[test]
     fn likelihoods_are_those_of_the_f_distribution() {
         let far = 2.0 + 2.0 * (2.0 * 3.316_f64).sqrt() * 0.02;

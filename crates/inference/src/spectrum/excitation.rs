@@ -1,4 +1,4 @@
-//! What the forcing functions of flights excite, before any fit.
+//! Excitation by the forcing functions of flights, before any fit.
 
 use super::bands::bands;
 use super::checked::records;
@@ -6,52 +6,53 @@ use super::{Flight, Point, Unfit, response};
 use pilotage_text::counted;
 use std::fmt;
 
-/// Coherence from which a line or a band tells something: half of the power is the forcing function's.
+/// Minimum coherence of a line or a band: half of the power is due to the forcing function.
 const COHERENT: f64 = 0.5;
-/// How likely a row of all may be taken for coherent by chance.
+/// Probability that any row is coherent by chance.
 const BY_CHANCE: f64 = 0.05;
-/// Standard deviations of a delay that is told from none.
+/// Number of standard deviations of a delay that can be distinguished from zero.
 const TOLD: f64 = 1.96;
 
-/// What flights excite, at lines or in bands.
+/// Excitation of flights, at lines or in bands.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Excitation {
-    /// The forcing functions are sums of sines: rows are their lines; else bands of an octave.
+    /// Whether the forcing functions are sums of sines and rows are their lines; otherwise rows are octave bands.
     pub has_lines: bool,
-    /// Why lines were not looked for, though there may be some.
+    /// Why lines were not searched for, although there may be some.
     pub unseen: Option<Unfit>,
-    /// Nothing drives the loops: no forcing function ever differs from where the vehicle begins.
+    /// Whether nothing drives the loops: no forcing function ever differs from the vehicle's initial position.
     pub is_undriven: bool,
-    /// The response never moves.
+    /// Whether the response never moves.
     pub is_motionless: bool,
-    /// No target moves after the flight has begun.
+    /// Whether no target moves after the start of the flight.
     pub is_still: bool,
-    /// Whether the response is the stick; else no flight has one, and it is the position.
+    /// Whether the response is the stick; otherwise no flight has a stick, and it is the position.
     pub of_stick: bool,
-    /// By ascending frequency.
+    /// Rows by ascending frequency.
     pub rows: Vec<Row>,
 }
 
 /// A line or a band.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
-    /// Its frequency; the geometric mean of a band's ends [rad/s].
+    /// Frequency of the line; geometric mean of the band's ends [rad/s].
     pub frequency: f64,
-    /// Amplitude of the forcing function, root mean square over the flights: of a line in its unit, of a band that of the
-    /// Fourier transform, in its unit times s.
+    /// Amplitude of the forcing function, root mean square over the flights: for a line in its unit, for a band that of
+    /// the Fourier transform, in its unit times s.
     pub forcing: f64,
-    /// Coherence of forcing function and response; none of a band where flights are fewer than three.
+    /// Coherence of forcing function and response; `None` for a band with fewer than three flights.
     pub coherence: Option<f64>,
-    /// How likely it would be as large by chance.
+    /// Probability of a coherence this large by chance.
     pub chance: Option<f64>,
-    /// One-sided spectral density of what in the response is not the forcing function's [its unit squared per rad/s].
+    /// One-sided spectral density of the part of the response not due to the forcing function [its unit squared per
+    /// rad/s].
     pub remnant: Option<f64>,
-    /// Standard deviation of a phase there \[rad\].
+    /// Standard deviation of a phase at this frequency \[rad\].
     pub sd: Option<f64>,
 }
 
 impl Excitation {
-    /// Of flights with the same forcing functions. None where no flight has three samples.
+    /// From flights with the same forcing functions. `None` if no flight has three samples.
     pub fn of(flights: &[Flight<'_>]) -> Option<Self> {
         let of_stick = flights.iter().any(|own| own.stick.is_some());
         let (points, unfit) = match of_stick {
@@ -83,8 +84,8 @@ impl Excitation {
         })
     }
 
-    /// Rows that tell something: at least half of the power is the forcing function's, and not by chance. Of bands those
-    /// below the first that tells nothing: what is above comes from how samples lie.
+    /// Rows in which at least half of the power is due to the forcing function, and not by chance. Bands end below the
+    /// first one that is not coherent: higher ones reflect only the sampling.
     pub fn coherent(&self) -> impl Iterator<Item = &Row> {
         let most = BY_CHANCE / self.rows.len() as f64;
         let is_coherent = move |own: &&Row| {
@@ -99,19 +100,20 @@ impl Excitation {
         below.filter(is_coherent)
     }
 
-    /// The highest frequency at which the flights tell anything [rad/s].
+    /// The highest coherent frequency [rad/s].
     pub fn highest(&self) -> Option<f64> {
         self.coherent().last().map(|own| own.frequency)
     }
 
-    /// How many parameters of a response from error to stick the lines can tell: gain and phase of each (Ljung, *System
-    /// Identification*, 2nd ed., section 13.2: n sines excite persistently of order 2n). None of bands.
+    /// Maximum number of parameters of a response from error to stick that the lines can determine: a gain and a phase
+    /// each (Ljung, *System Identification*, 2nd ed., section 13.2: n sines excite persistently of order 2n). `None`
+    /// for bands.
     pub fn most_parameters(&self) -> Option<usize> {
         self.has_lines.then(|| 2 * self.coherent().count())
     }
 
-    /// The shortest delay that is told from none \[s\], all else known: `1.96 / √Σ (ω/σ)²` with the standard deviations σ of
-    /// the phases.
+    /// The shortest delay that can be distinguished from zero \[s\] if all else is known: `1.96 / √Σ (ω/σ)²` with the
+    /// standard deviations σ of the phases.
     pub fn least_delay(&self) -> Option<f64> {
         let told = self
             .coherent()
@@ -120,35 +122,35 @@ impl Excitation {
         (sum > 0.0).then(|| TOLD / sum.sqrt())
     }
 
-    /// What of a model with so many parameters the lines cannot tell, of so many measured signals.
+    /// Compares the number of sought parameters with what the lines can determine, for this number of measured signals.
     pub fn starved(&self, asked: usize, signals: usize) -> Option<Starved> {
         let told = self.most_parameters()? * signals.max(1);
         (asked > told).then_some(Starved { told, asked })
     }
 
-    /// What to fly instead, where targets do not move.
+    /// Recommended flights if targets do not move.
     pub fn advice(&self) -> Option<&'static str> {
         self.is_still.then_some(
-            "targets that stand still tell a pilot with lead half of the crossover; a target that moves as a sum of sines \
-             tells it, lead and delay: `pilotage trials synth --target sines`, docs/guidance.md, section 1",
+            "from targets that stand still, a pilot with lead is found with half of the human's crossover; a target that moves \
+             as a sum of sines determines crossover, lead and delay: `pilotage trials synth --target sines`, docs/guidance.md, section 1",
         )
     }
 }
 
-/// More parameters than lines tell.
+/// More parameters are sought than the lines can determine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the target's lines that come back tell {told} numbers, gain and phase each, and {asked} are sought: fly after more \
+    "the target's lines that come back determine {told} numbers, gain and phase each, and {asked} are sought: fly after more \
      sines (`pilotage trials synth --target sines --count 8`; docs/guidance.md, section 1), or seek fewer"
 )]
 pub struct Starved {
-    /// Numbers that they tell.
+    /// Number of parameters that the lines can determine.
     pub told: usize,
-    /// Parameters that are sought.
+    /// Number of parameters sought.
     pub asked: usize,
 }
 
-/// What is excited, in a line.
+/// Summary in one line.
 impl fmt::Display for Excitation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let signal = if self.of_stick { "stick" } else { "position" };
@@ -182,7 +184,7 @@ impl fmt::Display for Excitation {
         if let Some(most) = self.most_parameters() {
             write!(f, "; at most {most} parameters from error to {signal}")?;
         }
-        // After jumps that are all alike a delay is not told from a lag.
+        // After identical steps a delay cannot be distinguished from a lag.
         self.least_delay()
             .filter(|_| self.has_lines)
             .map_or(Ok(()), |least| write!(f, "; delays from {least:.3} s on"))

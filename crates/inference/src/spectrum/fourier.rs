@@ -3,8 +3,8 @@
 use nalgebra::Complex;
 use std::f64::consts::PI;
 
-/// `Σ_t x_t e^(-2πi k t / n)` for any number n of values: by the convolution of Bluestein (IEEE Trans. Audio
-/// Electroacoust. 18, 1970) where n is no power of two.
+/// `Σ_t x_t e^(-2πi k t / n)` for any number n of values; if n is not a power of two, by Bluestein's convolution (IEEE
+/// Trans. Audio Electroacoust. 18, 1970).
 pub fn fourier(x: &[Complex<f64>]) -> Vec<Complex<f64>> {
     let n = x.len();
     if n.is_power_of_two() || n == 0 {
@@ -13,7 +13,7 @@ pub fn fourier(x: &[Complex<f64>]) -> Vec<Complex<f64>> {
         return all;
     }
     let size = (2 * n - 1).next_power_of_two();
-    // k t = (k² + t² - (k - t)²)/2; k² is taken modulo 2n, of which the angle is a period.
+    // k t = (k² + t² - (k - t)²)/2; k² is taken modulo 2n, the period of the angle.
     let angle = |k: usize| PI * ((k as u128 * k as u128) % (2 * n as u128)) as f64 / n as f64;
     let chirp: Vec<Complex<f64>> = (0..n)
         .map(|k| Complex::from_polar(1.0, -angle(k)))
@@ -34,7 +34,7 @@ pub fn fourier(x: &[Complex<f64>]) -> Vec<Complex<f64>> {
     chirp.iter().zip(&a).map(back).collect()
 }
 
-/// The transform of a power of two of values, in place (Cooley & Tukey, Math. Comput. 19, 1965).
+/// In-place transform of a number of values that is a power of two (Cooley & Tukey, Math. Comput. 19, 1965).
 fn transform(x: &mut [Complex<f64>]) {
     let n = x.len();
     if n < 2 {
@@ -63,7 +63,7 @@ fn transform(x: &mut [Complex<f64>]) {
     }
 }
 
-/// Amplitudes `2/n Σ_t x_t e^(-2πi k t / n)` of the values without their mean, for k from 0 up to below n/2: a sine
+/// Amplitudes `2/n Σ_t x_t e^(-2πi k t / n)` of the values minus their mean, for 0 ≤ k < n/2: a sine
 /// `a sin(2πkt/n + φ)` has `|a|` at k.
 pub fn amplitudes(values: &[f64]) -> Vec<Complex<f64>> {
     let n = values.len();

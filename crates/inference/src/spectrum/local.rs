@@ -1,29 +1,29 @@
-//! Lines without transients, and the remnant between them.
+//! Spectral lines corrected for transients, and the remnant next to them.
 
 use nalgebra::{Complex, DMatrix, Matrix3, Vector3};
 
-/// Bins beside a line that tell the transient and the remnant there.
+/// Number of bins next to a line from which transient and remnant are estimated.
 const NEIGHBOURS: usize = 8;
 /// Coefficients of the local polynomial.
 const TERMS: usize = 3;
 
-/// A line of some signals of a run.
+/// A line in several signals of a run.
 #[derive(Debug, Clone)]
 pub(super) struct Line {
-    /// The line of each signal, without the transient.
+    /// Value of each signal at the line, without the transient.
     pub values: Vec<Complex<f64>>,
-    /// What the transient leaves of the bins beside it: a row for each signal.
+    /// Residuals of the transient's fit in the neighbouring bins: one row per signal.
     pub beside: DMatrix<Complex<f64>>,
-    /// Independent complex values in a row of that.
+    /// Number of independent complex values in a row of `beside`.
     pub degrees: f64,
-    /// Variance of `values`, per variance of the noise in a bin.
+    /// Variance of `values` relative to that of the noise in a bin.
     pub inflation: f64,
 }
 
-/// The line k of these spectra. A run's begin and end leave a transient whose spectrum is smooth: a parabola through the
-/// bins that are not excited, by least squares, which at the line is taken away; what is left of these bins is noise
-/// (the local polynomial method: Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed.,
-/// section 7.3). None where there are not enough such bins.
+/// The line k of these spectra. The start and end of a run cause a transient with a smooth spectrum: a parabola is
+/// fitted to the bins that are not excited, by least squares, and subtracted at the line; its residuals in these bins
+/// are noise (the local polynomial method: Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*,
+/// 2nd ed., section 7.3). `None` if there are not enough such bins.
 pub(super) fn line(spectra: &[Vec<Complex<f64>>], k: usize, excited: &[usize]) -> Option<Line> {
     let beside = neighbours(k, spectra.first()?.len(), excited);
     let degrees = beside.len().checked_sub(TERMS).filter(|left| *left > 0)?;
@@ -59,7 +59,7 @@ pub(super) fn line(spectra: &[Vec<Complex<f64>>], k: usize, excited: &[usize]) -
     })
 }
 
-/// The bins nearest to k that are not excited; the mean is none.
+/// The bins nearest to k that are not excited, without the mean (bin 0).
 fn neighbours(k: usize, bins: usize, excited: &[usize]) -> Vec<usize> {
     let is_free = |bin: &usize| excited.binary_search(bin).is_err();
     let mut all: Vec<usize> = (1..bins).filter(is_free).collect();
@@ -72,7 +72,7 @@ fn neighbours(k: usize, bins: usize, excited: &[usize]) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    /// A parabola beneath lines, and nothing else.
+    /// A parabola with lines added to it, and no noise.
     #[test]
     fn a_smooth_transient_is_taken_away() {
         let smooth = |k: usize| Complex::new(1.0 + 0.1 * k as f64, 0.02 * (k * k) as f64);

@@ -1,20 +1,21 @@
-//! Frequency responses straight from recordings, without a model: where what drives a loop is a sum of sines.
+//! Nonparametric frequency responses from recordings of loops driven by sums of sines.
 //!
-//! In a closed loop the remnant comes round into the input, so that the ratio of output to input is biased towards the
-//! inverse of the vehicle. What is coherent with the forcing function f is not (McRuer, Graham, Krendel & Reisener, *Human
-//! Pilot Dynamics in Compensatory Systems*, AFFDL-TR-65-15, 1965): with cross spectra averaged over runs,
+//! In a closed loop the remnant feeds back into the input, so that the ratio of output to input is biased towards the
+//! inverse of the vehicle. The part coherent with the forcing function f is unbiased (McRuer, Graham, Krendel &
+//! Reisener, *Human Pilot Dynamics in Compensatory Systems*, AFFDL-TR-65-15, 1965). With cross spectra averaged over
+//! runs,
 //!
 //! ```text
 //! Y(jω) = S_fu(ω) / S_fe(ω)      at the lines of f, from input e to output u
 //! ```
 //!
-//! | file | what it holds |
+//! | file | contents |
 //! | --- | --- |
 //! | `window` | whole periods of the forcing functions, and their lines |
 //! | `fourier` | transforms of any length |
-//! | `local` | lines without transients, and the remnant between them |
-//! | `excitation`, `bands` | what flights excite, whatever drives them |
-//! | `checked` | pilot and loop, beside those of a model |
+//! | `local` | lines without transients, and the remnant next to them |
+//! | `excitation`, `bands` | excitation by any forcing function |
+//! | `checked` | pilot and loop, compared with those of a model |
 
 mod bands;
 mod checked;
@@ -30,17 +31,17 @@ use local::{Line, line};
 use nalgebra::Complex;
 pub use window::{Unfit, Window};
 
-/// Runs from which their scatter is taken for noise, where it is larger than that between the lines.
+/// Minimum number of runs for which their scatter is used as noise, if it is larger than that next to the lines.
 const SCATTER: usize = 3;
-/// Frequencies that differ by less than this part of a bin are one.
+/// Frequencies that differ by less than this part of a bin are equal.
 const SAME: f64 = 0.25;
 
-/// What was recorded in a run.
+/// Recorded signals of a run.
 #[derive(Debug, Clone)]
 pub struct Record<'a> {
     /// Times of the samples \[s\].
     pub time: &'a [f64],
-    /// What drives the loop from outside, a signal each: the same ones in all runs.
+    /// External inputs of the loop, one signal each; the same in all runs.
     pub forcing: Vec<&'a [f64]>,
     /// Input e of the response.
     pub input: &'a [f64],
@@ -53,52 +54,54 @@ pub struct Record<'a> {
 pub struct Point {
     /// Frequency [rad/s].
     pub frequency: f64,
-    /// The forcing function that has this line.
+    /// Index of the forcing function that has this line.
     pub forcing: usize,
-    /// Its amplitude there, root mean square over the runs.
+    /// Its amplitude at the line, root mean square over the runs.
     pub amplitude: f64,
-    /// Y, in units of the output over the input.
+    /// Y, in units of the output per unit of the input.
     pub response: Complex<f64>,
-    /// Standard deviation of the gain, relative, and of the phase \[rad\]: `√((1 - γ²) / (2 n γ²))` from n runs, where γ²
-    /// is the coherence of u with `Y e` (Bendat & Piersol, *Random Data*, 4th ed., chapter 9).
+    /// Relative standard deviation of the gain, and that of the phase \[rad\]: `√((1 - γ²) / (2 n γ²))` from n runs,
+    /// where γ² is the coherence of u with `Y e` (Bendat & Piersol, *Random Data*, 4th ed., chapter 9).
     pub sd: f64,
-    /// Coherence γ² of forcing function and output, from 0 to 1: the part of the output's power in a bin that is the
-    /// forcing function's, without what is there by chance.
+    /// Coherence γ² of forcing function and output, from 0 to 1: the share of the output's power in a bin that is due
+    /// to the forcing function, corrected for chance.
     pub coherence: f64,
-    /// How likely as much would be there by chance: from the F distribution, as [`Self::likelihood_of`].
+    /// Probability of a coherence this large by chance, from the F distribution as in [`Self::likelihood_of`].
     pub chance: f64,
-    /// One-sided spectral density of the remnant `u - Y e` there [units of the output squared per rad/s].
+    /// One-sided spectral density of the remnant `u - Y e` at the line [units of the output squared per rad/s].
     pub remnant: f64,
     /// Number of runs.
     pub runs: usize,
-    /// Independent complex values that tell the remnant.
+    /// Number of independent complex values behind the remnant.
     pub degrees: f64,
 }
 
 impl Point {
-    /// How likely an estimate as far as this from a response is, if that is the true one: `(1 + d²/ν)^-ν`, from the F
+    /// Probability of an estimate as far as this from `truth` if that is the true response: `(1 + d²/ν)^-ν`, from the F
     /// distribution with 2 and 2ν degrees of freedom.
     pub fn likelihood_of(&self, truth: Complex<f64>) -> f64 {
         self.likelihood_beside(truth, 0.0)
     }
 
-    /// The same of a response that is known with an error of this mean square.
+    /// The same for a response that is known with this mean square error.
     pub fn likelihood_beside(&self, truth: Complex<f64>, variance: f64) -> f64 {
         let variance = variance + 2.0 * self.sd.powi(2) * self.response.norm_sqr();
         likelihood((truth - self.response).norm_sqr() / variance, self.degrees)
     }
 }
 
-/// How likely a complex value is further off than this, squared and over its variance, which so many values tell.
+/// Probability of a larger distance of a complex value, squared and over its variance, which has these degrees of
+/// freedom.
 fn likelihood(distance: f64, degrees: f64) -> f64 {
     (1.0 + distance / degrees).powf(-degrees)
 }
 
-/// The response from input to output at all lines, by ascending frequency; and for each run that tells nothing of it, by
-/// its number, why.
+/// Response from input to output at all lines, by ascending frequency; and the indices of runs that yield no estimate,
+/// with the reason.
 ///
-/// Lines of runs whose frequencies agree are averaged. Noise is what is left between lines, and from three runs on
-/// what differs from run to run, whichever is larger: that is what the loop does not do linearly, and a human who changes.
+/// Lines of runs with equal frequencies are averaged. Noise is estimated next to the lines and, from three runs on,
+/// from the scatter between runs, whichever is larger: the scatter includes nonlinear behaviour and a human who
+/// changes.
 pub fn response(records: &[Record<'_>]) -> (Vec<Point>, Vec<(usize, Unfit)>) {
     let (mut seen, mut unfit) = (Vec::new(), Vec::new());
     for (run, record) in records.iter().enumerate() {
@@ -121,7 +124,7 @@ pub fn response(records: &[Record<'_>]) -> (Vec<Point>, Vec<(usize, Unfit)>) {
     (points, unfit)
 }
 
-/// A line of a run: of forcing function, input and output.
+/// A line of a run in forcing function, input and output.
 struct Seen {
     frequency: f64,
     forcing: usize,
@@ -139,7 +142,7 @@ impl Seen {
         [1, 2].map(|k| self.forcing().conj() * self.line.values[k])
     }
 
-    /// `Σ |u - Y e|²` of the bins beside it.
+    /// `Σ |u - Y e|²` of the bins next to it.
     fn beside(&self, response: Complex<f64>) -> f64 {
         let columns = self.line.beside.column_iter();
         columns
@@ -170,7 +173,7 @@ fn lines(record: &Record<'_>) -> Result<Vec<Seen>, Unfit> {
     Ok(all)
 }
 
-/// The response at one frequency. None where the input has nothing of the forcing function.
+/// The response at one frequency. `None` if the input does not contain the forcing function.
 fn averaged(seen: &[Seen]) -> Option<Point> {
     let count = seen.len() as f64;
     let sum = |k: usize| seen.iter().map(|own| own.cross()[k]).sum::<Complex<f64>>();
@@ -184,12 +187,12 @@ fn averaged(seen: &[Seen]) -> Option<Point> {
     let (remnant, degrees) = noise(seen, response, |own| {
         own.line.values[2] - response * own.line.values[1]
     });
-    // Of the output alone: what the loop makes of the remnant.
+    // Noise of the output alone: the remnant as the loop shapes it.
     let slope = output / driven;
     let (noise, told) = noise(seen, Complex::new(0.0, 0.0), |own| {
         own.line.values[2] - slope * own.forcing()
     });
-    // Of the slope by chance.
+    // Variance of the slope by chance.
     let scatter = noise * inflated / driven.powi(2);
     let coherent = (slope.norm_sqr() - scatter).max(0.0) * driven / count;
     let variance = remnant * inflated / input.norm_sqr();
@@ -208,7 +211,7 @@ fn averaged(seen: &[Seen]) -> Option<Point> {
     (point.sd.is_finite() && point.coherence.is_finite()).then_some(point)
 }
 
-/// Variance of the noise of `u - Y e` in a bin, and how many complex values tell it.
+/// Variance of the noise of `u - Y e` in a bin, and its number of independent complex values.
 fn noise(
     seen: &[Seen],
     response: Complex<f64>,

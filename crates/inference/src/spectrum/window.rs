@@ -1,4 +1,4 @@
-//! The whole periods of forcing functions that are sums of sines, and their lines.
+//! Whole periods of forcing functions that are sums of sines, and their lines.
 
 use super::fourier::amplitudes;
 use nalgebra::Complex;
@@ -6,26 +6,27 @@ use std::cmp::Ordering;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Fewest samples of a run of which a spectrum is taken.
+/// Minimum number of samples of a run for a spectrum.
 const FEWEST: usize = 32;
-/// Steps between samples that differ by less, relative to their mean, are even.
+/// Relative deviation from the mean step up to which samples are evenly spaced.
 const EVEN: f64 = 0.01;
-/// Ends of a window at which a forcing function goes on most smoothly, of which spectra are taken.
+/// Maximum number of window lengths, the smoothest continuations first, for which spectra are computed.
 const CANDIDATES: usize = 24;
-/// Bins on each side of a line that tell the floor above which it stands.
+/// Number of bins on each side of a line that define the floor.
 const AROUND: usize = 6;
-/// Power of a line over that floor, and over that of the largest line.
+/// Minimum power of a line relative to that floor, and relative to the largest line.
 const ABOVE: f64 = 100.0;
 const LEAST: f64 = 1e-5;
-/// Bins for each line of a sum of sines, at least; steps after equal times have power in most.
+/// Minimum number of bins per line of a sum of sines; steps at equal intervals have power in most bins.
 const FEW: usize = 5;
-/// Part of the power that the lines of a sum of sines have at least.
+/// Minimum share of the power in the lines of a sum of sines.
 const CONCENTRATED: f64 = 0.999;
-/// Junctions within this factor of what is inside go on equally smoothly; of these the longest window comes first.
+/// Junctions within this factor of the signal's own roughness count as equally smooth; among them the longest window is
+/// first.
 const SMOOTH: f64 = 10.0;
-/// Part of the power beside the lines where a window needs no rival.
+/// Share of power next to the lines below which no other window is tried.
 const CLEAN: f64 = 1e-6;
-/// Range of values, relative to their size, below which they stand still.
+/// Range of values, relative to their size, below which they are constant.
 const STILL: f64 = 1e-9;
 
 /// Why a run has no lines.
@@ -34,10 +35,10 @@ pub enum Unfit {
     /// Too few samples.
     #[error("has fewer than {FEWEST} samples")]
     Few,
-    /// Samples are not evenly apart.
+    /// Samples are not evenly spaced.
     #[error("has samples that are not evenly apart")]
     Uneven,
-    /// Samples within whole periods are missing, or no finite numbers.
+    /// Samples within whole periods are missing or not finite.
     #[error("has missing samples")]
     Missing,
     /// No forcing function moves.
@@ -48,27 +49,27 @@ pub enum Unfit {
     NoLines,
 }
 
-/// Whole periods at the end of a run, where its begin has faded.
+/// Whole periods at the end of a run, where the initial transient has decayed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Window {
-    /// The first sample.
+    /// Index of the first sample.
     pub first: usize,
     /// Number of samples.
     pub length: usize,
     /// Distance of samples \[s\].
     pub step: f64,
-    /// For each forcing function its lines, as multiples of 2π/(length · step), ascending; a line that two share is in
-    /// none. None of one that stands still.
+    /// Lines of each forcing function as ascending multiples of 2π/(length · step). A line shared by two of them is in
+    /// neither list; a constant one has none.
     pub lines: Vec<Vec<usize>>,
-    /// All lines, those that are shared too.
+    /// All lines, including shared ones.
     pub(super) excited: Vec<usize>,
 }
 
 impl Window {
-    /// Of forcing functions at the times \[s\] of their samples.
+    /// Finds the window of forcing functions with samples at these times \[s\].
     ///
     /// # Errors
-    /// When these have no lines.
+    /// If they have no lines.
     pub fn of(time: &[f64], forcing: &[&[f64]]) -> Result<Self, Unfit> {
         let n = time.len();
         let step = even_step(time)?;
@@ -104,13 +105,13 @@ impl Window {
         TAU / (self.length as f64 * self.step)
     }
 
-    /// The base frequency, of which all lines are whole multiples [rad/s].
+    /// The base frequency, of which all lines are integer multiples [rad/s].
     pub fn base(&self) -> f64 {
         let divisor = self.excited.iter().copied().fold(0, gcd);
         self.spacing() * divisor as f64
     }
 
-    /// Amplitudes of a signal in the window; none where samples are missing.
+    /// Amplitudes of a signal in the window; `None` if samples are missing.
     pub fn amplitudes(&self, values: &[f64]) -> Option<Vec<Complex<f64>>> {
         let own = values.get(self.first..self.first + self.length)?;
         own.iter().all(|x| x.is_finite()).then(|| amplitudes(own))
@@ -124,7 +125,7 @@ fn gcd(a: usize, b: usize) -> usize {
     }
 }
 
-/// The distance of samples that are evenly apart \[s\].
+/// Distance of evenly spaced samples \[s\].
 fn even_step(time: &[f64]) -> Result<f64, Unfit> {
     if time.len() < FEWEST {
         return Err(Unfit::Few);
@@ -143,8 +144,8 @@ fn moves(values: &[f64]) -> bool {
     most - least > STILL * most.abs().max(least.abs())
 }
 
-/// Lengths, of half the run and more, after which all signals go on as they began: by the third differences over the
-/// junction, relative to those within.
+/// Window lengths of at least half the run, ordered by how smoothly all signals continue periodically: by the third
+/// differences across the junction, relative to those within.
 fn candidates(signals: &[&[f64]]) -> Vec<usize> {
     let n = signals[0].len();
     let third = |x: [f64; 4]| (x[3] - 3.0 * x[2] + 3.0 * x[1] - x[0]).powi(2);
@@ -167,7 +168,8 @@ fn candidates(signals: &[&[f64]]) -> Vec<usize> {
     all.into_iter().take(CANDIDATES).map(|own| own.1).collect()
 }
 
-/// The window with the least power beside the lines, and the lines of each signal: the first that has next to none.
+/// The first window with negligible power next to the lines, otherwise the one with the least, and the lines of each
+/// signal.
 fn cleanest(signals: &[&[f64]]) -> Option<(usize, Vec<Vec<usize>>)> {
     let mut best: Option<(f64, usize, Vec<Vec<usize>>)> = None;
     for length in candidates(signals) {
@@ -182,8 +184,8 @@ fn cleanest(signals: &[&[f64]]) -> Option<(usize, Vec<Vec<usize>>)> {
     best.map(|(_, length, lines)| (length, lines))
 }
 
-/// The largest part of a signal's power beside its lines in the last `length` samples, and the lines of each signal;
-/// none where one is no sum of a few sines there.
+/// The largest share of a signal's power next to its lines in the last `length` samples, and the lines of each signal;
+/// `None` if any is not a sum of a few sines there.
 fn concentrated(signals: &[&[f64]], length: usize) -> Option<(f64, usize, Vec<Vec<usize>>)> {
     let (mut left, mut lines) = (0.0_f64, Vec::new());
     for x in signals {
@@ -200,16 +202,16 @@ fn concentrated(signals: &[&[f64]], length: usize) -> Option<(f64, usize, Vec<Ve
     (left <= 1.0 - CONCENTRATED).then_some((left, length, lines))
 }
 
-/// Bins that stand above their neighbours.
+/// Bins that exceed their neighbours.
 fn lines_of(power: &[f64]) -> Vec<usize> {
     let most = power.iter().copied().fold(0.0, f64::max);
-    // Every second bin may be a line, so that a median would be one.
+    // Every second bin may be a line, so a median could be a line itself.
     let quartile = |bins: Range<usize>| {
         let mut all: Vec<f64> = power[bins].to_vec();
         all.sort_by(f64::total_cmp);
         all.get(all.len() / 4).copied().unwrap_or(0.0)
     };
-    // On both sides: a jump or a ramp has much power below and little above.
+    // On both sides: a step or a ramp has high power below and low power above.
     let floor = |k: usize| {
         let below = quartile(k.saturating_sub(AROUND).max(1)..k);
         below.max(quartile(k + 1..(k + AROUND + 1).min(power.len())))
@@ -218,7 +220,7 @@ fn lines_of(power: &[f64]) -> Vec<usize> {
     (1..power.len()).filter(is_line).collect()
 }
 
-/// The lines of each forcing function that are no other's, and all lines.
+/// The lines of each forcing function that no other has, and all lines.
 fn parted(lines: Vec<Vec<usize>>) -> (Vec<Vec<usize>>, Vec<usize>) {
     let mut all = lines.concat();
     all.sort_unstable();

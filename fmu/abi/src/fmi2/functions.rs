@@ -114,7 +114,7 @@ crate::tables::functions! {
         /// `fmi2EnterEventMode`
         EnterEventMode, c"fmi2EnterEventMode",
             States::of(&[State::EventMode, State::ContinuousTimeMode]), (Component) -> Status;
-        /// `fmi2NewDiscreteStates`: the event iteration, and what it changed
+        /// `fmi2NewDiscreteStates`: event iteration; out: what it changed
         NewDiscreteStates, c"fmi2NewDiscreteStates", States::of(&[State::EventMode]),
             (Component, *mut EventInfo) -> Status;
         /// `fmi2EnterContinuousTimeMode`

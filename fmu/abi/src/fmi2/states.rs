@@ -5,7 +5,7 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u16)]
 pub enum State {
-    /// No instance yet, or no longer.
+    /// Before instantiation, or after the instance is freed.
     StartEnd = 1,
     /// After `fmi2Instantiate` or `fmi2Reset`.
     Instantiated = 1 << 1,
@@ -13,15 +13,15 @@ pub enum State {
     InitializationMode = 1 << 2,
     /// Initialised; the last step is complete.
     StepComplete = 1 << 3,
-    /// An asynchronous step is on its way.
+    /// An asynchronous step is in progress.
     StepInProgress = 1 << 4,
     /// The last step was discarded.
     StepFailed = 1 << 5,
     /// The last step was cancelled.
     StepCanceled = 1 << 6,
-    /// Model exchange: an event is handled; also the state after initialization.
+    /// Model exchange: an event is being handled; also the state after initialization.
     EventMode = 1 << 10,
-    /// Model exchange: time passes.
+    /// Model exchange: continuous integration.
     ContinuousTimeMode = 1 << 11,
     /// After `fmi2Terminate`.
     Terminated = 1 << 7,
@@ -32,7 +32,7 @@ pub enum State {
 }
 
 impl State {
-    /// Every state, in the order of the standard's table.
+    /// All states, in the order of the standard's table.
     pub const ALL: [Self; 12] = [
         Self::StartEnd,
         Self::Instantiated,
@@ -71,9 +71,9 @@ crate::tables::states! { State, u16 }
 
 use State::*;
 
-/// Everywhere: the function needs no instance.
+/// All states: the function needs no instance.
 pub const ANY: States = States::of(&State::ALL);
-/// Where an instance exists and is not ruined.
+/// States in which an instance exists and has had no fatal error.
 pub const ALIVE: States = States::of(&[
     Instantiated,
     InitializationMode,
@@ -86,7 +86,7 @@ pub const ALIVE: States = States::of(&[
     Terminated,
     Error,
 ]);
-/// As [`ALIVE`], but not while a step is on its way.
+/// As [`ALIVE`], except while a step is in progress.
 pub const IDLE: States = States::of(&[
     Instantiated,
     InitializationMode,
@@ -98,7 +98,7 @@ pub const IDLE: States = States::of(&[
     Terminated,
     Error,
 ]);
-/// Where values may be read; in stepFailed, stepCanceled and error for debugging only.
+/// States in which values may be read; in stepFailed, stepCanceled and error for debugging only.
 pub const READ: States = States::of(&[
     InitializationMode,
     StepComplete,
@@ -109,7 +109,7 @@ pub const READ: States = States::of(&[
     Terminated,
     Error,
 ]);
-/// Where values may be set; which ones depends on the state (see the footnotes of the table).
+/// States in which values may be set; which values depends on the state (see the footnotes of the table).
 pub const WRITE: States = States::of(&[
     Instantiated,
     InitializationMode,
@@ -117,10 +117,10 @@ pub const WRITE: States = States::of(&[
     EventMode,
     ContinuousTimeMode,
 ]);
-/// Where output derivatives may be read.
+/// States in which output derivatives may be read.
 pub const STEPPED: States =
     States::of(&[StepComplete, StepFailed, StepCanceled, Terminated, Error]);
-/// Where states, derivatives and event indicators of model exchange may be read.
+/// States in which states, derivatives and event indicators of model exchange may be read.
 pub const CONTINUOUS: States = States::of(&[
     InitializationMode,
     EventMode,
@@ -128,7 +128,7 @@ pub const CONTINUOUS: States = States::of(&[
     Terminated,
     Error,
 ]);
-/// Where the states' nominal values may be read.
+/// States in which the states' nominal values may be read.
 pub const NOMINALS: States = States::of(&[
     Instantiated,
     InitializationMode,
@@ -137,5 +137,5 @@ pub const NOMINALS: States = States::of(&[
     Terminated,
     Error,
 ]);
-/// Where the status of a step may be asked for.
+/// States in which the status of a step may be queried.
 pub const STATUS: States = States::of(&[StepComplete, StepInProgress, StepFailed, Terminated]);

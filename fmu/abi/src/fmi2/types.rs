@@ -11,7 +11,7 @@ pub const VERSION: &CStr = c"2.0";
 /// `fmi2Component`: opaque pointer to an instance, made by the FMU.
 pub type Component = *mut c_void;
 
-/// `fmi2ComponentEnvironment`: opaque pointer of the importer, handed back in callbacks.
+/// `fmi2ComponentEnvironment`: opaque pointer of the importer, passed back in callbacks.
 pub type ComponentEnvironment = *mut c_void;
 
 /// `fmi2FMUstate`: opaque pointer to a copy of an instance's complete state.
@@ -47,17 +47,17 @@ pub const FALSE: Boolean = 0;
 pub struct Status(pub c_int);
 
 impl Status {
-    /// All well.
+    /// Success.
     pub const OK: Self = Self(0);
-    /// Not quite right, but the computation can go on; the FMU has logged why.
+    /// A minor problem; the computation can continue. The FMU has logged the reason.
     pub const WARNING: Self = Self(1);
-    /// The step was not done (completely), or the information asked for is not available.
+    /// The step was not completed, or the requested information is not available.
     pub const DISCARD: Self = Self(2);
-    /// This instance cannot go on; it may be reset, freed or given an earlier FMU state.
+    /// This instance cannot continue; it may be reset, freed or set to an earlier FMU state.
     pub const ERROR: Self = Self(3);
-    /// No instance of this FMU can go on.
+    /// No instance of this FMU can continue.
     pub const FATAL: Self = Self(4);
-    /// The step goes on asynchronously (`fmi2DoStep` and `fmi2GetStatus` only).
+    /// The step continues asynchronously (`fmi2DoStep` and `fmi2GetStatus` only).
     pub const PENDING: Self = Self(5);
 
     /// The standard's name, such as `fmi2Error`; `None` for a number that FMI does not define.
@@ -76,7 +76,7 @@ impl Status {
     }
 }
 
-/// `fmi2Type`: what an instance is for. Not a Rust enum: an importer may pass any number.
+/// `fmi2Type`: purpose of an instance. Not a Rust enum: an importer may pass any number.
 #[repr(transparent)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Type(pub c_int);
@@ -88,37 +88,37 @@ impl Type {
     pub const CO_SIMULATION: Self = Self(1);
 }
 
-/// `fmi2EventInfo`: what `fmi2NewDiscreteStates` tells (FMI 2.0.5, section 3.2.2).
+/// `fmi2EventInfo`: result of `fmi2NewDiscreteStates` (FMI 2.0.5, section 3.2.2).
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EventInfo {
-    /// The event iteration goes on: call `fmi2NewDiscreteStates` again.
+    /// The event iteration continues: call `fmi2NewDiscreteStates` again.
     pub new_discrete_states_needed: Boolean,
-    /// The model wants the simulation to end.
+    /// The model requests the end of the simulation.
     pub terminate_simulation: Boolean,
-    /// The nominal values of the states are new.
+    /// The nominal values of the states have changed.
     pub nominals_of_continuous_states_changed: Boolean,
-    /// The states have jumped.
+    /// The values of the states have changed.
     pub values_of_continuous_states_changed: Boolean,
-    /// The model has a time event to come.
+    /// The time of the next time event is known.
     pub next_event_time_defined: Boolean,
-    /// When it comes \[s\].
+    /// Time of that event \[s\].
     pub next_event_time: Real,
 }
 
-/// `fmi2StatusKind`: what the `fmi2GetXXXStatus` functions ask about.
+/// `fmi2StatusKind`: the information that the `fmi2GetXXXStatus` functions return.
 #[repr(transparent)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StatusKind(pub c_int);
 
 impl StatusKind {
-    /// `fmi2DoStepStatus`, by `fmi2GetStatus`: how an asynchronous step stands.
+    /// `fmi2DoStepStatus`, by `fmi2GetStatus`: status of an asynchronous step.
     pub const DO_STEP_STATUS: Self = Self(0);
     /// `fmi2PendingStatus`, by `fmi2GetStringStatus`: a text about a pending step.
     pub const PENDING_STATUS: Self = Self(1);
-    /// `fmi2LastSuccessfulTime`, by `fmi2GetRealStatus`: how far a discarded step came.
+    /// `fmi2LastSuccessfulTime`, by `fmi2GetRealStatus`: time reached by a discarded step.
     pub const LAST_SUCCESSFUL_TIME: Self = Self(2);
-    /// `fmi2Terminated`, by `fmi2GetBooleanStatus`: whether the component wants the run to end.
+    /// `fmi2Terminated`, by `fmi2GetBooleanStatus`: whether the component requests the end of the simulation.
     pub const TERMINATED: Self = Self(3);
 }
 
@@ -135,18 +135,18 @@ pub type CallbackFreeMemory = unsafe extern "C" fn(*mut c_void);
 /// `fmi2StepFinished`: an asynchronous step ended.
 pub type StepFinished = unsafe extern "C" fn(ComponentEnvironment, Status);
 
-/// `fmi2CallbackFunctions`: what the importer offers to an instance. `None` is NULL.
+/// `fmi2CallbackFunctions`: functions of the importer that an instance may call. `None` is NULL.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct CallbackFunctions {
-    /// Takes the instance's messages.
+    /// Receives the instance's messages.
     pub logger: Option<CallbackLogger>,
     /// Allocates memory; use is discouraged since 2.0.2.
     pub allocate_memory: Option<CallbackAllocateMemory>,
-    /// Frees memory of `allocate_memory`.
+    /// Frees memory allocated by `allocate_memory`.
     pub free_memory: Option<CallbackFreeMemory>,
     /// Called when an asynchronous step ends; NULL: the importer polls.
     pub step_finished: Option<StepFinished>,
-    /// Handed back as the first argument of `logger` and `step_finished`.
+    /// Passed back as the first argument of `logger` and `step_finished`.
     pub component_environment: ComponentEnvironment,
 }

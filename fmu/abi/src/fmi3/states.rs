@@ -4,7 +4,7 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u16)]
 pub enum State {
-    /// No instance yet, or no longer.
+    /// Before instantiation, or after the instance is freed.
     StartEnd = 1,
     /// After `fmi3InstantiateXXX` or `fmi3Reset`.
     Instantiated = 1 << 1,
@@ -12,9 +12,9 @@ pub enum State {
     ConfigurationMode = 1 << 2,
     /// Between `fmi3EnterInitializationMode` and `fmi3ExitInitializationMode`.
     InitializationMode = 1 << 3,
-    /// An event is handled.
+    /// An event is being handled.
     EventMode = 1 << 4,
-    /// Model exchange: time passes.
+    /// Model exchange: continuous integration.
     ContinuousTimeMode = 1 << 5,
     /// Co-simulation: ready for a step.
     StepMode = 1 << 6,
@@ -22,7 +22,7 @@ pub enum State {
     IntermediateUpdateMode = 1 << 7,
     /// Structural parameters are set while the simulation runs.
     ReconfigurationMode = 1 << 8,
-    /// Scheduled execution: partitions are activated.
+    /// Scheduled execution: model partitions are activated.
     ClockActivationMode = 1 << 9,
     /// After `fmi3Terminate`.
     Terminated = 1 << 10,
@@ -33,7 +33,7 @@ pub enum State {
 }
 
 impl State {
-    /// Every state.
+    /// All states.
     pub const ALL: [Self; 13] = [
         Self::StartEnd,
         Self::Instantiated,
@@ -74,9 +74,9 @@ crate::tables::states! { State, u16 }
 
 use State::*;
 
-/// Everywhere: the function needs no instance.
+/// All states: the function needs no instance.
 pub const ANY: States = States::of(&State::ALL);
-/// Where an instance exists, is not ruined and is not within a step.
+/// States in which an instance exists, has had no fatal error and is not within a step.
 pub const ALIVE: States = States::of(&[
     Instantiated,
     ConfigurationMode,
@@ -89,10 +89,10 @@ pub const ALIVE: States = States::of(&[
     Terminated,
     Error,
 ]);
-/// Where a simulation runs.
+/// States of a running simulation.
 pub const RUNNING: States =
     States::of(&[EventMode, ContinuousTimeMode, StepMode, ClockActivationMode]);
-/// Where values may be read; after an error for debugging only.
+/// States in which values may be read; after an error for debugging only.
 pub const READ: States = States::of(&[
     ConfigurationMode,
     InitializationMode,
@@ -105,7 +105,7 @@ pub const READ: States = States::of(&[
     Terminated,
     Error,
 ]);
-/// Where values may be set; which ones depends on the state.
+/// States in which values may be set; which values depends on the state.
 pub const WRITE: States = States::of(&[
     Instantiated,
     ConfigurationMode,
@@ -117,7 +117,7 @@ pub const WRITE: States = States::of(&[
     ReconfigurationMode,
     ClockActivationMode,
 ]);
-/// Where partial derivatives may be asked for.
+/// States in which partial derivatives may be queried.
 pub const DERIVATIVES: States = States::of(&[
     InitializationMode,
     EventMode,
@@ -128,10 +128,10 @@ pub const DERIVATIVES: States = States::of(&[
     Terminated,
     Error,
 ]);
-/// Where configuration mode may be entered.
+/// States in which configuration mode may be entered.
 pub const CONFIGURABLE: States =
     States::of(&[Instantiated, EventMode, StepMode, ClockActivationMode]);
-/// Where intervals and shifts of clocks may be read and set.
+/// States in which intervals and shifts of clocks may be read and set.
 pub const CLOCKS: States = States::of(&[
     Instantiated,
     InitializationMode,
@@ -139,7 +139,7 @@ pub const CLOCKS: States = States::of(&[
     StepMode,
     ClockActivationMode,
 ]);
-/// Where states, derivatives and event indicators of model exchange may be read.
+/// States in which states, derivatives and event indicators of model exchange may be read.
 pub const CONTINUOUS: States = States::of(&[
     InitializationMode,
     EventMode,
@@ -147,7 +147,7 @@ pub const CONTINUOUS: States = States::of(&[
     Terminated,
     Error,
 ]);
-/// Where output derivatives may be read.
+/// States in which output derivatives may be read.
 pub const STEPPED: States = States::of(&[
     EventMode,
     StepMode,

@@ -9,7 +9,7 @@ pub const VERSION: &CStr = c"3.0";
 /// `fmi3Instance`: opaque pointer to an instance, made by the FMU.
 pub type Instance = *mut c_void;
 
-/// `fmi3InstanceEnvironment`: opaque pointer of the importer, handed back in callbacks.
+/// `fmi3InstanceEnvironment`: opaque pointer of the importer, passed back in callbacks.
 pub type InstanceEnvironment = *mut c_void;
 
 /// `fmi3FMUState`: opaque pointer to a copy of an instance's complete state.
@@ -54,13 +54,13 @@ pub type Boolean = bool;
 /// `fmi3Char`.
 pub type Char = c_char;
 
-/// `fmi3String`: UTF-8, ends with a NUL.
+/// `fmi3String`: UTF-8, NUL-terminated.
 pub type String = *const Char;
 
 /// `fmi3Byte`.
 pub type Byte = u8;
 
-/// `fmi3Binary`: bytes whose number is told beside it.
+/// `fmi3Binary`: bytes; their number is passed separately.
 pub type Binary = *const Byte;
 
 /// `fmi3Clock`: whether the clock ticks.
@@ -72,15 +72,15 @@ pub type Clock = bool;
 pub struct Status(pub c_int);
 
 impl Status {
-    /// All well.
+    /// Success.
     pub const OK: Self = Self(0);
-    /// Not quite right, but the computation can go on; the FMU has logged why.
+    /// A minor problem; the computation can continue. The FMU has logged the reason.
     pub const WARNING: Self = Self(1);
-    /// The call was not done, but the importer may try something else.
+    /// The call was not carried out, but the importer may try another one.
     pub const DISCARD: Self = Self(2);
-    /// This instance cannot go on; it may be reset, freed or given an earlier FMU state.
+    /// This instance cannot continue; it may be reset, freed or set to an earlier FMU state.
     pub const ERROR: Self = Self(3);
-    /// No instance of this FMU can go on.
+    /// No instance of this FMU can continue.
     pub const FATAL: Self = Self(4);
 
     /// The standard's name, such as `fmi3Error`; `None` for a number that FMI does not define.
@@ -104,17 +104,17 @@ impl Status {
 pub struct DependencyKind(pub c_int);
 
 impl DependencyKind {
-    /// Does not depend.
+    /// No dependency.
     pub const INDEPENDENT: Self = Self(0);
-    /// Enters linearly with a factor that never changes.
+    /// Linear with a constant factor.
     pub const CONSTANT: Self = Self(1);
-    /// Enters linearly with a factor that is fixed after initialization.
+    /// Linear with a factor that is fixed after initialization.
     pub const FIXED: Self = Self(2);
-    /// Enters linearly with a factor that changes with tunable parameters.
+    /// Linear with a factor that changes with tunable parameters.
     pub const TUNABLE: Self = Self(3);
-    /// Enters linearly with a factor that changes at events.
+    /// Linear with a factor that changes at events.
     pub const DISCRETE: Self = Self(4);
-    /// Depends in any way.
+    /// Dependency of any form.
     pub const DEPENDENT: Self = Self(5);
 }
 
@@ -126,9 +126,9 @@ pub struct IntervalQualifier(pub c_int);
 impl IntervalQualifier {
     /// The interval is not known yet.
     pub const NOT_YET_KNOWN: Self = Self(0);
-    /// The interval is that of before.
+    /// The interval is unchanged.
     pub const UNCHANGED: Self = Self(1);
-    /// The interval is new.
+    /// The interval has changed.
     pub const CHANGED: Self = Self(2);
 }
 
@@ -138,8 +138,8 @@ pub type LogMessageCallback = unsafe extern "C" fn(InstanceEnvironment, Status, 
 /// `fmi3ClockUpdateCallback`: environment.
 pub type ClockUpdateCallback = unsafe extern "C" fn(InstanceEnvironment);
 
-/// `fmi3IntermediateUpdateCallback`: environment, time, variables may be set, variables may be read,
-/// step finished, can return early; out: early return wanted, and when.
+/// `fmi3IntermediateUpdateCallback`: environment, time, variables may be set, variables may be read, step finished, can
+/// return early; out: early return requested, and its time.
 pub type IntermediateUpdateCallback = unsafe extern "C" fn(
     InstanceEnvironment,
     Float64,

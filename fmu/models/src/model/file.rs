@@ -1,4 +1,4 @@
-//! `resources/model.toml`: which model an FMU runs, and with which start values.
+//! `resources/model.toml`: the model that an FMU runs, and its start values.
 //!
 //! A subset of TOML that needs no library: comments, `key = value`, and one table `[start]` with a
 //! number for each input and parameter.
@@ -17,10 +17,10 @@ use crate::{Quadcopter, ValueError};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// The only format so far.
+/// The only format version so far.
 const FORMAT: &str = "1";
 
-/// What can be wrong with a model file.
+/// Error in a model file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ModelFileError {
     /// Neither a comment, nor `[start]`, nor `key = value`.
@@ -28,10 +28,10 @@ pub enum ModelFileError {
     Syntax {
         /// Line, from 1.
         line: usize,
-        /// What stands there.
+        /// Text found.
         found: String,
     },
-    /// A key stands twice.
+    /// A key is given twice.
     #[error("line {line}: {key} is given twice")]
     Twice {
         /// Line of the second one, from 1.
@@ -45,7 +45,7 @@ pub enum ModelFileError {
         /// The key.
         key: String,
     },
-    /// A key means nothing here.
+    /// A key is unknown.
     #[error("line {line}: {key} is unknown to this model")]
     Unknown {
         /// Line, from 1.
@@ -53,24 +53,24 @@ pub enum ModelFileError {
         /// The key.
         key: String,
     },
-    /// A value is not what belongs there.
+    /// A value is not of the expected kind.
     #[error("line {line}: {key} = {found}, expected {expected}")]
     Value {
         /// Line, from 1.
         line: usize,
         /// The key.
         key: String,
-        /// What stands there.
+        /// Value found.
         found: String,
-        /// What belongs there.
+        /// Value expected.
         expected: String,
     },
-    /// A start value that its variable cannot have.
+    /// A start value that its variable does not allow.
     #[error(transparent)]
     Start(#[from] ValueError),
 }
 
-/// Keys (those of the table prefixed by `start.`) with line and value.
+/// Keys (those of the table with the prefix `start.`) with line and value.
 type Entries<'t> = BTreeMap<String, (usize, &'t str)>;
 
 impl Model {
@@ -98,7 +98,7 @@ impl Model {
     /// Reads the text of a model file.
     ///
     /// # Errors
-    /// Names the line and the key that is wrong.
+    /// If the text is invalid: the error names the line and the key.
     pub fn from_file(text: &str) -> Result<Self, ModelFileError> {
         let mut entries = parse(text)?;
         choice(&mut entries, "format", &[FORMAT])?;
@@ -159,7 +159,7 @@ fn take<'t, T>(
     })
 }
 
-/// Index of the value among those that are allowed.
+/// Index of the value in `allowed`.
 fn choice(entries: &mut Entries<'_>, key: &str, allowed: &[&str]) -> Result<usize, ModelFileError> {
     take(entries, key, &allowed.join(" or "), |found| {
         allowed.iter().position(|a| *a == found)

@@ -1,4 +1,4 @@
-//! A model as it is exported: its kind and its variables with their start values.
+//! The exported form of a model: its kind, and its variables with their start values.
 
 mod file;
 mod pilot;
@@ -13,17 +13,17 @@ use std::ops::Range;
 /// Name of the model file in the FMU's `resources`.
 pub const MODEL_FILE: &str = "model.toml";
 
-/// Which equations a model has.
+/// Equations of a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ModelKind {
-    /// The linear pilot of that structure.
+    /// The linear pilot with its order.
     Pilot(Pilot),
     /// The quadcopter's pitch axis.
     Quadcopter,
 }
 
 impl ModelKind {
-    /// Its name: a C identifier, used for files and as FMI's `modelIdentifier`.
+    /// Name: a C identifier, used for files and as FMI's `modelIdentifier`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Pilot(_) => "pilot",
@@ -39,7 +39,7 @@ pub struct Model {
     table: Table,
 }
 
-/// The file of the resources is not what was exported.
+/// The model file in the resources is not the one that was exported.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {source}; export the FMU again", file.display())]
 pub(crate) struct BadResource {
@@ -48,10 +48,10 @@ pub(crate) struct BadResource {
 }
 
 impl Model {
-    /// Highest order of a pilot: far beyond what data can tell apart.
+    /// Highest order of a pilot: far more than data can distinguish.
     pub const MAX_ORDER: usize = 12;
 
-    /// A pilot at rest with that θ (its length is twice the order) and stick limit.
+    /// A pilot at rest with the given θ (twice as many entries as the order) and stick limit.
     ///
     /// # Panics
     /// When θ has an odd number of entries, none, or more than twice [`Model::MAX_ORDER`].
@@ -82,7 +82,7 @@ impl Model {
         model
     }
 
-    /// Sets start values of the parameters proper. They are checked on export.
+    /// Sets the start values of the parameters proper. They are checked on export.
     fn set_parameters(&mut self, values: impl Iterator<Item = f64>) {
         let inputs = self.inputs().len();
         let starts = self.table.starts_mut().skip(inputs);
@@ -91,12 +91,12 @@ impl Model {
         }
     }
 
-    /// Which equations it has.
+    /// Kind of the model.
     pub fn kind(&self) -> ModelKind {
         self.kind
     }
 
-    /// The table of the variables.
+    /// The table of variables.
     pub fn variable_table(&self) -> &Table {
         &self.table
     }
@@ -106,7 +106,7 @@ impl Model {
         self.table.variables()
     }
 
-    /// Index of the variable of that name.
+    /// Index of the variable with that name.
     pub fn index(&self, name: &str) -> Option<usize> {
         self.table.index(name)
     }
@@ -141,10 +141,10 @@ impl Model {
         self.table.guid()
     }
 
-    /// Refuses start values that the variables cannot have.
+    /// Checks that the variables allow their start values.
     ///
     /// # Errors
-    /// Names the first variable whose start value is not finite or out of range.
+    /// If a start value is not finite or out of range: the error names the first such variable.
     pub fn check(&self) -> Result<(), crate::ValueError> {
         self.table.check()
     }

@@ -4,8 +4,8 @@ use crate::variable::Role;
 use crate::{Table, Unit, Variable};
 use pilotage_units::power;
 
-/// Inputs `target`, `position`; outputs `stick`, `error`; `theta1..`, `stick_limit`; `x1_start..`; states
-/// `x1..`. All parameters are 0, the limit of the stick is 1.
+/// Inputs `target`, `position`; outputs `stick`, `error`; `theta1..`, `stick_limit`; `x1_start..`; states `x1..`. All
+/// parameters are 0, and the stick limit is 1.
 pub(super) fn table(order: usize) -> Table {
     let about = format!(
         "Human pilot as a linear system of order {order}, from the error that it sees to the stick."

@@ -25,8 +25,8 @@ const STATES: [State; N_STATES] = [
     ),
 ];
 
-/// Input `stick`; the six states as outputs; the coefficients, those of the default vehicle; `z_start` and
-/// the like.
+/// Input `stick`; the six states as outputs; the coefficients of the default vehicle; `z_start` and the other start
+/// values.
 pub(super) fn table() -> Table {
     let mut table = Table::new(
         "quadcopter",

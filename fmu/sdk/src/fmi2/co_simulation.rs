@@ -48,7 +48,7 @@ pub unsafe fn fmi2GetRealOutputDerivatives<E: Equations>(
     }
 }
 
-/// `fmi2DoStep`. The last argument is of no use here: states can be set back at any time.
+/// `fmi2DoStep`. The last argument is ignored: states can be restored at any time.
 pub unsafe fn fmi2DoStep<E: Equations>(
     component: Component,
     time: Real,
@@ -76,14 +76,14 @@ fn no_status<T>(kind: StatusKind) -> Result<T, Problem> {
     Err(Problem::NoStatus { kind: kind.0 })
 }
 
-/// `fmi2GetStatus`: how the last step ended.
+/// `fmi2GetStatus`: status of the last step.
 pub unsafe fn fmi2GetStatus<E: Equations>(
     component: Component,
     kind: StatusKind,
     value: *mut Status,
 ) -> Status {
     let body = |c: &mut Guarded<E, Fmi2>| {
-        // SAFETY: the importer passes NULL or a place for the value.
+        // SAFETY: the importer passes NULL or a pointer to the value.
         let value = unsafe { place(value, "value") }?;
         *value = match (kind, c.state) {
             (StatusKind::DO_STEP_STATUS, State::StepFailed) => Status::DISCARD,
@@ -96,14 +96,14 @@ pub unsafe fn fmi2GetStatus<E: Equations>(
     unsafe { call(component, Function::GetStatus, body) }
 }
 
-/// `fmi2GetRealStatus`: how far the last step came.
+/// `fmi2GetRealStatus`: time reached by the last step.
 pub unsafe fn fmi2GetRealStatus<E: Equations>(
     component: Component,
     kind: StatusKind,
     value: *mut Real,
 ) -> Status {
     let body = |c: &mut Guarded<E, Fmi2>| {
-        // SAFETY: the importer passes NULL or a place for the value.
+        // SAFETY: the importer passes NULL or a pointer to the value.
         let value = unsafe { place(value, "value") }?;
         *value = match kind {
             StatusKind::LAST_SUCCESSFUL_TIME => c.instance.time(),
@@ -115,7 +115,7 @@ pub unsafe fn fmi2GetRealStatus<E: Equations>(
     unsafe { call(component, Function::GetRealStatus, body) }
 }
 
-/// `fmi2GetIntegerStatus`: the standard defines none.
+/// `fmi2GetIntegerStatus`: the standard defines no such status.
 pub unsafe fn fmi2GetIntegerStatus<E: Equations>(
     component: Component,
     kind: StatusKind,
@@ -126,14 +126,14 @@ pub unsafe fn fmi2GetIntegerStatus<E: Equations>(
     unsafe { call(component, Function::GetIntegerStatus, body) }
 }
 
-/// `fmi2GetBooleanStatus`: whether the FMU wants the run to end, which it never does.
+/// `fmi2GetBooleanStatus`: whether the FMU requests the end of the simulation, which it never does.
 pub unsafe fn fmi2GetBooleanStatus<E: Equations>(
     component: Component,
     kind: StatusKind,
     value: *mut Boolean,
 ) -> Status {
     let body = |_: &mut Guarded<E, Fmi2>| {
-        // SAFETY: the importer passes NULL or a place for the value.
+        // SAFETY: the importer passes NULL or a pointer to the value.
         let value = unsafe { place(value, "value") }?;
         *value = match kind {
             StatusKind::TERMINATED => FALSE,
@@ -145,7 +145,7 @@ pub unsafe fn fmi2GetBooleanStatus<E: Equations>(
     unsafe { call(component, Function::GetBooleanStatus, body) }
 }
 
-/// `fmi2GetStringStatus`: it is about pending steps, and no step is ever pending.
+/// `fmi2GetStringStatus`: concerns pending steps, and no step is ever pending.
 pub unsafe fn fmi2GetStringStatus<E: Equations>(
     component: Component,
     kind: StatusKind,

@@ -54,7 +54,7 @@ pub unsafe fn fmi2SetBoolean<E: Equations>(
     unsafe { shared::set_booleans::<E, Fmi2, _>(component, function, references, n, values, n) }
 }
 
-/// The get and set functions of the types of which there are no variables.
+/// Get and set functions of the types for which there are no variables.
 macro_rules! no_variables {
     ($($function:ident, $variant:ident, $base_type:literal, $values:ty;)*) => {$(
         #[doc = concat!("`", stringify!($function), "`.")]
@@ -80,7 +80,7 @@ no_variables! {
 
 /// `fmi2GetFMUstate`.
 pub unsafe fn fmi2GetFMUstate<E: Equations>(component: Component, state: *mut FmuState) -> Status {
-    // SAFETY: the importer passes NULL or its instance, and a place with NULL or its state.
+    // SAFETY: the importer passes NULL or its instance, and a pointer to NULL or its state.
     unsafe { shared::get_state::<E, Fmi2>(component, Function::GetFmuState, state) }
 }
 
@@ -92,7 +92,7 @@ pub unsafe fn fmi2SetFMUstate<E: Equations>(component: Component, state: FmuStat
 
 /// `fmi2FreeFMUstate`.
 pub unsafe fn fmi2FreeFMUstate<E: Equations>(component: Component, state: *mut FmuState) -> Status {
-    // SAFETY: the importer passes NULL or its instance, and a place with NULL or its state.
+    // SAFETY: the importer passes NULL or its instance, and a pointer to NULL or its state.
     unsafe { shared::free_state::<E, Fmi2>(component, Function::FreeFmuState, state) }
 }
 
@@ -103,7 +103,7 @@ pub unsafe fn fmi2SerializedFMUstateSize<E: Equations>(
     size: *mut usize,
 ) -> Status {
     let function = Function::SerializedFmuStateSize;
-    // SAFETY: the importer passes NULL or its instance, its state, and a place.
+    // SAFETY: the importer passes NULL or its instance, its state, and a valid pointer.
     unsafe { shared::state_size::<E, Fmi2>(component, function, state, size) }
 }
 
@@ -127,7 +127,7 @@ pub unsafe fn fmi2DeSerializeFMUstate<E: Equations>(
     state: *mut FmuState,
 ) -> Status {
     let function = Function::DeSerializeFmuState;
-    // SAFETY: the importer passes NULL or its instance, `size` bytes, and a place.
+    // SAFETY: the importer passes NULL or its instance, `size` bytes, and a valid pointer.
     unsafe { shared::deserialize::<E, Fmi2>(component, function, bytes.cast(), size, state) }
 }
 

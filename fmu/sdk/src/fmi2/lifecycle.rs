@@ -35,7 +35,7 @@ pub unsafe fn fmi2SetDebugLogging<E: Equations>(
     unsafe { guard::call(component, Function::SetDebugLogging, body) }
 }
 
-/// `fmi2Instantiate`, of a model that `load` gives.
+/// `fmi2Instantiate`, for a model that `load` returns.
 pub unsafe fn fmi2Instantiate<E: Equations>(
     load: Load<E>,
     name: *const Char,
@@ -71,9 +71,9 @@ pub unsafe fn fmi2Instantiate<E: Equations>(
     )
 }
 
-/// `fmi2FreeInstance`: frees in every state, since a leak helps nobody.
+/// `fmi2FreeInstance`: frees in every state, to avoid leaks.
 pub unsafe fn fmi2FreeInstance<E: Equations>(component: Component) {
-    // SAFETY: the importer passes NULL or its instance, which it gives up.
+    // SAFETY: the importer passes NULL or its instance, and does not use it afterwards.
     unsafe { guard::free::<E, Fmi2>(component) }
 }
 
@@ -107,7 +107,7 @@ pub unsafe fn fmi2EnterInitializationMode<E: Equations>(component: Component) ->
     unsafe { guard::call(component, Function::EnterInitializationMode, body) }
 }
 
-/// `fmi2ExitInitializationMode`: co-simulation handles what is an event from the start.
+/// `fmi2ExitInitializationMode`: co-simulation handles an event that is pending from the start.
 pub unsafe fn fmi2ExitInitializationMode<E: Equations>(component: Component) -> Status {
     let body = |c: &mut Guarded<E, Fmi2>| {
         c.state = match c.instance.kind {
@@ -133,7 +133,7 @@ pub unsafe fn fmi2Terminate<E: Equations>(component: Component) -> Status {
     unsafe { guard::call(component, Function::Terminate, body) }
 }
 
-/// `fmi2Reset`: as just instantiated.
+/// `fmi2Reset`: restores the state after instantiation.
 pub unsafe fn fmi2Reset<E: Equations>(component: Component) -> Status {
     let body = |c: &mut Guarded<E, Fmi2>| {
         c.instance.reset();

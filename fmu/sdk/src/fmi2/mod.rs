@@ -1,9 +1,9 @@
 //! The 44 functions of FMI 2.0: co-simulation and model exchange.
 //!
-//! They are generic over the model; [`export!`](crate::export) makes C functions of them. Whatever the
-//! pointers: each is NULL or valid as the standard says, which is what C promises by calling them.
+//! They are generic over the model; [`export!`](crate::export) makes C functions of them. Each pointer must be NULL or
+//! valid as the standard requires; the C caller guarantees this.
 
-// The standard's names; its conditions on pointers are those of each function.
+// Names and conditions on pointers are those of the standard.
 #![allow(non_snake_case, clippy::missing_safety_doc, clippy::too_many_arguments)]
 
 mod co_simulation;

@@ -7,7 +7,7 @@ use crate::abi::fmi2::{Function, State};
 use crate::guard::{Component as Guarded, call, place};
 use crate::shared;
 
-/// Goes into a mode.
+/// Enters a mode.
 unsafe fn enter<E: Equations>(component: Component, function: Function, mode: State) -> Status {
     let body = |c: &mut Guarded<E, Fmi2>| {
         c.state = mode;
@@ -30,13 +30,13 @@ pub unsafe fn fmi2EnterContinuousTimeMode<E: Equations>(component: Component) ->
     unsafe { enter::<E>(component, function, State::ContinuousTimeMode) }
 }
 
-/// `fmi2NewDiscreteStates`: handles the event. One call settles it.
+/// `fmi2NewDiscreteStates`: handles the event. One call suffices.
 pub unsafe fn fmi2NewDiscreteStates<E: Equations>(
     component: Component,
     info: *mut EventInfo,
 ) -> Status {
     let body = |c: &mut Guarded<E, Fmi2>| {
-        // SAFETY: the importer passes NULL or a place for the information.
+        // SAFETY: the importer passes NULL or a pointer to the information.
         let info = unsafe { place(info, "fmi2EventInfo") }?;
         let changed = c.instance.handle_event()?;
         *info = EventInfo {
@@ -53,7 +53,7 @@ pub unsafe fn fmi2NewDiscreteStates<E: Equations>(
     unsafe { call(component, Function::NewDiscreteStates, body) }
 }
 
-/// `fmi2CompletedIntegratorStep`: nothing depends on it.
+/// `fmi2CompletedIntegratorStep`: has no effect.
 pub unsafe fn fmi2CompletedIntegratorStep<E: Equations>(
     component: Component,
     _no_set_state_prior_to_current_point: Boolean,
@@ -61,7 +61,7 @@ pub unsafe fn fmi2CompletedIntegratorStep<E: Equations>(
     terminate: *mut Boolean,
 ) -> Status {
     let body = |_: &mut Guarded<E, Fmi2>| {
-        // SAFETY: the importer passes NULL or places for the answers.
+        // SAFETY: the importer passes NULL or pointers to the results.
         let (enter_event_mode, terminate) = unsafe {
             (
                 place(enter_event_mode, "enterEventMode")?,

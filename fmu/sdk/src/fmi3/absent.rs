@@ -1,4 +1,4 @@
-//! What models do not have: variables of other types, clocks, structural parameters, partitions.
+//! Functions for features that models lack: variables of other types, clocks, structural parameters, partitions.
 
 use super::Fmi3;
 use crate::Equations;
@@ -8,7 +8,7 @@ use crate::guard::{Component, call};
 use crate::problem::Problem;
 use crate::shared;
 
-/// Functions about variables of a type that there are none of: asking for none of them is allowed.
+/// Functions for variables of types that models lack: a call for zero variables is allowed.
 macro_rules! no_variables {
     ($($function:ident, $variant:ident, $base_type:literal, ($($argument:ident: $type:ty),*);)*) => {$(
         #[doc = concat!("`", stringify!($function), "`.")]
@@ -65,7 +65,7 @@ no_variables! {
         (_counters: *const UInt64, _resolutions: *const UInt64);
 }
 
-/// Refuses.
+/// Rejects the call.
 unsafe fn refuse<E: Equations>(
     instance: Instance,
     function: Function,

@@ -57,7 +57,7 @@ pub unsafe fn fmi3SetBoolean<E: Equations>(
     values: *const Boolean,
     n_values: usize,
 ) -> Status {
-    // As bytes: what C passes may be another number than 0 and 1, which no `bool` may be.
+    // As bytes: C may pass numbers other than 0 and 1, which a `bool` must not hold.
     let (function, values) = (Function::SetBoolean, values.cast::<u8>());
     // SAFETY: the importer passes NULL or its instance, and as many elements as it says; a Boolean is a byte.
     unsafe {
@@ -72,7 +72,7 @@ pub unsafe fn fmi3GetNumberOfVariableDependencies<E: Equations>(
     count: *mut usize,
 ) -> Status {
     let body = |c: &mut Component<E, Fmi3>| {
-        // SAFETY: the importer passes NULL or a place.
+        // SAFETY: the importer passes NULL or a valid pointer.
         let count = unsafe { place(count, "nDependencies") }?;
         let (_, state) = c.phase();
         let unknown = c.instance.dependencies(reference, state)?;
@@ -83,7 +83,7 @@ pub unsafe fn fmi3GetNumberOfVariableDependencies<E: Equations>(
     unsafe { call(instance, Function::GetNumberOfVariableDependencies, body) }
 }
 
-/// `fmi3GetVariableDependencies`. All variables are scalars: the element index 0 means all of it.
+/// `fmi3GetVariableDependencies`. All variables are scalars: element index 0 means the whole variable.
 pub unsafe fn fmi3GetVariableDependencies<E: Equations>(
     instance: Instance,
     dependent: ValueReference,
@@ -123,7 +123,7 @@ pub unsafe fn fmi3GetVariableDependencies<E: Equations>(
 
 /// `fmi3GetFMUState`.
 pub unsafe fn fmi3GetFMUState<E: Equations>(instance: Instance, state: *mut FmuState) -> Status {
-    // SAFETY: the importer passes NULL or its instance, and a place with NULL or its state.
+    // SAFETY: the importer passes NULL or its instance, and a pointer to NULL or its state.
     unsafe { shared::get_state::<E, Fmi3>(instance, Function::GetFmuState, state) }
 }
 
@@ -135,7 +135,7 @@ pub unsafe fn fmi3SetFMUState<E: Equations>(instance: Instance, state: FmuState)
 
 /// `fmi3FreeFMUState`.
 pub unsafe fn fmi3FreeFMUState<E: Equations>(instance: Instance, state: *mut FmuState) -> Status {
-    // SAFETY: the importer passes NULL or its instance, and a place with NULL or its state.
+    // SAFETY: the importer passes NULL or its instance, and a pointer to NULL or its state.
     unsafe { shared::free_state::<E, Fmi3>(instance, Function::FreeFmuState, state) }
 }
 
@@ -146,7 +146,7 @@ pub unsafe fn fmi3SerializedFMUStateSize<E: Equations>(
     size: *mut usize,
 ) -> Status {
     let function = Function::SerializedFmuStateSize;
-    // SAFETY: the importer passes NULL or its instance, its state, and a place.
+    // SAFETY: the importer passes NULL or its instance, its state, and a valid pointer.
     unsafe { shared::state_size::<E, Fmi3>(instance, function, state, size) }
 }
 
@@ -170,7 +170,7 @@ pub unsafe fn fmi3DeserializeFMUState<E: Equations>(
     state: *mut FmuState,
 ) -> Status {
     let function = Function::DeserializeFmuState;
-    // SAFETY: the importer passes NULL or its instance, `size` bytes, and a place.
+    // SAFETY: the importer passes NULL or its instance, `size` bytes, and a valid pointer.
     unsafe { shared::deserialize::<E, Fmi3>(instance, function, bytes, size, state) }
 }
 

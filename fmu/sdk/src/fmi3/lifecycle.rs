@@ -30,7 +30,7 @@ pub unsafe fn fmi3SetDebugLogging<E: Equations>(
     unsafe { guard::call(instance, Function::SetDebugLogging, body) }
 }
 
-/// What both kinds of instances are told.
+/// Arguments that all kinds of instances have in common.
 struct Order {
     function: Function,
     name: String,
@@ -42,7 +42,7 @@ struct Order {
 }
 
 impl Order {
-    /// Makes the instance.
+    /// Creates the instance.
     ///
     /// # Safety
     /// The strings are NULL or C strings.
@@ -52,13 +52,13 @@ impl Order {
         kind: Result<InterfaceType, Problem>,
         events: Events,
     ) -> Instance {
-        // SAFETY: by the caller's promise.
+        // SAFETY: guaranteed by the caller.
         let name = unsafe { string(self.name, "instanceName") };
         let sink = Sink::Fmi3(self.logger, self.environment);
         let log = Log::new(sink, name.as_ref().unwrap_or(&c""), self.logging);
         let create = || {
             let kind = kind?;
-            // SAFETY: by the caller's promise.
+            // SAFETY: guaranteed by the caller.
             let (token, location) = unsafe {
                 (
                     string(self.token, "instantiationToken")?,
@@ -96,7 +96,7 @@ pub unsafe fn fmi3InstantiateModelExchange<E: Equations>(
     unsafe { order.carry_out(load, Ok(InterfaceType::ModelExchange), Events::default()) }
 }
 
-/// `fmi3InstantiateCoSimulation`. An importer that names no variables for intermediate updates gets none.
+/// `fmi3InstantiateCoSimulation`. An importer that lists no variables for intermediate updates gets no updates.
 pub unsafe fn fmi3InstantiateCoSimulation<E: Equations>(
     load: Load<E>,
     name: String,
@@ -131,7 +131,7 @@ pub unsafe fn fmi3InstantiateCoSimulation<E: Equations>(
     unsafe { order.carry_out(load, Ok(InterfaceType::CoSimulation), events) }
 }
 
-/// `fmi3InstantiateScheduledExecution`: gives NULL, since no model has partitions.
+/// `fmi3InstantiateScheduledExecution`: returns NULL, since no model has partitions.
 pub unsafe fn fmi3InstantiateScheduledExecution<E: Equations>(
     load: Load<E>,
     name: String,
@@ -162,9 +162,9 @@ pub unsafe fn fmi3InstantiateScheduledExecution<E: Equations>(
     unsafe { order.carry_out(load, kind, Events::default()) }
 }
 
-/// `fmi3FreeInstance`: frees in every state, since a leak helps nobody.
+/// `fmi3FreeInstance`: frees in every state, to avoid leaks.
 pub unsafe fn fmi3FreeInstance<E: Equations>(instance: Instance) {
-    // SAFETY: the importer passes NULL or its instance, which it gives up.
+    // SAFETY: the importer passes NULL or its instance, and does not use it afterwards.
     unsafe { guard::free::<E, Fmi3>(instance) }
 }
 
@@ -191,8 +191,8 @@ pub unsafe fn fmi3EnterInitializationMode<E: Equations>(
     unsafe { guard::call(instance, Function::EnterInitializationMode, body) }
 }
 
-/// `fmi3ExitInitializationMode`: where the importer handles no events, what is one from the start is
-/// handled now.
+/// `fmi3ExitInitializationMode`: if the importer handles no events, an event that is pending from the start is handled
+/// here.
 pub unsafe fn fmi3ExitInitializationMode<E: Equations>(instance: Instance) -> Status {
     let body = |c: &mut Component<E, Fmi3>| {
         c.state = match c.instance.kind == InterfaceType::ModelExchange || c.events.event_mode {
@@ -218,7 +218,7 @@ pub unsafe fn fmi3Terminate<E: Equations>(instance: Instance) -> Status {
     unsafe { guard::call(instance, Function::Terminate, body) }
 }
 
-/// `fmi3Reset`: as just instantiated.
+/// `fmi3Reset`: restores the state after instantiation.
 pub unsafe fn fmi3Reset<E: Equations>(instance: Instance) -> Status {
     let body = |c: &mut Component<E, Fmi3>| {
         c.instance.reset();

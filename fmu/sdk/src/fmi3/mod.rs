@@ -1,10 +1,10 @@
-//! The 75 functions of FMI 3.0: co-simulation with event mode and early return, and model exchange.
-//! Scheduled execution, clocks and structural parameters are refused, since models have none.
+//! The 75 functions of FMI 3.0: co-simulation with event mode and early return, and model exchange. Scheduled
+//! execution, clocks and structural parameters are rejected, since models have none.
 //!
-//! They are generic over the model; [`export!`](crate::export) makes C functions of them. Whatever the
-//! pointers: each is NULL or valid as the standard says, which is what C promises by calling them.
+//! They are generic over the model; [`export!`](crate::export) makes C functions of them. Each pointer must be NULL or
+//! valid as the standard requires; the C caller guarantees this.
 
-// The standard's names; its conditions on pointers are those of each function.
+// Names and conditions on pointers are those of the standard.
 #![allow(non_snake_case, clippy::missing_safety_doc, clippy::too_many_arguments)]
 
 mod absent;

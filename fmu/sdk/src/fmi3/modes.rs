@@ -9,7 +9,7 @@ use crate::instance::InterfaceType;
 use crate::problem::Problem;
 use crate::shared;
 
-/// Goes into a mode.
+/// Enters a mode.
 unsafe fn enter<E: Equations>(instance: Instance, function: Function, mode: State) -> Status {
     let body = |c: &mut Component<E, Fmi3>| {
         if c.instance.kind == InterfaceType::CoSimulation && !c.events.event_mode {
@@ -43,14 +43,14 @@ pub unsafe fn fmi3EnterContinuousTimeMode<E: Equations>(instance: Instance) -> S
     unsafe { enter::<E>(instance, function, State::ContinuousTimeMode) }
 }
 
-/// `fmi3EvaluateDiscreteStates`: outputs are computed when they are asked for.
+/// `fmi3EvaluateDiscreteStates`: outputs are computed on request.
 pub unsafe fn fmi3EvaluateDiscreteStates<E: Equations>(instance: Instance) -> Status {
     let body = |_: &mut Component<E, Fmi3>| Ok(());
     // SAFETY: the importer passes NULL or its instance.
     unsafe { call(instance, Function::EvaluateDiscreteStates, body) }
 }
 
-/// `fmi3UpdateDiscreteStates`: handles the event. One call settles it.
+/// `fmi3UpdateDiscreteStates`: handles the event. One call suffices.
 pub unsafe fn fmi3UpdateDiscreteStates<E: Equations>(
     instance: Instance,
     needs_update: *mut Boolean,
@@ -61,7 +61,7 @@ pub unsafe fn fmi3UpdateDiscreteStates<E: Equations>(
     next_event: *mut Float64,
 ) -> Status {
     let body = |c: &mut Component<E, Fmi3>| {
-        // SAFETY: the importer passes NULL or places for the answers.
+        // SAFETY: the importer passes NULL or pointers to the results.
         let (flags, values_changed, next_event) = unsafe {
             (
                 [
@@ -83,7 +83,8 @@ pub unsafe fn fmi3UpdateDiscreteStates<E: Equations>(
     unsafe { call(instance, Function::UpdateDiscreteStates, body) }
 }
 
-/// Asks the importer, if it wants that, for the inputs at the end of a step: within it they go straight there.
+/// Asks the importer, if it wants intermediate updates, for the inputs at the end of a step; they change linearly
+/// within the step.
 ///
 /// # Safety
 /// `instance` as for [`call`].
@@ -98,16 +99,16 @@ unsafe fn ask_inputs<E: Equations>(instance: Instance, time: Float64, step: Floa
         }
         Ok(())
     };
-    // SAFETY: by the caller's promise; so below.
+    // SAFETY: guaranteed by the caller; the same applies below.
     let status = unsafe { call(instance, function, body) };
     let Some((update, environment)) = asked else {
         return status;
     };
     let (mut wants_return, mut return_time) = (false, 0.0);
     let (may_set, may_get, is_finished, may_return) = (true, false, false, false);
-    // SAFETY: the function and its first argument came from the importer, who keeps them until it frees the
-    // instance; both places live through the call. No reference to the instance does, so that the importer may
-    // call its functions from there.
+    // SAFETY: the function and its first argument come from the importer, which keeps them until it frees the instance;
+    // both results outlive the call. No reference to the instance exists during the call, so that the importer may call
+    // the instance's functions from the callback.
     unsafe {
         update(
             environment,
@@ -121,19 +122,19 @@ unsafe fn ask_inputs<E: Equations>(instance: Instance, time: Float64, step: Floa
         );
     }
     let body = |c: &mut Component<E, Fmi3>| {
-        // Unless a call from there has failed.
+        // Unless a call from the callback has failed.
         if c.state == State::IntermediateUpdateMode {
             c.state = State::StepMode;
             c.instance.lead_inputs(&before, step)?;
         }
         Ok(())
     };
-    // A function that is legal wherever that call left the instance.
+    // A function that is legal in every state in which the callback may leave the instance.
     // SAFETY: as above.
     unsafe { call(instance, Function::GetFloat64, body) }
 }
 
-/// `fmi3DoStep`: ends at the first event if the importer handles events and a step may end early.
+/// `fmi3DoStep`: ends at the first event if the importer handles events and allows early return.
 pub unsafe fn fmi3DoStep<E: Equations>(
     instance: Instance,
     time: Float64,
@@ -150,7 +151,7 @@ pub unsafe fn fmi3DoStep<E: Equations>(
         return asked;
     }
     let body = |c: &mut Component<E, Fmi3>| {
-        // SAFETY: the importer passes NULL or places for the answers.
+        // SAFETY: the importer passes NULL or pointers to the results.
         let (event_needed, terminate, early_return, last) = unsafe {
             (
                 place(event_needed, "eventHandlingNeeded")?,
@@ -172,7 +173,7 @@ pub unsafe fn fmi3DoStep<E: Equations>(
     unsafe { call(instance, Function::DoStep, body) }
 }
 
-/// `fmi3CompletedIntegratorStep`: nothing depends on it.
+/// `fmi3CompletedIntegratorStep`: has no effect.
 pub unsafe fn fmi3CompletedIntegratorStep<E: Equations>(
     instance: Instance,
     _no_set_state_prior_to_current_point: Boolean,
@@ -180,7 +181,7 @@ pub unsafe fn fmi3CompletedIntegratorStep<E: Equations>(
     terminate: *mut Boolean,
 ) -> Status {
     let body = |_: &mut Component<E, Fmi3>| {
-        // SAFETY: the importer passes NULL or places for the answers.
+        // SAFETY: the importer passes NULL or pointers to the results.
         let (enter_event_mode, terminate) = unsafe {
             (
                 place(enter_event_mode, "enterEventMode")?,
@@ -235,13 +236,13 @@ vectors! {
     fmi3GetNominalsOfContinuousStates, GetNominalsOfContinuousStates, nominals;
 }
 
-/// The functions that count.
+/// The functions that return a number.
 macro_rules! numbers {
     ($($function:ident, $variant:ident, $argument:literal, $count:ident;)*) => {$(
         #[doc = concat!("`", stringify!($function), "`.")]
         pub unsafe fn $function<E: Equations>(instance: Instance, count: *mut usize) -> Status {
             let body = |c: &mut Component<E, Fmi3>| {
-                // SAFETY: the importer passes NULL or a place.
+                // SAFETY: the importer passes NULL or a valid pointer.
                 *unsafe { place(count, $argument) }? = c.instance.simulation().table().$count();
                 Ok(())
             };

@@ -1,4 +1,4 @@
-//! Exact derivatives, by dual numbers.
+//! Exact derivatives with dual numbers.
 
 use super::Simulation;
 use crate::structure::evaluate;
@@ -6,8 +6,8 @@ use crate::{Equations, Table};
 use num_dual::Dual64;
 
 impl<E: Equations> Simulation<E> {
-    /// Time derivative of an output at this instant, at the end of the last step [its unit per second]:
-    /// along the states' derivatives and the slopes that the inputs had in that step.
+    /// Time derivative of an output at the end of the last step [its unit per second], along the derivatives of the
+    /// states and the slopes that the inputs had in that step.
     ///
     /// # Panics
     /// When the variable is no output.
@@ -19,12 +19,12 @@ impl<E: Equations> Simulation<E> {
         self.along_flow(&self.now.last_slopes)[index]
     }
 
-    /// Time derivatives of the event indicators now, with inputs that go along the slopes set for them.
+    /// Current time derivatives of the event indicators, with the slopes that are set for the inputs.
     pub(super) fn indicator_rates(&self) -> Vec<f64> {
         self.along_flow(&self.now.slopes)[self.table.indicators()].to_vec()
     }
 
-    /// Time derivatives of all variables, where inputs have these slopes.
+    /// Time derivatives of all variables for these slopes of the inputs.
     fn along_flow(&self, slopes: &[f64]) -> Vec<f64> {
         let (mut values, mut states) = self.lifted();
         let mut rates = vec![0.0; self.table.n_states()];
@@ -43,18 +43,18 @@ impl<E: Equations> Simulation<E> {
     }
 
     /// Derivatives of any variables in the direction of `seeds`, pairs of a known's index and its part:
-    /// `Σ ∂unknown/∂known · part`. Knowns are inputs, parameters, start values (which move their state)
-    /// and states.
+    /// `Σ ∂unknown/∂known · part`. Knowns are inputs, parameters, start values (which also change their state) and
+    /// states.
     ///
     /// # Panics
-    /// When there is no such variable, or a seed is for one that is no known.
+    /// If there is no such variable, or a seed is for a variable that is not a known.
     pub fn directional_derivative(&self, unknowns: &[usize], seeds: &[(usize, f64)]) -> Vec<f64> {
         let all = self.forward(seeds);
         unknowns.iter().map(|index| all[*index]).collect()
     }
 
-    /// Derivatives of the sum of `seeds`, pairs of an unknown's index and its part, with respect to each
-    /// of the knowns: `Σ part · ∂unknown/∂known`.
+    /// Derivatives of the weighted sum of `seeds`, pairs of an unknown's index and its part, with respect to each
+    /// known: `Σ part · ∂unknown/∂known`.
     ///
     /// # Panics
     /// As [`directional_derivative`](Self::directional_derivative).
@@ -66,7 +66,7 @@ impl<E: Equations> Simulation<E> {
         knowns.iter().map(sum).collect()
     }
 
-    /// The derivatives of all variables.
+    /// Derivatives of all variables in the direction of `seeds`.
     fn forward(&self, seeds: &[(usize, f64)]) -> Vec<f64> {
         let (mut values, mut states) = self.lifted();
         for &(index, part) in seeds {
@@ -93,7 +93,7 @@ impl<E: Equations> Simulation<E> {
     }
 }
 
-/// Which value and which state a known moves.
+/// Indices of the value and the state that a known changes.
 fn known(table: &Table, index: usize) -> (Option<usize>, Option<usize>) {
     if table.starts().contains(&index) {
         return (Some(index), Some(index - table.starts().start));

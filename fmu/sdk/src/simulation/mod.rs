@@ -1,4 +1,4 @@
-//! A model that runs: values, states, steps, events, derivatives.
+//! A running model: values, states, steps, events, derivatives.
 
 mod derivatives;
 mod step;
@@ -10,13 +10,13 @@ use crate::variable::{Role, ValueError, Variable};
 use crate::{At, Equations, Table};
 use pilotage_ode::{DormandPrince, Solver};
 
-/// Relative tolerance of the integrator unless another is set.
+/// Default relative tolerance of the integrator.
 pub const DEFAULT_TOLERANCE: f64 = 1e-9;
 
-/// Range of tolerances; a wish beyond it is moved to its end.
+/// Range of tolerances; values outside it are clamped.
 pub const TOLERANCE_RANGE: (f64, f64) = (1e-12, 1e-4);
 
-/// Outputs of that number are computed without allocation.
+/// Maximum number of outputs that are computed without allocation.
 const ON_STACK: usize = 32;
 
 /// Why a value cannot be set.
@@ -35,7 +35,7 @@ pub enum SetError {
     Calculated {
         /// The variable.
         name: String,
-        /// What it is, with its article.
+        /// Its role, with an article.
         role: &'static str,
         /// What to set instead, if anything.
         hint: String,
@@ -51,23 +51,25 @@ pub enum SetError {
     Value(#[from] ValueError),
 }
 
-/// Everything that changes when a simulation runs: equal snapshots have equal futures.
+/// Everything that changes while a simulation runs: equal snapshots continue equally.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Snapshot {
     /// Time \[s\].
     pub time: f64,
     /// Inputs, parameters and start values by index; outputs hold 0 here, since they are calculated.
     pub values: Vec<f64>,
-    /// Time derivative of each input, for the next step alone.
+    /// Time derivative of each input, for the next step only.
     pub slopes: Vec<f64>,
-    /// Time derivative that each input had in the last step.
+    /// Time derivative of each input in the last step.
     pub last_slopes: Vec<f64>,
     /// The states, then the modes.
     pub states: Vec<f64>,
-    /// Which event indicators were positive when last an event was handled.
+    /// Whether each event indicator was positive when an event was last handled.
     pub positive: Vec<bool>,
     /// Relative tolerance.
     pub tolerance: f64,
+    /// Whether the simulation has left its start values, so that parameters no longer change them.
+    pub has_started: bool,
 }
 
 /// A running model.
@@ -79,22 +81,20 @@ pub struct Simulation<E> {
     /// Number of outputs that the equations compute.
     n_computed: usize,
     now: Snapshot,
-    /// Not Radau: the exported library is to stay small.
+    /// Not Radau, to keep the exported library small.
     solver: Solver<DormandPrince>,
     /// Typical magnitudes of the states and modes.
     nominals: Vec<f64>,
-    /// The exact step of a linear model and what it was computed for (step, then parameters),
-    /// and the one before it: a master that looks into its steps goes by halves in between.
+    /// The exact step of a linear model with its key (step, then parameters), and the previous one: a master that
+    /// checks its steps alternates between whole and half steps.
     transitions: [Option<(Vec<f64>, Transition)>; 2],
     space: Space,
-    /// Whether it has moved from its start values.
-    has_started: bool,
 }
 
-/// Where the value of a variable is.
+/// Where the value of a variable is stored.
 #[derive(Debug, Clone, Copy)]
 enum Slot {
-    /// Among the values that are set, at the variable's own index.
+    /// Among the values that are set, at the index of the variable.
     Value,
     State(usize),
     /// Position among the outputs that the equations compute.
@@ -104,13 +104,13 @@ enum Slot {
     Time,
 }
 
-/// Space for one step's numbers.
+/// Work arrays for one step.
 #[derive(Debug, Clone, Default)]
 struct Space {
     next: Vec<f64>,
     inputs: Vec<f64>,
     indicators: Vec<f64>,
-    /// Where the derivatives were no finite numbers in the last step: time and what the equations say of it.
+    /// Where the derivatives were not finite in the last step: time, and cause from the equations.
     trouble: Option<(f64, String)>,
 }
 
@@ -141,7 +141,6 @@ impl<E: Equations> Simulation<E> {
             },
             slots: slots(&table),
             n_computed: table.computed().count(),
-            has_started: false,
             now,
             table,
             equations,
@@ -158,15 +157,15 @@ impl<E: Equations> Simulation<E> {
         &self.table
     }
 
-    /// All that a later [`restore`](Self::restore) needs.
+    /// The state that a later [`restore`](Self::restore) needs.
     pub fn snapshot(&self) -> &Snapshot {
         &self.now
     }
 
-    /// Goes back (or forth) to a snapshot of the same model.
+    /// Restores a snapshot of the same model.
     ///
     /// # Panics
-    /// When the snapshot's lengths are those of another model.
+    /// If the snapshot's lengths are those of another model.
     pub fn restore(&mut self, snapshot: &Snapshot) {
         self.now.time = snapshot.time;
         self.now.values.copy_from_slice(&snapshot.values);
@@ -175,15 +174,15 @@ impl<E: Equations> Simulation<E> {
         self.now.states.copy_from_slice(&snapshot.states);
         self.now.positive.copy_from_slice(&snapshot.positive);
         self.now.tolerance = snapshot.tolerance;
+        self.now.has_started = snapshot.has_started;
     }
 
-    /// All variables back to their start values, and the default tolerance.
+    /// Restores all start values and the default tolerance.
     pub fn reset(&mut self) {
         self.now = at_start(&self.table);
-        self.has_started = false;
     }
 
-    /// Sets the relative tolerance, moved into [`TOLERANCE_RANGE`].
+    /// Sets the relative tolerance, clamped to [`TOLERANCE_RANGE`].
     pub fn set_tolerance(&mut self, relative: f64) {
         self.now.tolerance = relative.clamp(TOLERANCE_RANGE.0, TOLERANCE_RANGE.1);
     }
@@ -193,7 +192,7 @@ impl<E: Equations> Simulation<E> {
         self.now.time = time;
     }
 
-    /// The value of a variable; what is calculated is so from states and inputs as they are now.
+    /// The value of a variable; a calculated one follows from the current states and inputs.
     ///
     /// # Panics
     /// When there is no such variable.
@@ -209,7 +208,7 @@ impl<E: Equations> Simulation<E> {
     /// When there is no such variable.
     pub fn get_all(&self, indices: impl IntoIterator<Item = usize>, values: &mut [f64]) {
         let (n, mut stack) = (self.n_computed, [f64::NAN; ON_STACK]);
-        // Neither allocates unless it must.
+        // Both allocate only if necessary.
         let mut heap = vec![f64::NAN; if n > ON_STACK { n } else { 0 }];
         let mut slopes = Vec::new();
         let outputs = match n > ON_STACK {
@@ -250,7 +249,7 @@ impl<E: Equations> Simulation<E> {
     /// Sets an input, a parameter, a mode or a start value; a start value sets its state too.
     ///
     /// # Errors
-    /// When it is calculated, or the value not finite or out of the variable's range.
+    /// If the variable is calculated, or the value is not finite or out of range.
     pub fn set(&mut self, index: usize, value: f64) -> Result<(), SetError> {
         let variable = self.variable(index)?;
         if variable.is_calculated() {
@@ -262,7 +261,7 @@ impl<E: Equations> Simulation<E> {
         {
             self.now.states[mode] = value;
         }
-        if self.table.parameters().contains(&index) && !self.has_started {
+        if self.table.parameters().contains(&index) && !self.now.has_started {
             self.set_parameter(index, value);
         }
         self.now.values[index] = value;
@@ -273,8 +272,8 @@ impl<E: Equations> Simulation<E> {
         Ok(())
     }
 
-    /// Sets a parameter before the start, and with it those start values that depend on parameters and are as the
-    /// equations give them.
+    /// Sets a parameter before the start, and updates those start values that depend on parameters and still have the
+    /// values that the equations give.
     fn set_parameter(&mut self, index: usize, value: f64) {
         let (parameters, starts) = (self.table.parameters(), self.table.starts());
         let mut before = self.now.values[starts.clone()].to_vec();
@@ -292,7 +291,7 @@ impl<E: Equations> Simulation<E> {
         }
     }
 
-    /// What of the equations is no finite number now, where they tell.
+    /// Cause of a value that is not finite at present, if the equations give it.
     pub fn trouble(&self) -> Option<String> {
         self.equations.trouble(self.at())
     }
@@ -318,11 +317,11 @@ impl<E: Equations> Simulation<E> {
         }
     }
 
-    /// Sets the time derivative of an input [its unit per second] for the next step, at whose
-    /// beginning the input has the value that is set.
+    /// Sets the time derivative of an input [its unit per second] for the next step, which starts at the value that is
+    /// set.
     ///
     /// # Errors
-    /// When it is no input, or the slope not finite.
+    /// If it is not an input, or the slope is not finite.
     pub fn set_slope(&mut self, index: usize, slope: f64) -> Result<(), SetError> {
         let variable = self.variable(index)?;
         if !self.table.inputs().contains(&index) {
@@ -343,16 +342,16 @@ impl<E: Equations> Simulation<E> {
     /// Sets all continuous states.
     ///
     /// # Panics
-    /// When their number is another.
+    /// If the number of values is wrong.
     pub fn set_states(&mut self, states: &[f64]) {
-        self.has_started = true;
+        self.now.has_started = true;
         self.now.states[..self.table.n_states()].copy_from_slice(states);
     }
 
     /// Writes the derivatives of the states.
     ///
     /// # Panics
-    /// When their number is another.
+    /// If the number of values is wrong.
     pub fn derivatives(&self, slopes: &mut [f64]) {
         assert_eq!(slopes.len(), self.table.n_states(), "number of states");
         self.equations.derivative(self.at(), slopes);
@@ -361,13 +360,13 @@ impl<E: Equations> Simulation<E> {
     /// Writes the event indicators.
     ///
     /// # Panics
-    /// When their number is another.
+    /// If the number of values is wrong.
     pub fn indicators(&self, indicators: &mut [f64]) {
         assert_eq!(indicators.len(), self.table.n_indicators(), "indicators");
         self.equations.indicators(self.at(), indicators);
     }
 
-    /// The equations' arguments as they are now.
+    /// Current arguments of the equations.
     fn at(&self) -> At<'_, f64> {
         At {
             time: self.now.time,
@@ -404,7 +403,7 @@ fn slots(table: &Table) -> Vec<Slot> {
     slots
 }
 
-/// Everything at its start value.
+/// The snapshot at the start values.
 fn at_start(table: &Table) -> Snapshot {
     let settable = &table.variables()[..table.starts().end];
     let values: Vec<f64> = settable.iter().map(|v| v.start.unwrap_or(0.0)).collect();
@@ -415,6 +414,7 @@ fn at_start(table: &Table) -> Snapshot {
         states: table.start_of_x(&values),
         positive: vec![true; table.n_indicators()],
         tolerance: DEFAULT_TOLERANCE,
+        has_started: false,
         values,
     }
 }

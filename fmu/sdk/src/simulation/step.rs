@@ -6,33 +6,33 @@ use crate::{At, Equations, Table};
 use pilotage_ode::{Advance, DormandPrince, IntegrationError, Solver, System};
 use std::convert::Infallible;
 
-/// Steps of the integrator within one step beyond which it is given up.
+/// Maximum number of integrator steps within one step.
 const MAX_STEPS: usize = 1_000_000;
 
-/// Events within one step beyond which it is given up: they come faster than time passes.
+/// Maximum number of events within one step; more of them occur faster than time passes.
 const MAX_EVENTS: usize = 1000;
 
-/// Calls of the event handler at one instant beyond which it is given up.
+/// Maximum number of calls of the event handler at one instant.
 const MAX_ITERATIONS: usize = 100;
 
-/// Why a step could not be done.
+/// Why a step failed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StepFault {
     /// The exact step of a linear model cannot be computed.
     #[error(transparent)]
     Linear(#[from] TransitionError),
-    /// The integration was given up.
+    /// The integration was aborted.
     #[error(
         "{0} (times count from the beginning of the communication step; a solution that grows without bound \
          and a tolerance that is too strict end so as well)"
     )]
     Integration(#[from] IntegrationError<Infallible>),
-    /// The integration was given up where an expression is no finite number.
+    /// The integration was aborted where an expression is not finite.
     #[error("at {time} s: {cause}; the integration ends there")]
     Trouble {
-        /// Where \[s\].
+        /// Time \[s\].
         time: f64,
-        /// Which expression, and where it stands.
+        /// The expression and its position.
         cause: String,
     },
     /// The integration takes too long.
@@ -42,7 +42,7 @@ pub enum StepFault {
          needs a width, as in sat(v / 0.01, 1)"
     )]
     TooManySteps {
-        /// Where, from the step's beginning \[s\].
+        /// Time reached, from the start of the step \[s\].
         time: f64,
         /// The step \[s\].
         step: f64,
@@ -59,7 +59,7 @@ pub enum StepFault {
         /// The step \[s\].
         step: f64,
     },
-    /// Events come ever faster.
+    /// Events occur ever faster.
     #[error(
         "{limit} events within {step} s; the model's events follow each other without end, as those of \
          a bouncing ball do that never comes to rest"
@@ -70,52 +70,51 @@ pub enum StepFault {
         /// The step \[s\].
         step: f64,
     },
-    /// The event handler finds no end.
+    /// The event iteration does not end.
     #[error("the event at {time} s changes the states again and again ({limit} times)")]
     EndlessEvent {
-        /// When \[s\].
+        /// Time \[s\].
         time: f64,
         /// The limit.
         limit: usize,
     },
 }
 
-/// A step that ended early. The simulation then stands where it came to.
+/// A step that ended early. The simulation keeps the state that it reached.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{fault}")]
 pub struct StepError {
-    /// Why.
+    /// Reason.
     pub fault: StepFault,
-    /// How far it came \[s\]: 0 if nothing has changed.
+    /// Time reached \[s\]: 0 if nothing has changed.
     pub reached: f64,
 }
 
-/// How far a step came.
+/// Result of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reached {
-    /// The time that passed \[s\].
+    /// Elapsed time \[s\].
     pub time: f64,
-    /// Whether an event waits there to be handled.
+    /// Whether an event is pending there.
     pub event: bool,
 }
 
 impl<E: Equations> Simulation<E> {
-    /// Advances by `h` > 0 seconds, with inputs held or, where a slope was set, along it. Afterwards
-    /// the inputs have the values that they reached, and the slopes are 0. Events are handled.
+    /// Advances by `h` > 0 seconds, with constant inputs or, where a slope is set, linear ones. Afterwards the inputs
+    /// have the values that they reached, and the slopes are 0. Events are handled.
     ///
     /// # Errors
-    /// When the step cannot be done; what was reached is kept.
+    /// If the step fails; the state reached is kept.
     pub fn step(&mut self, h: f64) -> Result<(), StepError> {
         self.advance(h, false).map(|_| ())
     }
 
-    /// As [`step`](Self::step), but where `stop_at_event` is set, it ends at the first event, which
-    /// [`handle_event`](Self::handle_event) is then to handle.
+    /// As [`step`](Self::step), but if `stop_at_event` is set, it ends at the first event, which
+    /// [`handle_event`](Self::handle_event) must then handle.
     ///
     /// # Errors
-    /// When the step cannot be done; what was reached is kept.
+    /// If the step fails; the state reached is kept.
     pub fn advance(&mut self, h: f64, stop_at_event: bool) -> Result<Reached, StepError> {
-        self.has_started = true;
         if self.table.n_x() == 0 && self.table.n_indicators() == 0 {
             self.arrive(h);
             return Ok(Reached {
@@ -151,7 +150,7 @@ impl<E: Equations> Simulation<E> {
         }
     }
 
-    /// A fault with the expression that made it, if one did.
+    /// Replaces a fault by the expression that caused it, if there is one.
     fn with_trouble(&mut self, fault: StepFault) -> StepFault {
         match (fault, self.space.trouble.take()) {
             (StepFault::Integration(_), Some((time, cause))) => StepFault::Trouble { time, cause },
@@ -159,10 +158,10 @@ impl<E: Equations> Simulation<E> {
         }
     }
 
-    /// Handles what the event handler finds to handle now. Whether a state or mode has changed.
+    /// Handles pending events. Returns whether a state or mode has changed.
     ///
     /// # Errors
-    /// When the handler changes the states again and again.
+    /// If the handler keeps changing the states.
     pub fn handle_event(&mut self) -> Result<bool, StepFault> {
         let mut changed = false;
         for _ in 0..MAX_ITERATIONS {
@@ -200,8 +199,8 @@ impl<E: Equations> Simulation<E> {
         })
     }
 
-    /// Remembers the signs of the event indicators. One that is 0 has the sign that it is about to take:
-    /// a ball that leaves the ground is above it, so that its next touch is seen, however soon it comes.
+    /// Stores the signs of the event indicators. An indicator that is 0 gets the sign that it is about to take: a ball
+    /// that leaves the ground counts as above it, so that its next contact is detected, however soon it occurs.
     fn remember_signs(&mut self) {
         let mut indicators = std::mem::take(&mut self.space.indicators);
         self.indicators(&mut indicators);
@@ -215,8 +214,9 @@ impl<E: Equations> Simulation<E> {
         self.space.indicators = indicators;
     }
 
-    /// Moves time and inputs to where the step ended.
+    /// Moves time and inputs to the end of the step.
     fn arrive(&mut self, elapsed: f64) {
+        self.now.has_started = true;
         std::mem::swap(&mut self.now.last_slopes, &mut self.now.slopes);
         self.now.slopes.fill(0.0);
         for (value, slope) in self.now.values.iter_mut().zip(&self.now.last_slopes) {
@@ -225,7 +225,7 @@ impl<E: Equations> Simulation<E> {
         self.now.time += elapsed;
     }
 
-    /// The step of a linear model.
+    /// Exact step of a linear model.
     fn step_exactly(&mut self, h: f64) -> Result<(), StepFault> {
         let Self {
             equations,
@@ -258,11 +258,11 @@ impl<E: Equations> Simulation<E> {
         Ok(())
     }
 
-    /// Integrates over `h`, event by event; `elapsed` tells how far it came. Whether it stopped at an
+    /// Integrates over `h`, event by event; `elapsed` is set to the time reached. Returns whether it stopped at an
     /// event.
     fn integrate(&mut self, h: f64, stop: bool, elapsed: &mut f64) -> Result<bool, StepFault> {
         let (start, mut events) = (self.now.time, 0);
-        // A jump of an input may have been an event.
+        // A jump of an input may have caused an event.
         let mut event =
             self.table.n_indicators() > 0 && self.with_flow(|flow, x, _| flow.has_jumped(x));
         loop {
@@ -286,10 +286,10 @@ impl<E: Equations> Simulation<E> {
         }
     }
 
-    /// Integrates to the end of the step `h` or to the first event; whether there is one.
+    /// Integrates to the end of the step `h` or to the first event; returns whether there is one.
     ///
-    /// The first length tried is the whole rest: a call depends on its arguments alone, so that equal calls give
-    /// equal bits, and there is no memory to save with an FMU state.
+    /// The first trial step is the whole rest: a call depends on its arguments only, so that equal calls give identical
+    /// bits, and an FMU state need not store the memory of the solver.
     fn integrate_to_event(&mut self, h: f64, elapsed: &mut f64) -> Result<bool, StepFault> {
         let (from, relative) = (*elapsed, self.now.tolerance);
         self.with_flow(|flow, x, solver| {
@@ -305,7 +305,7 @@ impl<E: Equations> Simulation<E> {
         })
     }
 
-    /// Handles an event within a step, with the inputs as they are there.
+    /// Handles an event within a step, with the inputs at its time.
     fn handle_event_at(&mut self, start: f64, elapsed: f64) -> Result<(), StepFault> {
         let inputs = self.table.inputs();
         let before = self.now.values[inputs.clone()].to_vec();
@@ -319,7 +319,7 @@ impl<E: Equations> Simulation<E> {
         result.map(|_| ())
     }
 
-    /// Runs `f` on the equations of a step, and the states.
+    /// Calls `f` with the equations of a step, the states and the solver.
     fn with_flow<R>(
         &mut self,
         f: impl FnOnce(&mut Flow<'_, E>, &mut [f64], &mut Solver<DormandPrince>) -> R,
@@ -348,7 +348,7 @@ impl<E: Equations> Simulation<E> {
     }
 }
 
-/// Advances to the step's end or to the first event; whether there is one.
+/// Advances to the end of the step or to the first event; returns whether there is one.
 fn run<E: Equations>(
     solver: &mut Solver<DormandPrince>,
     flow: &mut Flow<'_, E>,
@@ -367,14 +367,14 @@ fn run<E: Equations>(
     })
 }
 
-/// The equations within a step, their time counted from its beginning.
+/// The equations within a step, with time counted from its start.
 struct Flow<'s, E> {
     equations: &'s E,
     /// Number of continuous states.
     n_states: usize,
     /// Typical magnitudes of the states and modes.
     nominals: &'s [f64],
-    /// Time at the step's beginning \[s\].
+    /// Time at the start of the step \[s\].
     start: f64,
     held: &'s [f64],
     slopes: &'s [f64],
@@ -384,7 +384,7 @@ struct Flow<'s, E> {
 }
 
 impl<E: Equations> Flow<'_, E> {
-    /// Moves the inputs to a time of the integration; the equations' arguments there.
+    /// Evaluates the inputs at a time of the integration; returns the arguments of the equations.
     fn at<'a>(&'a mut self, time: f64, x: &'a [f64]) -> At<'a, f64> {
         let along = self.held.iter().zip(self.slopes);
         for (input, (held, slope)) in self.space.inputs.iter_mut().zip(along) {
@@ -398,7 +398,7 @@ impl<E: Equations> Flow<'_, E> {
         }
     }
 
-    /// Whether an indicator has another sign at the beginning than is remembered; one that is 0 has none.
+    /// Whether the sign of an indicator at the start differs from the stored one; 0 has no sign.
     fn has_jumped(&mut self, x: &[f64]) -> bool {
         let mut indicators = std::mem::take(&mut self.space.indicators);
         let equations = self.equations;
@@ -414,7 +414,7 @@ impl<E: Equations> System for Flow<'_, E> {
     type Error = Infallible;
 
     fn derivatives(&mut self, time: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, Infallible> {
-        // Modes stay as they are between events.
+        // Modes are constant between events.
         let (dx, modes) = dx.split_at_mut(self.n_states);
         modes.fill(0.0);
         let equations = self.equations;

@@ -1,4 +1,4 @@
-//! `--leave-one-out` and `--per-run`: the same problem on some of its runs.
+//! `--leave-one-out` and `--per-run`: fits of the same problem to some of its runs.
 
 use crate::cli::Failure;
 use crate::cli::folds::Folds;
@@ -27,7 +27,7 @@ pub struct Checks {
 }
 
 impl Checks {
-    /// A flag that asks for such fits.
+    /// The first given flag that requires such fits.
     pub fn flag(&self) -> Option<&'static str> {
         let given = [
             ("--leave-one-out", self.leave_one_out),
@@ -36,7 +36,7 @@ impl Checks {
         given.into_iter().find(|own| own.1).map(|own| own.0)
     }
 
-    /// Refuses what one run cannot tell.
+    /// Refuses these fits for fewer than two runs.
     pub fn check(&self, runs: usize) -> Result<(), Failure> {
         match self.flag().filter(|_| runs < 2) {
             Some(flag) => Err(Failure::new(format!(
@@ -47,7 +47,7 @@ impl Checks {
         }
     }
 
-    /// The fits that are asked for; none where the fit to all runs has no answer.
+    /// Computes the requested fits; none if the fit to all runs has no answer.
     pub fn run(
         &self,
         (file, fit): (&ProblemFile, &Fit),
@@ -73,21 +73,21 @@ impl Checks {
     }
 }
 
-/// What fits to some of the runs gave.
+/// Results of the fits to some of the runs.
 #[derive(Default)]
 pub struct Checked {
     /// The measured columns.
     columns: Vec<String>,
-    /// Their noise.
+    /// Noise of the measured columns.
     noises: Vec<Noise>,
-    /// Each run by a fit to the others.
+    /// Each run, predicted by a fit to the others.
     left_out: Option<Vec<(String, Option<Judged>)>>,
-    /// Each run alone.
+    /// Fits to each run or group of runs alone.
     per_run: Option<PerRun>,
 }
 
 impl Checked {
-    /// For the one object of `--json`.
+    /// Adds the results to the object of `--json`.
     pub fn add_to(&self, told: &mut Value) {
         if let Some(all) = &self.left_out {
             let runs = all
@@ -117,7 +117,7 @@ impl Checked {
         })
     }
 
-    /// For the terminal.
+    /// The results as text for the terminal.
     pub fn to_text(&self, fit: &Fit) -> String {
         let mut text = String::new();
         if let Some(rows) = self.left_out_rows(fit) {
@@ -132,7 +132,7 @@ impl Checked {
         text
     }
 
-    /// For the page.
+    /// The results as tables for the page.
     pub fn tables(&self, fit: &Fit) -> Vec<(&'static str, Parameters)> {
         let left_out = self.left_out_rows(fit).map(|rows| {
             let table = Parameters {
@@ -194,7 +194,7 @@ fn cell(value: Option<f64>, digits: usize) -> String {
     known.map_or("-".to_owned(), |own| significant(own, digits))
 }
 
-/// Each shared parameter by the fit to all runs and by those to each alone.
+/// Estimates of each shared parameter from all runs, and from each group alone.
 fn alone_rows(own: &PerRun, whole: &Fit) -> Vec<[String; 6]> {
     let mut rows = vec![ALONE_HEADER.map(str::to_owned)];
     for (k, name) in own.names.iter().enumerate() {
@@ -232,7 +232,7 @@ fn row(name: &str, group: &str, (fit, interval): (&Fit, Option<&Interval>)) -> [
     ]
 }
 
-/// The verdict, and what it rests on.
+/// The verdict and the basis of it.
 fn notes(own: &PerRun) -> Vec<String> {
     let mut notes = vec![verdict(own)];
     for Group { name, estimate, .. } in &own.groups {
@@ -247,10 +247,10 @@ fn notes(own: &PerRun) -> Vec<String> {
     notes
 }
 
-/// Whether it is one human, in words.
+/// The verdict whether all runs have the same parameters, in words.
 fn verdict(own: &PerRun) -> String {
     let Some(test) = &own.together else {
-        return "one human? not told: fewer than two fits tell all parameters".to_owned();
+        return "one human? unknown: fewer than two fits determine all parameters".to_owned();
     };
     let p = significant(test.p, 2);
     let q = format!(

@@ -1,4 +1,4 @@
-//! `--evaluate`: a problem at its start values.
+//! `--evaluate`: evaluates a problem at its start values.
 
 use crate::cli::format::aligned;
 use crate::cli::{Failure, Outcome, terminal};
@@ -7,7 +7,7 @@ use crate::estimation::evaluate::{Evaluation, evaluate};
 use crate::report::significant;
 use serde_json::{Value, json};
 
-/// Tells objective, gradient and residuals.
+/// Prints objective, gradient and residuals.
 pub fn run(posed: &Posed<'_>, json: bool) -> Result<Outcome, Failure> {
     let found = evaluate(posed);
     terminal::print(&match json {
@@ -54,7 +54,7 @@ fn to_text(posed: &Posed<'_>, found: &Evaluation) -> String {
     text + &aligned(&residual_rows(posed, found))
 }
 
-/// For each run and column how many samples it has, and how far the model is from them.
+/// Number of samples and scaled rms residual for each run and column.
 fn residual_rows(posed: &Posed<'_>, found: &Evaluation) -> Vec<[String; 4]> {
     let mut rows = vec![["run", "column", "samples", "rms residual over sd"].map(str::to_owned)];
     for (run, residuals) in posed.data.iter().zip(&found.residuals) {

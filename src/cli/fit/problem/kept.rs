@@ -1,11 +1,11 @@
-//! How sure a fit is of an instance, as its model file keeps it.
+//! The uncertainty of an instance's parameters, as stored in its model file.
 
 use crate::document::{number, quoted};
 use crate::estimation::Fit;
 use crate::estimation::uncertainty::Uncertainty;
 use crate::inference::Interval;
 
-/// The table `[uncertainty]` of an instance, whose variables have this prefix; none where nothing is known of them.
+/// The table `[uncertainty]` of the instance whose variables have this prefix; `None` if no uncertainty is known.
 pub fn table(fit: &Fit, prefix: &str) -> Option<String> {
     let own = fit.uncertainty.as_ref().ok()?;
     let told: Vec<(&str, f64, Interval)> = (fit.parameters.iter().zip(&own.intervals))
@@ -14,7 +14,7 @@ pub fn table(fit: &Fit, prefix: &str) -> Option<String> {
             let name = found.name.strip_prefix(prefix)?;
             Some((name, found.values[0].1, *all.first()?))
         })
-        // What is held has none.
+        // Parameters held fixed have no interval.
         .filter(|(.., own)| !own.sd.is_nan())
         .collect();
     if told.is_empty() {
@@ -35,7 +35,7 @@ pub fn table(fit: &Fit, prefix: &str) -> Option<String> {
     Some(text)
 }
 
-/// A name as a key; those of FMUs may have dots.
+/// A name as a TOML key; names in FMUs may contain dots.
 fn key(name: &str) -> String {
     let is_bare = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
     if is_bare {
@@ -45,7 +45,7 @@ fn key(name: &str) -> String {
     }
 }
 
-/// The covariance of those that the data tell, in their own units.
+/// The covariance of the parameters that the data determine, in their own units.
 fn covariance(own: &Uncertainty, prefix: &str, told: &[(&str, f64, Interval)]) -> String {
     let mut known: Vec<(&str, usize, f64)> = Vec::new();
     for (k, name) in own.names.iter().enumerate() {

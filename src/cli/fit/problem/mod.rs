@@ -1,4 +1,4 @@
-//! `pilotage fit problem.toml`: any pilot, any vehicle, any task.
+//! `pilotage fit problem.toml`: fits any pilot, vehicle and task.
 
 mod checks;
 mod evaluate;
@@ -43,9 +43,7 @@ pub fn of(args: &Args) -> Result<Option<&Path>, Failure> {
     }
     if let Some(flag) = args.of_short_form() {
         let message = format!("{flag} belongs to `pilotage fit run*.csv`");
-        return Err(
-            Failure::new(message).hint("say it in the problem file: docs/problems.md tells where")
-        );
+        return Err(Failure::new(message).hint("put it in the problem file; see docs/problems.md"));
     }
     Ok(Some(problem))
 }
@@ -91,7 +89,7 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     (before.words().iter()).for_each(|words| terminal::note(words));
     let mut fit = solved(args, &posed);
     fit.diagnostics.extend(before.doubts(&fit));
-    // Whoever stopped the fit wants to see how good it is all the same.
+    // A user who stopped the fit still wants to see its validation.
     let was_asked = interrupt::is_asked();
     let goes_on = || match interrupt::is_asked() && !was_asked {
         true => ControlFlow::Break(Status::Interrupted),
@@ -127,12 +125,12 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         true => Outcome::Done,
         false => Outcome::No,
     };
-    // FMUs are freed after this: what goes wrong there costs nothing of what is written.
+    // FMUs are freed after this: a failure there does not affect the written results.
     pilotage_process::finished(outcome.code());
     Ok(outcome)
 }
 
-/// With what chose the order.
+/// Adds the comparison of orders to the JSON object.
 fn with_orders(mut told: Value, orders: Option<Value>) -> Value {
     if let Some(orders) = orders {
         told["orders"] = orders;
@@ -140,7 +138,7 @@ fn with_orders(mut told: Value, orders: Option<Value>) -> Value {
     told
 }
 
-/// A fit, solved again; none where that cannot be.
+/// Runs the refits of a fit; `None` if it cannot be refitted.
 fn refitted(
     args: &Args,
     plan: &Plan,
@@ -157,7 +155,7 @@ fn refitted(
     }
 }
 
-/// Fits a problem, and gives the figures of its page.
+/// Fits a problem and returns the figures of its page.
 pub fn figures_of(path: &Path) -> Result<Vec<Figure>, Failure> {
     let file = ProblemFile::read(path)?;
     let posed = Posed::new(&file, &part::open)?;
@@ -195,7 +193,7 @@ fn check_outputs(
     args.overwrite.check(&inputs, &outputs)
 }
 
-/// The fit, watched.
+/// Computes the fit with progress output, time limit and Ctrl-C.
 fn solved(args: &Args, posed: &Posed<'_>) -> Fit {
     let begin = Instant::now();
     let mut spinner = Spinner::new();
@@ -220,7 +218,7 @@ fn solved(args: &Args, posed: &Posed<'_>) -> Fit {
     fit
 }
 
-/// An iteration in a line.
+/// One line per iteration.
 fn line(posed: &Posed<'_>, progress: &Progress<'_>, iteration: &Iteration) -> String {
     let of = match progress.refinement {
         0 => format!("start {} of {}", progress.start + 1, progress.starts),
@@ -235,7 +233,7 @@ fn line(posed: &Posed<'_>, progress: &Progress<'_>, iteration: &Iteration) -> St
     )
 }
 
-/// What was written, and what to type next.
+/// Written files and the suggested next command.
 fn next(args: &Args, fit: &Fit, fitted: &[Fitted]) -> String {
     use crate::cli::made::{program, quoted};
     let mut text = String::from("\n");

@@ -1,4 +1,4 @@
-//! Fitted instances as model files, from which everything else begins.
+//! Writes fitted instances as model files, the inputs of all other commands.
 
 use super::kept;
 use crate::cli::{Failure, overwrite};
@@ -10,20 +10,21 @@ use crate::estimation::{Fit, Posed};
 use pilotage_language::{with_starts, with_uncertainty};
 use std::path::{Path, PathBuf};
 
-/// First words of a fitted model's file.
+/// Beginning of the file of a fitted model.
 pub const HEAD: &str = "# Fitted by pilotage";
 
-/// An instance whose parameters are sought, and the file that it becomes.
+/// An instance with estimated parameters, and its output file.
 pub struct Fitted {
     /// Name of the instance.
     pub instance: String,
-    /// Its file.
+    /// Output file.
     pub path: PathBuf,
-    /// Whether it is an FMU, and the file a system with it.
+    /// Whether it is an FMU; the output file is then a system that contains it.
     pub is_fmu: bool,
 }
 
-/// The instances with sought parameters. One is written to `output`, several into that folder.
+/// The instances with estimated parameters. A single one is written to `output`; several require that `output` is a
+/// folder.
 pub fn planned(posed: &Posed<'_>, output: Option<&Path>) -> Result<Vec<Fitted>, Failure> {
     let is_fitted = |instance: &str| {
         let prefix = format!("{instance}.");
@@ -41,9 +42,7 @@ pub fn planned(posed: &Posed<'_>, output: Option<&Path>) -> Result<Vec<Fitted>, 
             "nothing is sought in an instance with a model, so there is nothing to write to {}",
             output.display()
         );
-        return Err(
-            Failure::new(message).hint("leave -o out; --json and --report tell what was found")
-        );
+        return Err(Failure::new(message).hint("leave -o out; --json and --report give the result"));
     }
     let is_folder = output.is_some_and(|output| output.is_dir());
     let path = |instance: &str| match (output, is_folder) {
@@ -69,8 +68,8 @@ pub fn planned(posed: &Posed<'_>, output: Option<&Path>) -> Result<Vec<Fitted>, 
 }
 
 impl Fitted {
-    /// Writes the model with what was found as its start values, and its tables beside it; of an FMU, which stays as it
-    /// is, a system with these values.
+    /// Writes the model with the estimates as start values, and its tables next to it. An FMU is not changed; a system
+    /// with these values is written instead.
     pub fn write(&self, posed: &Posed<'_>, fit: &Fit, problem: &Path) -> Result<(), Failure> {
         let mut parts = posed.joint.parts.iter();
         let Some((_, part)) = parts.find(|(name, _)| *name == self.instance) else {
@@ -85,7 +84,7 @@ impl Fitted {
             };
             let (value, is) = match is_sought {
                 true => (found.mean(), "the mean"),
-                // The mean of what runs were given is what none of them had.
+                // A mean over values given to the runs would be a value that no run had.
                 false => (found.values[0].1, "the first"),
             };
             if found.values.len() > 1 {
@@ -100,8 +99,9 @@ impl Fitted {
         let Some(compiled) = &part.file else {
             let (kept, lost) = settable(part, values);
             for (name, value) in lost {
-                head +=
-                    &format!("# {name} began at {value}; the FMU computes it and cannot be told\n");
+                head += &format!(
+                    "# {name} began at {value}; the FMU computes it, and it cannot be set\n"
+                );
             }
             return self.write_system(posed, head, &kept);
         };
@@ -121,7 +121,7 @@ impl Fitted {
         Ok(())
     }
 
-    /// Writes a system of the instance alone with these values.
+    /// Writes a system of this instance alone with these values.
     fn write_system(
         &self,
         posed: &Posed<'_>,
@@ -148,11 +148,11 @@ impl Fitted {
     }
 }
 
-/// Variables with their values.
+/// Names and values of variables.
 type Values = Vec<(String, f64)>;
 
-/// What an FMU can be told of these values, and what not: a state that it computes begins at a parameter, or nobody can
-/// tell.
+/// Splits values into those that can be set on an FMU, and those that cannot: a computed initial state can be set only
+/// through its start parameter, if it has one.
 fn settable(part: &Part, values: Values) -> (Values, Values) {
     let (states, graph) = (&part.model.states, &part.model.system.graph);
     let place = |name: &String| states.iter().position(|state| state == name);
@@ -175,13 +175,13 @@ fn settable(part: &Part, values: Values) -> (Values, Values) {
     (kept, lost)
 }
 
-/// What the runs of a fit had and their models do not say, and whether it was sought.
+/// Estimated values and values given by the runs but not in the models, each with whether it was estimated.
 fn all_of(posed: &Posed<'_>, fit: &Fit) -> impl Iterator<Item = (Found, bool)> {
     let sought = fit.parameters.iter().cloned().map(|found| (found, true));
     sought.chain(fit.given(posed).into_iter().map(|found| (found, false)))
 }
 
-/// A table of that name with another content is somebody's.
+/// Refuses to overwrite an existing table of the same name with different content.
 fn refuse_other(path: &Path) -> Result<(), Failure> {
     match path.exists() {
         true => {

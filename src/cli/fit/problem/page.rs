@@ -1,4 +1,4 @@
-//! The report of a problem: each measured signal as it was recorded and as the model has it, and what is left.
+//! The report page of a problem: each measured signal as recorded and as predicted by the model, and the residuals.
 
 use super::summary::{Outcomes, run_header};
 use super::sure;
@@ -18,7 +18,7 @@ use crate::sqp::Status;
 use nalgebra::Complex;
 use std::cell::RefCell;
 
-/// The page.
+/// The HTML page.
 pub fn page(outcomes: &Outcomes<'_>, made: &Made) -> String {
     let Outcomes { posed, fit, .. } = *outcomes;
     let verdict = fit.verdict();
@@ -48,7 +48,7 @@ pub fn page(outcomes: &Outcomes<'_>, made: &Made) -> String {
     overlay_page(&page, made)
 }
 
-/// How much was fitted, and how well.
+/// Amount of data and quality of the fit.
 fn facts(outcomes: &Outcomes<'_>) -> Vec<(&'static str, String)> {
     let fit = outcomes.fit;
     let misfit = (fit.chi2 / fit.samples as f64).sqrt();
@@ -69,7 +69,7 @@ fn facts(outcomes: &Outcomes<'_>) -> Vec<(&'static str, String)> {
     ]
 }
 
-/// All figures of a fit, in the order of the page.
+/// All figures of a fit, in page order.
 pub fn figures(outcomes: &Outcomes<'_>) -> Vec<Figure> {
     let fit = outcomes.fit;
     let mut all = vec![response(outcomes)];
@@ -134,7 +134,7 @@ fn response(outcomes: &Outcomes<'_>) -> Figure {
     }
 }
 
-/// A recording: a line where there are many samples, else circles.
+/// A recorded signal: a line if there are many samples, otherwise circles.
 fn recorded(time: &[f64], values: &[f64]) -> Series {
     const FEW: usize = 60;
     let known = time.iter().zip(values).filter(|(_, y)| y.is_finite());
@@ -147,7 +147,7 @@ fn recorded(time: &[f64], values: &[f64]) -> Series {
     Series::line("recorded", "data", &x, &y).looks(look)
 }
 
-/// Pilot and loop with what the runs tell of them without a model, or else the loops alone.
+/// Bode plots of pilot and loop with their nonparametric estimates, if available, otherwise of the loops alone.
 fn bode(outcomes: &Outcomes<'_>) -> Vec<Figure> {
     let Outcomes { posed, fit, .. } = *outcomes;
     let Some(solved) = fit.solved.as_deref() else {
@@ -191,7 +191,7 @@ fn bode(outcomes: &Outcomes<'_>) -> Vec<Figure> {
     figures
 }
 
-/// The paths through the pilot, about this frequency \[rad/s\].
+/// Frequency responses of the paths through the pilot, around this frequency \[rad/s\].
 fn paths(outcomes: &Outcomes<'_>, middle: f64) -> Vec<Figure> {
     let Outcomes { posed, fit, .. } = *outcomes;
     let Some(solved) = fit.solved.as_deref() else {
@@ -217,7 +217,7 @@ fn paths(outcomes: &Outcomes<'_>, middle: f64) -> Vec<Figure> {
     paths.ends().iter().enumerate().map(figure).collect()
 }
 
-/// The name of a figure where there may be several.
+/// The name of a figure that may occur several times.
 fn numbered(name: &str, k: usize) -> String {
     match k {
         0 => name.to_owned(),
@@ -225,7 +225,7 @@ fn numbered(name: &str, k: usize) -> String {
     }
 }
 
-/// What is linearised with shared parameters, once for all frequencies.
+/// A linearisation as a function of the shared parameters, cached for all frequencies.
 struct Linearised<'a, T> {
     with: &'a dyn Fn(&[f64]) -> Option<T>,
     known: RefCell<Vec<(Vec<f64>, Option<T>)>>,
@@ -239,7 +239,7 @@ impl<'a, T> Linearised<'a, T> {
         }
     }
 
-    /// Something of it; not a number where there is none.
+    /// A value of the linearisation; NaN if there is none.
     fn at(&self, theta: &[f64], of: &dyn Fn(&T) -> Complex<f64>) -> Complex<f64> {
         let mut known = self.known.borrow_mut();
         let place = known.iter().position(|own| own.0 == theta);
@@ -252,7 +252,7 @@ impl<'a, T> Linearised<'a, T> {
     }
 }
 
-/// The covariance of the shared parameters; none where the data leave one open.
+/// The covariance of the shared parameters; `None` if the data do not determine all of them.
 fn spread(fit: &Fit) -> Option<Spread> {
     let own = fit.uncertainty.as_ref().ok()?;
     let is_known = own.covariance.matrix.iter().all(|value| value.is_finite());
@@ -268,7 +268,7 @@ fn spread(fit: &Fit) -> Option<Spread> {
     })
 }
 
-/// The poles of the wired system; none where it has none.
+/// The poles of the connected system; `None` if it has none.
 fn poles(outcomes: &Outcomes<'_>) -> Option<Figure> {
     let Outcomes { posed, fit, .. } = *outcomes;
     let solved = fit.solved.as_deref()?;
@@ -276,7 +276,7 @@ fn poles(outcomes: &Outcomes<'_>) -> Option<Figure> {
     wired_figure(&of, &solved.theta(), spread(fit).as_ref())
 }
 
-/// What is left of a measured signal.
+/// The residuals of a measured signal.
 fn residuals(outcomes: &Outcomes<'_>, k: usize) -> Figure {
     let measured = &outcomes.posed.file.measured[k];
     let signal = &measured.column.value;
@@ -297,7 +297,7 @@ fn residuals(outcomes: &Outcomes<'_>, k: usize) -> Figure {
     residual_figure(&name, &title, caption, "", &all)
 }
 
-/// Residuals beside what drove the system, a panel for each pair; none without any.
+/// Cross-correlations of residuals and inputs, a panel for each pair; `None` if there are none.
 fn beside(fit: &Fit) -> Option<Figure> {
     let panels = fit.beside.iter().map(|own| {
         let label = format!("{}, {}", own.measured, own.input);
@@ -357,7 +357,7 @@ fn parameters(fit: &Fit) -> Parameters {
     }
 }
 
-/// Parameters on an end of their range.
+/// Parameters at a bound of their range.
 fn active(fit: &Fit) -> Parameters {
     let on_bound = fit
         .parameters
@@ -385,7 +385,7 @@ fn active(fit: &Fit) -> Parameters {
 const ONE_STEP: &str = "One step: variance accounted for by the model and an autoregressive process of its residuals, each \
                         sample predicted from those before it; vaf is that of the model alone.";
 
-/// The runs, with what is left of each signal.
+/// The runs, with the residuals of each signal.
 fn data(outcomes: &Outcomes<'_>) -> Parameters {
     let header = run_header(outcomes.posed);
     let rows = super::summary::run_rows(outcomes.posed, outcomes)

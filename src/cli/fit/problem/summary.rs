@@ -1,4 +1,4 @@
-//! What a fit of a problem gave, for people and for scripts.
+//! The results of a problem fit, for people and for scripts.
 
 use super::checks::Checked;
 use super::sure;
@@ -20,33 +20,33 @@ use pilotage_text::counted;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
-/// A fit, and the runs that were kept out of it.
+/// A fit with its validation runs and further results.
 #[derive(Clone, Copy)]
 pub struct Outcomes<'a> {
     /// The problem.
     pub posed: &'a Posed<'a>,
     /// Its fit.
     pub fit: &'a Fit,
-    /// The validation runs, with what was found.
+    /// The validation runs, simulated with the estimates.
     pub judged: &'a [Judged],
-    /// The fit, solved again.
+    /// Refits of the fit.
     pub refitted: Option<&'a Refitted>,
-    /// What was known before the solve; none where nobody asked.
+    /// Results of the checks before the solve; `None` if they were not run.
     pub before: Option<&'a Beforehand>,
-    /// The noise of each measured signal.
+    /// Autoregressive noise model of each measured signal.
     pub processes: &'a [Option<Autoregression>],
-    /// The same problem on some of its runs.
+    /// Fits of the same problem to some of its runs.
     pub checked: &'a Checked,
 }
 
-/// A run, and what it was used for.
+/// A run and its usage.
 #[derive(Clone, Copy)]
 pub struct Used<'a> {
     /// The run.
     pub run: &'a RunFit,
-    /// Where it was not fitted, what was estimated from it.
+    /// For a validation run, the initial states estimated from it.
     pub judged: Option<&'a Judged>,
-    /// Whether it has figures: fitted runs have to fulfil the equations.
+    /// Whether its figures are defined: fitted runs have to satisfy the equations.
     pub has_figures: bool,
 }
 
@@ -59,7 +59,7 @@ impl Used<'_> {
         }
     }
 
-    /// Its name, and what it is used for where that is not the fit.
+    /// Its name, marked if it is a validation run.
     pub fn name(self) -> String {
         match self.judged {
             Some(_) => format!("{} ({})", self.run.name, self.usage()),
@@ -67,22 +67,22 @@ impl Used<'_> {
         }
     }
 
-    /// Root mean square of the residuals of a measured signal, as they are and over their standard deviation; none
-    /// where the run has no figures.
+    /// Root mean square of the residuals of a measured signal, absolute and relative to their standard deviation;
+    /// `None` if the run has no figures.
     fn rms(self, k: usize, noise: Noise) -> Option<(f64, f64)> {
         self.has_figures.then(|| rms(self.run, k, noise))
     }
 }
 
 impl<'a> Outcomes<'a> {
-    /// How much of a measured signal is explained one step ahead, by the model and the process in its residuals.
+    /// Fraction of a measured signal explained one step ahead by the model and the process of its residuals.
     fn one_step(self, own: Used<'_>, k: usize) -> Option<Explained> {
         let process = self.processes[k].as_ref().filter(|_| own.has_figures)?;
         own.run
             .one_step(k, self.posed.file.measured[k].noise, process)
     }
 
-    /// All runs, with what they are used for.
+    /// All runs with their usage.
     pub fn runs(self) -> impl Iterator<Item = Used<'a>> {
         let has_figures = self.fit.is_met();
         let fitted = self.fit.runs.iter().map(move |run| Used {
@@ -99,11 +99,11 @@ impl<'a> Outcomes<'a> {
     }
 }
 
-/// The one object of `--json`.
+/// The JSON object of `--json`.
 pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
     let Outcomes { posed, fit, .. } = *outcomes;
     let runs: Vec<Value> = outcomes.runs().map(|own| run(outcomes, own)).collect();
-    // What does not fulfil the equations has no objective.
+    // An iterate that violates the equations has no objective.
     let told = |figure: f64| fit.is_met().then_some(figure);
     let starts = fit.starts.iter();
     let starts = starts
@@ -148,7 +148,7 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
     told
 }
 
-/// Residuals beside an input.
+/// Cross-correlation of residuals with an input.
 fn beside(own: &Beside) -> Value {
     let crossed = &own.crossed;
     let outside = (0..crossed.lags.len()).filter(|k| crossed.is_outside(*k));
@@ -164,7 +164,7 @@ fn beside(own: &Beside) -> Value {
     })
 }
 
-/// What the runs excite, and what nothing measured depends on where the search begins.
+/// Excitation of the runs, and identifiability at the start values.
 fn told_before(before: Option<&Beforehand>) -> Value {
     let own = before.and_then(|own| own.excitation.as_ref());
     let told = before.and_then(|own| own.identifiability.as_ref());
@@ -188,7 +188,7 @@ fn sought(own: (&Found, Option<&[Interval]>), outcomes: &Outcomes<'_>) -> (Strin
     refitted((name, entry), outcomes)
 }
 
-/// With what refits gave of it.
+/// Adds the results of refits.
 fn refitted((name, mut entry): (String, Value), outcomes: &Outcomes<'_>) -> (String, Value) {
     if let (Some(refitted), Some(entry)) = (outcomes.refitted, entry.as_object_mut()) {
         refitted.add_to(&name, entry);
@@ -225,7 +225,7 @@ fn parameter((found, intervals): (&Found, Option<&[Interval]>)) -> (String, Valu
     (found.name.clone(), Value::Object(entry))
 }
 
-/// For each state that is estimated at the begin, its value in each run.
+/// The value of each estimated initial state in each run.
 fn initial(posed: &Posed<'_>, fit: &Fit) -> Value {
     let all = fit.initial(posed).into_iter().map(|found| {
         let value = |k: usize| found.values.get(k).unwrap_or(&found.values[0]).1;
@@ -236,7 +236,7 @@ fn initial(posed: &Posed<'_>, fit: &Fit) -> Value {
     Value::Object(all.collect())
 }
 
-/// A run; of one that was not fitted also what was estimated from it.
+/// The figures of a run; for validation runs also the initial states estimated from it.
 fn run(outcomes: &Outcomes<'_>, own: Used<'_>) -> Value {
     let mut told = json!({
         "name": own.run.name,
@@ -282,7 +282,7 @@ fn measured(outcomes: &Outcomes<'_>, own: Used<'_>) -> Value {
     Value::Object(all)
 }
 
-/// Root mean square of the residuals of a measured signal, as they are and over their standard deviation.
+/// Root mean square of the residuals of a measured signal, absolute and relative to their standard deviation.
 fn rms(run: &RunFit, k: usize, noise: Noise) -> (f64, f64) {
     let mean = |residuals: Vec<f64>| {
         let known = residuals.iter().filter(|r| !r.is_nan());
@@ -294,7 +294,7 @@ fn rms(run: &RunFit, k: usize, noise: Noise) -> (f64, f64) {
     (mean(plain), mean(run.residuals(k, noise)))
 }
 
-/// The summary for people.
+/// The summary as text for people.
 pub fn to_text(outcomes: &Outcomes<'_>) -> String {
     let Outcomes { posed, fit, .. } = *outcomes;
     let verdict = fit.verdict();
@@ -343,7 +343,7 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
     text
 }
 
-/// How validation runs begin, where that is not said.
+/// The initial states of validation runs, if estimated.
 fn judged(outcomes: &Outcomes<'_>) -> String {
     let all = outcomes.judged.iter();
     let mut text = match all.clone().any(|own| !own.initial.is_empty()) {
@@ -359,7 +359,7 @@ fn judged(outcomes: &Outcomes<'_>) -> String {
     text
 }
 
-/// The objective; where the equations are not met, why there is none.
+/// The objective, or the reason why there is none.
 fn objective(fit: &Fit) -> String {
     let simulated = fit.simulated_objective.map_or(String::new(), |own| {
         format!("; simulated with these parameters: {}", significant(own, 8))
@@ -374,7 +374,7 @@ fn objective(fit: &Fit) -> String {
     }
 }
 
-/// The mesh in a line.
+/// One line about the mesh.
 fn mesh(posed: &Posed<'_>, fit: &Fit) -> String {
     let refinement = &fit.refinement;
     let is_stiff = posed.file.options.scheme.is_none() && refinement.is_for_stiff();
@@ -437,8 +437,8 @@ fn initial_rows(all: &[Found], fit: &Fit) -> Vec<[String; 6]> {
     rows
 }
 
-/// What is told of each run and measured signal: the free run of the model, and beside it one step ahead. With process
-/// noise the innovations are what is compared with their standard deviations.
+/// Columns for each run and measured signal: free run of the model, and one-step-ahead prediction. With process noise,
+/// the innovations are compared with their standard deviations.
 pub fn run_header(posed: &Posed<'_>) -> &'static [&'static str] {
     match posed.filter {
         Some(_) => &[
@@ -459,7 +459,7 @@ pub fn run_header(posed: &Posed<'_>) -> &'static [&'static str] {
     }
 }
 
-/// For each run and measured signal its residual.
+/// A row of residuals for each run and measured signal.
 pub fn run_rows(posed: &Posed<'_>, outcomes: &Outcomes<'_>) -> Vec<Vec<String>> {
     let header = run_header(posed).iter().map(|&own| own.to_owned());
     let mut rows = vec![header.collect::<Vec<_>>()];

@@ -1,4 +1,4 @@
-//! How sure a fit of a problem is, for people and for scripts.
+//! The uncertainty of a problem fit, for people and for scripts.
 
 use crate::cli::fit::summary::{FIELDS, how, reals};
 use crate::estimation::result::{Found, RunFit};
@@ -8,21 +8,21 @@ use crate::inference::{Class, Interval, LEVEL};
 use crate::report::{significant, well_determined};
 use serde_json::{Map, Value, json};
 
-/// The intervals of a fit's values, parameter by parameter; none where they are not known.
+/// Each parameter with the intervals of its values; `None` if not known.
 pub fn of(fit: &Fit) -> impl Iterator<Item = (&Found, Option<&[Interval]>)> {
     let known = fit.uncertainty.as_ref().ok();
     let parameters = fit.parameters.iter().enumerate();
     parameters.map(move |(k, found)| (found, known.map(|own| own.intervals[k].as_slice())))
 }
 
-/// The same of what follows from the parameters.
+/// The same for quantities derived from the parameters.
 pub fn derived(fit: &Fit) -> impl Iterator<Item = (&Found, Option<&[Interval]>)> {
     let known = fit.uncertainty.as_ref().ok();
     let derived = fit.derived.iter().enumerate();
     derived.map(move |(k, found)| (found, known.map(|own| own.derived[k].as_slice())))
 }
 
-/// For each state that is estimated at the begin, the interval in each run.
+/// The interval of each estimated initial state in each run.
 pub fn initial(posed: &Posed<'_>, fit: &Fit) -> Value {
     let known = fit.uncertainty.as_ref().ok();
     let all = fit
@@ -44,7 +44,7 @@ pub fn initial(posed: &Posed<'_>, fit: &Fit) -> Value {
     Value::Object(all.collect())
 }
 
-/// The fields `sd`, `low`, `high` and `class` of a parameter.
+/// Adds the fields `sd`, `low`, `high` and `class` of a parameter.
 pub fn add_to(entry: &mut Map<String, Value>, found: &Found, intervals: &[Interval]) {
     for (name, field) in FIELDS {
         let value = match (found.values.as_slice(), intervals) {
@@ -60,7 +60,7 @@ pub fn add_to(entry: &mut Map<String, Value>, found: &Found, intervals: &[Interv
     }
 }
 
-/// All else.
+/// The uncertainty of the fit as a whole.
 pub fn to_json(fit: &Fit) -> Value {
     let own = match &fit.uncertainty {
         Ok(own) => own,
@@ -84,7 +84,7 @@ pub fn to_json(fit: &Fit) -> Value {
     })
 }
 
-/// Standard deviation, lower and upper end, and what they mean, as cells; empty where they are not known.
+/// Standard deviation, lower and upper bound, and remark, as table cells; empty if not known.
 pub fn cells(interval: Option<&Interval>) -> [String; 4] {
     let Some(own) = interval else {
         return Default::default();
@@ -92,7 +92,7 @@ pub fn cells(interval: Option<&Interval>) -> [String; 4] {
     let remark = match own.class {
         Class::Finite => "",
         Class::OneSided => "one-sided: the data do not exclude the end of its range",
-        Class::Flat => "flat: the data do not tell it",
+        Class::Flat => "flat: the data do not determine it",
         Class::OnBound => "one-sided, on its bound",
         Class::Held => "held: by active constraints, or nothing that is sought changes it",
         Class::Undefined => "no finite number with what was found",
@@ -101,7 +101,7 @@ pub fn cells(interval: Option<&Interval>) -> [String; 4] {
     [cell(own.sd, 3), low, high, remark.to_owned()]
 }
 
-/// A number with so many digits; a dash where it is not finite.
+/// A number with the given number of digits; a dash if it is not finite.
 fn cell(value: f64, digits: usize) -> String {
     match value.is_finite() {
         true => significant(value, digits),
@@ -109,7 +109,7 @@ fn cell(value: f64, digits: usize) -> String {
     }
 }
 
-/// Cramér–Rao bound and insensitivity of a shared parameter \[%\], as cells.
+/// Cramér–Rao bound and insensitivity of a shared parameter \[%\], as table cells.
 pub fn percents(fit: &Fit, name: &str) -> [String; 2] {
     let known = fit.uncertainty.as_ref().ok().and_then(|own| {
         let place = own
@@ -121,7 +121,7 @@ pub fn percents(fit: &Fit, name: &str) -> [String; 2] {
     known.map_or_else(Default::default, |own| own.map(|percent| cell(percent, 3)))
 }
 
-/// How sure a fit is, in a sentence.
+/// A sentence about the uncertainty of a fit.
 pub fn in_a_sentence(fit: &Fit) -> String {
     match &fit.uncertainty {
         Ok(own) => {
@@ -134,7 +134,7 @@ pub fn in_a_sentence(fit: &Fit) -> String {
     }
 }
 
-/// What stands below the parameters.
+/// The text below the table of parameters.
 pub fn to_text(fit: &Fit) -> String {
     let own = match &fit.uncertainty {
         Ok(own) => own,
@@ -147,7 +147,7 @@ pub fn to_text(fit: &Fit) -> String {
     text
 }
 
-/// What the intervals are, in a line.
+/// One line about the method of the intervals.
 fn method(own: &Uncertainty) -> String {
     let penalised = if own.is_penalised { "penalised " } else { "" };
     format!("{penalised}{}", how(own.method))

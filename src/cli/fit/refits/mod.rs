@@ -1,4 +1,4 @@
-//! `--profile` and `--bootstrap`: a fit, solved again.
+//! `--profile` and `--bootstrap`: refits of a fit.
 
 mod resume;
 mod tell;
@@ -41,7 +41,7 @@ pub struct Refits {
     resume: Option<PathBuf>,
 }
 
-/// Most replicates.
+/// Maximum number of replicates.
 const MOST: u64 = 1_000_000;
 
 fn replicates(text: &str) -> Result<u64, String> {
@@ -49,52 +49,52 @@ fn replicates(text: &str) -> Result<u64, String> {
     value.ok_or_else(|| format!("expected a whole number from 2 to {MOST}, such as 200"))
 }
 
-/// What is said where a fit cannot be solved again.
+/// Note if a fit cannot be refitted.
 pub const NOTHING: &str =
     "the fit does not say how sure it is, so it is not solved again: no profile, no bootstrap";
 
-/// What is to be solved again.
+/// The requested refits.
 #[derive(Debug)]
 pub struct Plan {
-    /// The unknowns whose profiles are asked for.
+    /// Indices of the unknowns to profile.
     profile: Vec<usize>,
-    /// Replicates, what is drawn, seed.
+    /// Number of replicates, kind of resampling, seed.
     bootstrap: Option<(u64, Kind, u64)>,
     resume: Option<PathBuf>,
 }
 
-/// What refits gave.
+/// Results of the refits.
 pub struct Refitted {
-    /// Name and label of each unknown, and of what is derived behind them.
+    /// Name and label of each unknown, followed by the derived quantities.
     names: Vec<(String, Option<String>)>,
     /// Number of unknowns.
     unknowns: usize,
     /// Names of constraints and bounds.
     limits: [Vec<String>; 2],
-    /// What the solver's objective is, per unit of the problem's.
+    /// Ratio of the solver's objective to the problem's.
     factor: f64,
-    /// Threshold, variance of the residuals and its degrees of freedom.
+    /// Threshold, variance of the residuals, and its degrees of freedom.
     threshold: (f64, f64, Option<f64>),
     profiles: Vec<(usize, Profile)>,
     bootstrap: Option<Bootstrapped>,
-    /// Unknowns that the data leave open.
+    /// Unknowns that the data do not determine.
     flat: Vec<String>,
-    /// Whether the likelihood of predictions was minimised.
+    /// Whether the likelihood of predictions was minimised (process noise).
     is_predicted: bool,
 }
 
-/// What a bootstrap gave.
+/// Results of a bootstrap.
 struct Bootstrapped {
     asked: u64,
     kind: Kind,
-    /// What was drawn, in words.
+    /// What was resampled, in words.
     drawn: &'static str,
     seed: u64,
     replicates: Vec<Replicate>,
 }
 
 impl Refits {
-    /// A flag that asks for refits.
+    /// The first given flag that requests refits.
     pub fn flag(&self) -> Option<&'static str> {
         let given = [
             ("--profile", self.profile.is_some()),
@@ -103,13 +103,13 @@ impl Refits {
         given.into_iter().find(|own| own.1).map(|own| own.0)
     }
 
-    /// The file that is written.
+    /// The output file.
     pub fn output(&self) -> Option<(&Path, OutputKind)> {
         let path = self.resume.as_deref()?;
         Some((path, OutputKind::Refits))
     }
 
-    /// What is asked of a fit with these unknowns and so many runs; none where nothing is.
+    /// The refits requested for a fit with these unknowns and this number of runs; `None` if there are none.
     pub fn plan(
         &self,
         names: &[(String, Option<String>)],
@@ -137,13 +137,13 @@ impl Refits {
     }
 }
 
-/// The unknowns that a list means: by their names, with or without whose they are.
+/// The unknowns in a list of names, with or without label.
 fn chosen(said: &str, names: &[(String, Option<String>)]) -> Result<Vec<usize>, Failure> {
     if said == "all" {
         return Ok((0..names.len()).collect());
     }
     let mut found = Vec::new();
-    // As tables write them.
+    // Tables write θ.
     let said = said.replace('θ', "theta");
     for name in said.split(',').map(str::trim) {
         let is_meant = |k: &usize| names[*k].0 == name || full_name(&names[*k]) == name;
@@ -180,10 +180,10 @@ fn full_name((name, label): &(String, Option<String>)) -> String {
 }
 
 impl Plan {
-    /// Solves again what is asked for, until it is done, Ctrl-C or the limit on time [s] since then.
+    /// Runs the requested refits until they are done, Ctrl-C, or the time limit \[s\], which counts from `begin`.
     ///
     /// # Errors
-    /// Where the file of refits is that of another fit, or cannot be written.
+    /// If the file of refits belongs to another fit, or cannot be written.
     pub fn run(
         &self,
         study: &Study<'_>,
@@ -296,7 +296,7 @@ impl Plan {
 }
 
 impl Refitted {
-    /// Whether all that was asked for is done: nothing stopped it.
+    /// Whether all requested refits were completed.
     pub fn is_whole(&self) -> bool {
         let bootstrap = self.bootstrap.as_ref();
         bootstrap.is_none_or(|own| own.missing() == 0)
@@ -305,7 +305,7 @@ impl Refitted {
 }
 
 impl Bootstrapped {
-    /// What the values of an unknown spread over.
+    /// The spread of the values of an unknown.
     fn spread(&self, unknown: usize) -> Option<Spread> {
         let all = self.replicates.iter();
         spread(

@@ -1,4 +1,4 @@
-//! The file of a bootstrap: a line for each refit that has ended, so that a killed command can go on.
+//! The file of a bootstrap: a line for each completed refit, so that a killed command can be resumed.
 
 use crate::cli::Failure;
 use crate::identification::trials::sha256;
@@ -8,21 +8,21 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// First words of such a file.
+/// Beginning of such a file.
 pub const HEAD: &str = "# Bootstrap refits of pilotage";
 
-/// The file that refits are added to.
+/// The file to which refits are appended.
 pub struct Kept {
     path: PathBuf,
     file: File,
 }
 
 impl Kept {
-    /// Opens the file of a bootstrap, or makes it; with the refits that are in it. A line that was not written to its end
-    /// is cut off.
+    /// Opens or creates the file of a bootstrap and returns the refits in it. An incomplete last line is truncated.
     ///
     /// # Errors
-    /// Where it cannot be read or written, is none, or that of another fit, or another process is writing it.
+    /// If it cannot be read or written, is no such file, belongs to another fit, or is being written by another
+    /// process.
     pub fn open(
         path: &Path,
         study: &Study<'_>,
@@ -47,7 +47,7 @@ impl Kept {
         let whole = text.rfind('\n').map_or(0, |end| end + 1);
         let found = match text[..whole].strip_prefix(&head) {
             Some(lines) => read(path, lines, study.unknowns.len() + study.derived.len())?,
-            // A kill may have come before the first line was there.
+            // The process may have been killed before the first line was complete.
             None if text.is_empty() || whole == 0 && head.starts_with(&text) => Vec::new(),
             None => return Err(refused(path, &text)),
         };
@@ -60,10 +60,10 @@ impl Kept {
         Ok((found, Self { path, file }))
     }
 
-    /// Adds a refit.
+    /// Appends a refit.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// If it cannot be written.
     pub fn add(&mut self, replicate: &Replicate) -> Result<(), Failure> {
         let values = match &replicate.values {
             Some(values) => values.iter().map(|value| format!(",{value:?}")).collect(),
@@ -76,7 +76,7 @@ impl Kept {
     }
 }
 
-/// The first line: of what fit, drawn how.
+/// The first line, which identifies the fit and the resampling.
 fn head(study: &Study<'_>, kind: Kind, seed: u64) -> String {
     let solved = study.solved.solution();
     let values = solved.z.iter().chain([&solved.objective]);
@@ -94,8 +94,8 @@ fn head(study: &Study<'_>, kind: Kind, seed: u64) -> String {
     format!("{HEAD}, kind {kind}, seed {seed}, of the fit {fit}\n")
 }
 
-/// The refits of whole lines. A value is not a number where a replicate has none: a parameter of a subject that was not drawn,
-/// a margin that a loop has not.
+/// Parses complete lines. A value is NaN if the replicate has none, such as a parameter of a subject that was not
+/// drawn, or a margin that a loop does not have.
 fn read(path: &Path, lines: &str, count: usize) -> Result<Vec<Replicate>, Failure> {
     let line = |(k, line): (usize, &str)| {
         let replicate = replicate(line).filter(|own| {
@@ -113,13 +113,13 @@ fn read(path: &Path, lines: &str, count: usize) -> Result<Vec<Replicate>, Failur
     };
     let mut all: Vec<Replicate> =
         (lines.lines().enumerate().map(line)).collect::<Result<_, _>>()?;
-    // Of a line that stands there twice one counts.
+    // Duplicate lines count once.
     let mut seen = HashSet::new();
     all.retain(|own| seen.insert(own.number));
     Ok(all)
 }
 
-/// By which a line that was changed is told from one that was written.
+/// Checksum that detects modified lines.
 fn sum(line: &str) -> String {
     sha256(line.as_bytes())[..8].to_owned()
 }

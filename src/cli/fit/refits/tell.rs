@@ -1,4 +1,4 @@
-//! Profiles and bootstraps, for people and for scripts.
+//! Output of profiles and bootstraps, for people and for scripts.
 
 use super::{Bootstrapped, Refitted, full_name};
 use crate::cli::format::aligned;
@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 
 pub use super::resume::HEAD;
 
-/// The columns of the table.
+/// Columns of the table.
 const HEADER: [&str; 7] = [
     "parameter",
     "profile low",
@@ -48,7 +48,7 @@ impl Refitted {
         });
     }
 
-    /// Adds to `uncertainty` how they were made.
+    /// Adds the methods to the entry `uncertainty`.
     pub fn add_methods(&self, entry: &mut Value) {
         let (root, noise, degrees) = self.threshold;
         if !self.profiles.is_empty() {
@@ -98,7 +98,7 @@ impl Refitted {
         })
     }
 
-    /// Names of the limits of parameters on which a point lies.
+    /// Names of the limits of parameters that are active at a point.
     fn held(&self, point: &Point) -> Vec<&str> {
         let [constraints, bounds] = &self.limits;
         let on = point.constraints.iter().map(|k| constraints[*k].as_str());
@@ -109,7 +109,7 @@ impl Refitted {
         names
     }
 
-    /// The columns of what was asked for.
+    /// Indices of the columns for the requested refits.
     fn columns(&self) -> Vec<usize> {
         let known = [!self.profiles.is_empty(), self.bootstrap.is_some()];
         let asked = |k: &usize| match k {
@@ -120,7 +120,7 @@ impl Refitted {
         (0..HEADER.len()).filter(asked).collect()
     }
 
-    /// A row for each unknown of which something is known, below their header.
+    /// The header, and a row for each unknown with results.
     pub fn rows(&self) -> Vec<[String; 7]> {
         let mut rows = vec![HEADER.map(str::to_owned)];
         for (k, name) in self.names.iter().enumerate() {
@@ -169,7 +169,7 @@ impl Refitted {
         words.join("; ")
     }
 
-    /// For each point of a profile, whether it lies on a limit on which the estimate does not.
+    /// For each point of a profile, whether a limit is active that is not active at the estimate.
     fn meets(&self, own: &Profile) -> Vec<bool> {
         let estimate = own.points.iter().find(|point| point.root == 0.0);
         let known = estimate.map_or(Vec::new(), |point| self.held(point));
@@ -177,7 +177,7 @@ impl Refitted {
         own.points.iter().map(is_new).collect()
     }
 
-    /// The profiles as a figure, where there are any.
+    /// The profiles as a figure, if there are any.
     pub fn figure(&self) -> Option<Figure> {
         let shown = |(k, own): &(usize, Profile)| ProfileShown {
             name: full_name(&self.names[*k]),
@@ -190,7 +190,7 @@ impl Refitted {
         (!figure.panels.is_empty()).then_some(figure)
     }
 
-    /// The table for people, and what is to be known of it.
+    /// The table and notes as text for people.
     pub fn to_text(&self) -> String {
         let columns = self.columns();
         let chosen = |row: &[String; 7]| columns.iter().map(|k| row[*k].clone()).collect();
@@ -202,7 +202,7 @@ impl Refitted {
         text
     }
 
-    /// The table for a page.
+    /// The table for the HTML page.
     pub fn table(&self) -> Parameters {
         let (columns, rows) = (self.columns(), self.rows());
         let chosen = |row: &[String; 7]| columns.iter().map(|k| row[*k].clone()).collect();
@@ -214,7 +214,7 @@ impl Refitted {
         }
     }
 
-    /// How they were made, a line each.
+    /// One line for each method.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         if !self.profiles.is_empty() {
@@ -227,7 +227,7 @@ impl Refitted {
         notes.extend(self.bootstrap.as_ref().map(Bootstrapped::told));
         if self.bootstrap.is_some() && !self.flat.is_empty() {
             notes.push(format!(
-                "the data do not tell {}: what refits spread over there is where they begin",
+                "the data do not determine {}: there the refits spread as their starts do",
                 self.flat.join(", ")
             ));
         }
@@ -251,7 +251,7 @@ impl Bootstrapped {
     }
 }
 
-/// An end of an interval; none where the data give none.
+/// A bound of an interval; `None` if the data give none.
 fn limit(end: End) -> Option<f64> {
     match end {
         End::Crossed(at) => Some(at),

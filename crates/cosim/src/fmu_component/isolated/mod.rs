@@ -1,8 +1,8 @@
-//! An FMU in a process of its own.
+//! An FMU in a separate process.
 //!
-//! Calls go over [memory](pilotage_process::channel) that both processes share. A crash, `exit`, hang or hunger for memory
-//! of the FMU ends its process and no other: the component fails, in words that name the call, the time and the signal, and
-//! whoever runs it goes on.
+//! Calls go through [memory](pilotage_process::channel) shared by both processes. A crash, `exit`, hang or excessive
+//! memory use of the FMU ends only its process: the component fails with a message that names the call, the time and
+//! the signal, and the calling process continues.
 //!
 //! ```no_run
 //! use pilotage_cosim::{Isolated, Limits, Program};
@@ -32,38 +32,38 @@ use std::time::{Duration, Instant};
 use thiserror::Error;
 use wire::{Answer, Asked, Question, Set, Wanted};
 
-/// How long the process may take to end when the FMU is freed.
+/// Maximum time for the process to end after the FMU is freed.
 const AFTERWARDS: Duration = Duration::from_secs(5);
-/// Between two looks at how much memory it has, while calls are short.
+/// Interval between memory checks while calls are short.
 const BETWEEN: Duration = Duration::from_millis(10);
 
-/// A command that ends in [`serve`]: it gets the path of a channel as its last argument.
+/// A command that runs [`serve`]; it receives the path of a channel as its last argument.
 #[derive(Debug, Clone)]
 pub struct Program {
     /// The program.
     pub path: PathBuf,
-    /// What stands before the channel.
+    /// Arguments before the channel.
     pub arguments: Vec<OsString>,
 }
 
-/// What an isolated FMU may use; without limit where there is none.
+/// Resource limits of an isolated FMU; `None` means unlimited.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Limits {
-    /// Longest time of a call.
+    /// Maximum time of a call.
     pub time: Option<Duration>,
-    /// Most memory of its process \[bytes\].
+    /// Maximum memory of its process \[bytes\].
     pub memory: Option<u64>,
 }
 
-/// Why an isolated FMU does not answer any more.
+/// Why an isolated FMU no longer responds.
 #[derive(Debug, Clone, Error)]
 pub enum Gone {
     /// Its process has ended.
     #[error("{call} ended its process ({status})")]
     Ended {
-        /// What was being called, and when.
+        /// The active call and its time.
         call: String,
-        /// How it ended.
+        /// Exit status.
         status: String,
     },
     /// A call took too long.
@@ -74,20 +74,20 @@ pub enum Gone {
         /// The limit.
         limit: Duration,
     },
-    /// It took too much memory.
+    /// The process used too much memory.
     #[error("{call} took {} MB of memory, more than the limit of {} MB", .used / 1_000_000, .limit / 1_000_000)]
     Hungry {
         /// As above.
         call: String,
-        /// What it had \[bytes\].
+        /// Memory used \[bytes\].
         used: u64,
         /// The limit \[bytes\].
         limit: u64,
     },
-    /// It has written over the memory by which it is asked.
+    /// The FMU overwrote the shared memory.
     #[error("it has written over memory that is not its own")]
     Nonsense,
-    /// The system does not tell of it.
+    /// The system does not report on the process.
     #[error("its process cannot be watched: {0}")]
     Unwatched(String),
 }
@@ -98,47 +98,47 @@ impl From<Spoiled> for Gone {
     }
 }
 
-/// An FMU in a process of its own as a component.
+/// An FMU in a separate process as a component.
 #[derive(Debug)]
 pub struct Isolated {
     outline: Outline,
     line: Line,
-    /// By which whoever watches this process knows it.
+    /// Identifies the FMU to the supervisor of this process.
     place: Place,
-    /// Question and answer as bytes.
+    /// Serialized question and answer.
     bytes: Vec<u8>,
-    /// Why it is over, if it is.
+    /// Why it failed, if it did.
     gone: Option<Gone>,
     is_free: bool,
     next_jump: Option<f64>,
-    /// Reals that are set with the next question.
+    /// Reals to be set with the next question.
     sets: Vec<Set>,
-    /// Reals that came with the answer to the last question, and their handles.
+    /// Handles and values of reals received with the last answer.
     told: (Vec<u32>, Vec<f64>),
-    /// What was read first after the last step: it is read after the next one too.
+    /// Handles read first after the last step; they are read after the next step too.
     read: Vec<u32>,
     has_begun: bool,
     has_stepped: bool,
 }
 
-/// The other process, and the way to it.
+/// The other process and the connection to it.
 #[derive(Debug)]
 struct Line {
     channel: Channel,
     child: Child,
     limits: Limits,
-    /// When its memory was looked at last.
+    /// Time of the last memory check.
     looked: Instant,
     /// Whether the FMU is unpacked and loaded.
     is_open: bool,
 }
 
 impl Isolated {
-    /// Starts a process and makes an instance of an FMU there: of the wanted kind, if it has that one, else co-simulation
+    /// Starts a process and instantiates an FMU in it: with the wanted interface, if available, otherwise co-simulation
     /// before model exchange.
     ///
     /// # Errors
-    /// If the process does not start, or anything about the FMU is wrong.
+    /// If the process does not start, or the FMU is invalid.
     pub fn open(
         program: &Program,
         limits: Limits,
@@ -177,7 +177,7 @@ impl Isolated {
             has_begun: false,
             has_stepped: false,
         };
-        // The folder may go as soon as the other end is open.
+        // The folder can be removed once the other process has opened the channel.
         own.ask(Question::Open {
             path: serve::bytes_of(path).into(),
             name: name.into(),
@@ -191,7 +191,7 @@ impl Isolated {
         Ok(own)
     }
 
-    /// Asks, and waits for the answer.
+    /// Sends a question and waits for the answer.
     fn ask(&mut self, question: Question<'_>) -> Result<Answer, ComponentError> {
         if let Some(gone) = &self.gone {
             return Err(gone.clone().into());
@@ -201,12 +201,12 @@ impl Isolated {
         wire::write(&Asked { sets, question }, &mut bytes)?;
         self.sets.clear();
         self.told.0.clear();
-        // Its process may end this one too: the memory between them is cut off, or it kills its parent.
+        // The FMU's process may end this one too: it may truncate the shared memory or kill its parent.
         let (line, place) = (&mut self.line, &self.place);
         let heard = place.call(ASKING, || {
             let heard = line.exchange(place, &mut bytes);
             if heard.is_err() {
-                // Where this process is told to end, it has ended its children, and no FMU is to blame.
+                // If this process is being terminated, it has ended its children, and no FMU is to blame.
                 pilotage_process::leftovers::stay_if_ending();
             }
             heard
@@ -223,7 +223,7 @@ impl Isolated {
         }
     }
 
-    /// There is nothing to be asked of it any more.
+    /// Ends the process; no further questions are possible.
     fn end(&mut self, gone: Gone) -> ComponentError {
         self.line.child.kill();
         self.line.child.sweep();
@@ -231,7 +231,7 @@ impl Isolated {
         gone.into()
     }
 
-    /// It answers another question.
+    /// The answer does not match the question.
     fn nonsense(&mut self) -> ComponentError {
         self.end(Spoiled.into())
     }
@@ -287,7 +287,7 @@ impl Isolated {
         }
     }
 
-    /// Frees the FMU, and waits until its process has ended.
+    /// Frees the FMU and waits until its process has ended.
     fn free(&mut self) -> Result<(), ComponentError> {
         self.is_free = true;
         let limits = &mut self.line.limits;
@@ -298,14 +298,14 @@ impl Isolated {
         while self.line.child.try_end()?.is_none() && begun.elapsed() < limit {
             std::thread::sleep(Duration::from_millis(1));
         }
-        // What the FMU has done to it may have kept it from removing its own.
+        // The FMU may have kept its process from removing its own files.
         self.line.child.sweep();
         Ok(())
     }
 }
 
 impl Line {
-    /// Sends a question, and waits for the answer, which stands in its place then.
+    /// Sends a question and receives the answer into `bytes`.
     fn exchange(&mut self, place: &Place, bytes: &mut Vec<u8>) -> Result<(), Gone> {
         let mut begun = Instant::now();
         let Self {
@@ -317,9 +317,9 @@ impl Line {
         channel.send(bytes, || look(child, begun, *limits))?;
         channel.receive(bytes, || {
             match child.page().going().first() {
-                // Whoever watches this process is told which call it is that takes so long.
+                // The supervisor of this process is informed which call takes so long.
                 Some(going) => place.doing(going.call),
-                // To be unpacked is no time of its own.
+                // Unpacking does not count as time of a call.
                 None if !self.is_open => begun = Instant::now(),
                 None => {}
             }
@@ -335,7 +335,7 @@ impl Line {
     }
 }
 
-/// Whether an answer is still to be hoped for.
+/// Checks that an answer can still be expected.
 fn look(child: &mut Child, begun: Instant, limits: Limits) -> Result<(), Gone> {
     let ended = child.try_end();
     let gone = match ended {
@@ -367,7 +367,7 @@ fn check_memory(child: &Child, limits: Limits) -> Result<(), Gone> {
     }
 }
 
-/// What is, or was, being called.
+/// Description of the current or last call.
 fn call(child: &Child) -> String {
     let going = child.page().going();
     let Some(going) = going.first() else {
@@ -380,7 +380,7 @@ fn call(child: &Child) -> String {
 impl Drop for Isolated {
     fn drop(&mut self) {
         if self.gone.is_none() && !self.is_free {
-            // What goes wrong now is nobody's loss.
+            // Errors no longer matter here.
             let _ = self.free();
         }
     }
@@ -412,7 +412,7 @@ impl Component for Isolated {
         }
     }
 
-    /// After initialization with the next question.
+    /// After initialization, the values are sent with the next question.
     fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), ComponentError> {
         self.sets.push((handles.into(), values.into()));
         match self.has_begun {
@@ -453,10 +453,10 @@ impl Component for Isolated {
         self.outline.suggested_stop
     }
 
-    /// Frees it too: what goes wrong there is told as well.
+    /// Also frees the FMU, so that errors there are reported too.
     fn terminate(&mut self) -> Result<(), ComponentError> {
         if self.gone.is_some() {
-            // It has been told.
+            // Already reported.
             return Ok(());
         }
         self.done(Question::Terminate)?;

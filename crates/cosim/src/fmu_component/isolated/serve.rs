@@ -1,4 +1,4 @@
-//! The process of an isolated FMU: it does what it is asked, one question after another.
+//! The process of an isolated FMU: answers questions one after another.
 
 use super::wire::{self, Answer, Asked, Question, Wanted};
 use crate::component::{Component, ComponentError, Progress};
@@ -8,11 +8,10 @@ use pilotage_process::{Channel, Spoiled};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Answers until the component is freed. The process ends with the one that asks
-/// ([`pilotage_process::end_with_parent`]).
+/// Answers until the component is freed. The process ends with its parent ([`pilotage_process::end_with_parent`]).
 ///
 /// # Errors
-/// When there is no such channel.
+/// If the channel cannot be opened.
 pub fn serve(channel: &Path) -> io::Result<()> {
     let channel = Channel::open(channel)?;
     let mut served = Served {
@@ -23,7 +22,7 @@ pub fn serve(channel: &Path) -> io::Result<()> {
     let (mut question, mut bytes) = (Vec::new(), Vec::new());
     let wait = || Ok::<(), Spoiled>(());
     loop {
-        // The other side sees that the memory is spoiled, and says so.
+        // The other side detects and reports that the memory is spoiled.
         if channel.receive(&mut question, wait) == Err(Spoiled) {
             return Ok(());
         }
@@ -37,7 +36,7 @@ pub fn serve(channel: &Path) -> io::Result<()> {
             wire::write(&failed, &mut bytes)
                 .map_err(|error| io::Error::other(error.to_string()))?;
         }
-        // So that what it answered does not have to be made anew.
+        // Reuses the buffer of the answer.
         if let Answer::Reals(reals) | Answer::Moved(.., Some(reals)) = answer {
             served.reals = reals;
         }
@@ -49,9 +48,9 @@ pub fn serve(channel: &Path) -> io::Result<()> {
 
 struct Served {
     component: Option<Box<dyn Component>>,
-    /// Room for reals.
+    /// Buffer for reals.
     reals: Vec<f64>,
-    /// Where it stands \[s\].
+    /// Current time \[s\].
     time: f64,
 }
 
@@ -160,7 +159,7 @@ impl Served {
     }
 }
 
-/// A path as [`bytes_of`] has written it.
+/// Reads a path written by [`bytes_of`].
 #[cfg(unix)]
 fn path_of(bytes: &[u8]) -> PathBuf {
     use std::os::unix::ffi::OsStrExt;

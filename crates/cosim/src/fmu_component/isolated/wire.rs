@@ -1,4 +1,4 @@
-//! What is asked of a component in another process, and what it answers.
+//! Messages between a component in another process and its caller.
 
 use crate::component::{ComponentError, Experiment, Linear, Progress, Value, ValueKind};
 use nalgebra::DMatrix;
@@ -8,10 +8,10 @@ use std::borrow::Cow;
 use std::error::Error;
 use std::fmt;
 
-/// Reals to be set, and then a question: an exchange between processes takes longer than setting.
+/// Reals to be set, then a question; combined, since an exchange between processes takes longer than setting values.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Asked<'a> {
-    /// Handles and values of calls of [`set_reals`](crate::Component::set_reals), one after another.
+    /// Handles and values of successive calls of [`set_reals`](crate::Component::set_reals).
     pub sets: Cow<'a, [Set]>,
     #[serde(borrow)]
     pub question: Question<'a>,
@@ -20,10 +20,10 @@ pub struct Asked<'a> {
 /// Handles and values.
 pub type Set = (Vec<u32>, Vec<f64>);
 
-/// A call of [`Component`](crate::Component), or one more.
+/// A call of [`Component`](crate::Component), or one of `Open`, `Nothing` and `Free`.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Question<'a> {
-    /// Makes the component. The first question; the bytes of a path as the system has them.
+    /// Creates the component. The first question; `path` holds the bytes of the system's representation.
     Open {
         path: Cow<'a, [u8]>,
         name: Cow<'a, str>,
@@ -32,7 +32,7 @@ pub enum Question<'a> {
     Setup(Experiment),
     EnterInitialization,
     ExitInitialization,
-    /// To set reals is all that is asked.
+    /// Only sets reals.
     Nothing,
     WordsOfDiscard,
     GetReals(Cow<'a, [u32]>),
@@ -42,7 +42,7 @@ pub enum Question<'a> {
         t: f64,
         h: f64,
         is_revocable: bool,
-        /// Reals that are told with the answer, if the step comes to its end.
+        /// Handles of reals returned with the answer if the step is complete.
         outputs: Cow<'a, [u32]>,
     },
     Terminate,
@@ -56,29 +56,29 @@ pub enum Question<'a> {
         inputs: Cow<'a, [u32]>,
         seed: Cow<'a, [f64]>,
     },
-    /// Frees it. The last question.
+    /// Frees the component. The last question.
     Free,
 }
 
-/// What an FMU is wanted for.
+/// Requested interface of an FMU.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub enum Wanted {
     CoSimulation,
     ModelExchange,
 }
 
-/// What came of it.
+/// Answer to a question.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Answer {
     Done,
     Reals(Vec<f64>),
     Value(Value),
     Words(Option<String>),
-    /// How far a step came; when outputs jump next, after it and after whatever else moves in time; and the reals that
-    /// were to be told, if they could be.
+    /// Result of a step; time of the next jump of outputs, after a step or any other change of time; and the requested
+    /// reals, if available.
     Moved(Progress, Option<f64>, Option<Vec<f64>>),
     Linear(System),
-    /// The error, and what it comes from, each in words.
+    /// The error chain, as text.
     Failed(Vec<String>),
 }
 
@@ -90,7 +90,7 @@ pub struct System {
     note: Option<String>,
 }
 
-/// Rows, columns, and the values column by column.
+/// Rows, columns, and the values in column-major order.
 #[derive(Debug, Serialize, Deserialize)]
 struct Matrix(usize, usize, Vec<f64>);
 
@@ -120,7 +120,7 @@ impl From<Linear> for System {
 }
 
 impl System {
-    /// The linear system; none where its parts do not fit.
+    /// The linear system; `None` if the dimensions do not match.
     pub fn read(self) -> Option<Linear> {
         let [a, b, c, d] = self.matrices.map(Matrix::read);
         let [states, inputs, outputs] = self.names;
@@ -143,7 +143,7 @@ impl System {
     }
 }
 
-/// An error and what it comes from, in words.
+/// The error chain, as text.
 pub fn words(error: &(dyn Error + 'static)) -> Vec<String> {
     let mut all = vec![error.to_string()];
     let mut next = error.source();
@@ -154,7 +154,7 @@ pub fn words(error: &(dyn Error + 'static)) -> Vec<String> {
     all
 }
 
-/// An error that another process has told.
+/// An error reported by another process.
 #[derive(Debug)]
 struct Told {
     words: String,
@@ -175,7 +175,7 @@ impl Error for Told {
     }
 }
 
-/// The error of these words.
+/// Rebuilds an error from its chain of messages.
 pub fn error(words: Vec<String>) -> ComponentError {
     let told = words.into_iter().rev().fold(None, |source, words| {
         let source = source.map(Box::new);
@@ -187,14 +187,14 @@ pub fn error(words: Vec<String>) -> ComponentError {
     }
 }
 
-/// A question or an answer as bytes, in place of what is there.
+/// Serializes a question or an answer; overwrites `bytes`.
 pub fn write(what: &impl Serialize, bytes: &mut Vec<u8>) -> Result<(), ComponentError> {
     bytes.clear();
     postcard::to_io(what, bytes)?;
     Ok(())
 }
 
-/// What the bytes say.
+/// Deserializes a question or an answer.
 pub fn read<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> Result<T, ComponentError> {
     Ok(postcard::from_bytes(bytes)?)
 }

@@ -1,4 +1,4 @@
-//! The polynomials and their errors, on what is known exactly.
+//! Tests of the polynomials and their errors against exact values.
 
 use super::*;
 
@@ -27,7 +27,7 @@ fn history(c: [f64; 4], has_slope: bool) -> History {
     history
 }
 
-/// Mean, lean and end over the next step by Simpson's rule, which is exact for them in many parts.
+/// Mean, lean and end over the next step by Simpson's rule with many intervals.
 fn exact(c: [f64; 4]) -> InputProfile {
     let n = 1000;
     let (mut mean, mut moment) = (0.0, 0.0);
@@ -60,8 +60,8 @@ fn assert_close(found: InputProfile, expected: InputProfile) {
     }
 }
 
-/// A fast decay beside a line, which the value and slope at the end do not show any more. The cubic's mean
-/// would be off by `h/12` times the slope at the begin.
+/// A fast decay plus a line; value and slope at the end no longer show the decay. The cubic's mean would be wrong by
+/// `h/12` times the slope at the beginning.
 #[test]
 fn transients_are_not_taken_for_cubics() {
     for rate in [20.0, 1e2, 1e3, 1e6] {
@@ -93,7 +93,7 @@ fn transients_are_not_taken_for_cubics() {
     }
 }
 
-/// What a cubic misses of a quartic, `h⁴/30` times its fourth coefficient.
+/// The error of a cubic's mean for a quartic: `h⁴/30` times its fourth coefficient.
 #[test]
 fn the_error_of_the_cubic_is_exact_for_a_quartic() {
     let at = |t: f64| Outcome {
@@ -113,7 +113,7 @@ fn the_error_of_the_cubic_is_exact_for_a_quartic() {
     assert!((error / (H.powi(4) / 6.0) - 1.0).abs() < 1e-9, "{error}");
 }
 
-/// Polynomials up to the degree in question come out exactly, on unequal steps.
+/// Polynomials up to the given degree are reproduced exactly on unequal steps.
 #[test]
 fn polynomials_are_exact() {
     for (degree, c) in [

@@ -1,20 +1,20 @@
-//! By how much the inputs of a step were wrong.
+//! Error estimates for the inputs of a step.
 
 use super::Stepper;
 use crate::master::Ending;
 use crate::master::exchange::Exchange;
 use crate::master::wires::Defect;
 
-/// Error of a step, relative to the outputs' magnitudes, that is nonsense.
+/// Error of a step, relative to the outputs' magnitudes, above which the result is meaningless.
 const NONSENSE: f64 = 0.5;
 
-/// Such an error that was seen, over the whole of a step of fixed length: shorter ones within it are worth their while.
+/// Maximum observed error over a whole fixed step; larger errors justify shorter steps.
 const COARSE: f64 = 0.01;
 
 impl Stepper {
-    /// Finds by how much each input was wrong in the mean over the last step: by what it differs from what was
-    /// [seen](Exchange::watch) of the output or, of one that cannot be seen, from the polynomial of degree 2 (or the
-    /// cubic with the slopes) through the communication points, and by how much that may be wrong.
+    /// Estimates the error of each input's mean over the last step: the difference to the [observed](Exchange::watch)
+    /// mean of the output or, if it cannot be observed, to the polynomial of degree 2 (or the cubic with the slopes)
+    /// through the communication points, and the error of that polynomial.
     pub(super) fn examine(&mut self, h: f64) {
         let Exchange {
             wired,
@@ -30,7 +30,7 @@ impl Stepper {
                 let defect = (used - history.interpolated(p, 2, h, end).mean).abs();
                 let uncertain = history.interpolation_error(p, h, end);
                 let seen = seen[p].map(|mean| used - mean);
-                // What was used is of a lower order than the polynomial, or it is the polynomial.
+                // The input used is of a lower order than the polynomial or equal to it.
                 let size =
                     seen.unwrap_or_else(|| defect.max(history.mean_error(p, h, end, uncertain)));
                 wired.within.defects[k] = Defect {
@@ -52,7 +52,7 @@ impl Stepper {
         }
     }
 
-    /// Takes what was added over a step of the clock by `h` [s] for one error, however many steps it took.
+    /// Converts the accumulated errors over a clock step of `h` [s] into one error, however many steps it took.
     pub(super) fn gather(&mut self, h: f64) {
         for wired in &mut self.exchange.wired {
             for (error, sum) in wired
@@ -68,8 +68,8 @@ impl Stepper {
         }
     }
 
-    /// The largest of these errors, as one makes it of a defect, of the output's magnitude at the points of the clock,
-    /// and of that with its value now; and whose input it is, as instance and position.
+    /// The largest error and its input, as instance and position. `error` computes it from a defect, the output's
+    /// magnitude at the points of the clock, and that magnitude including its current value.
     fn largest(&self, error: impl Fn(&Defect, f64, f64) -> f64) -> (f64, (usize, usize)) {
         let exchange = &self.exchange;
         let mut largest = (0.0_f64, (0, 0));
@@ -86,8 +86,8 @@ impl Stepper {
         largest
     }
 
-    /// An input, as instance and position, for which the last step, this part of one of fixed length, is too long. A
-    /// pulse counts as long as it lasts, however high it is.
+    /// An input, as instance and position, for which the last step, this part of a fixed step, is too long. A pulse
+    /// counts by its duration, whatever its height.
     pub(super) fn misled(&self, part: f64) -> Option<(usize, usize)> {
         let (excess, input) = self.largest(|defect, magnitude, now| {
             (defect.unseen / (NONSENSE * now)).max(part * defect.seen / (COARSE * magnitude))
@@ -95,13 +95,13 @@ impl Stepper {
         (excess > 1.0).then_some(input)
     }
 
-    /// Whether an input got nonsense in the last step.
+    /// Whether an input was meaningless in the last step.
     pub(super) fn is_nonsense(&self) -> bool {
         self.largest(|d, _, now| d.unseen.max(d.seen) / now).0 > NONSENSE
     }
 
-    /// Largest error of the last step, relative to the outputs' magnitudes: of what the components got, and
-    /// of what they gave since their inputs were held within the step.
+    /// Largest error of the last step, relative to the outputs' magnitudes: of the inputs, and of the outputs because
+    /// inputs were held within the step.
     pub(super) fn error(&mut self, h: f64) -> Result<f64, Ending> {
         let (largest, _) = self.largest(|defect, _, now| defect.careful / now);
         match self.strong.is_some() && self.can_reject {

@@ -14,7 +14,7 @@ use pilotage_collocation::{Bound, BoundAt, ParameterConstraints};
 use pilotage_expression::{Graph, Node};
 
 impl Assembly<'_> {
-    /// Bounds an expression, which messages call so.
+    /// Bounds an expression; `name` is its name in messages.
     fn bound(&mut self, name: &str, node: Node, [lower, upper]: Interval, at: BoundAt) {
         let is_open = !(lower > f64::NEG_INFINITY || upper < f64::INFINITY);
         if !is_open && self.graph.value(node).is_none() {
@@ -23,7 +23,7 @@ impl Assembly<'_> {
         }
     }
 
-    /// Limits of outputs hold at every sample.
+    /// Bounds outputs by their limits at every sample.
     pub(super) fn limit(&mut self) {
         let mut first = 0;
         for (instance, part) in &self.joint.parts {
@@ -51,7 +51,7 @@ impl Assembly<'_> {
         }
     }
 
-    /// States at rest at the start.
+    /// Constrains states that are steady at the start.
     pub(super) fn hold_steady(&mut self, derivatives: &[Node]) {
         for (name, derivative) in self.joint.model.states.iter().zip(derivatives) {
             let line = self.initial_line(name);
@@ -62,7 +62,8 @@ impl Assembly<'_> {
         }
     }
 
-    /// Ranges of what is sought. Those of shared parameters are returned: each expression is at least zero.
+    /// Bounds the unknowns by their ranges. Those of shared parameters are returned as expressions that must be
+    /// nonnegative.
     pub(super) fn bound_unknowns(&mut self) -> Vec<(Node, String)> {
         let mut on_parameters = Vec::new();
         let parameters = self.parameters;
@@ -81,8 +82,8 @@ impl Assembly<'_> {
         on_parameters
     }
 
-    /// Ranges that models give parameters which are tied, or set by expressions in runs. Those of shared parameters alone
-    /// are returned.
+    /// Bounds parameters that are tied, or set by expressions in runs, by the ranges of their models. Bounds on shared
+    /// parameters alone are returned.
     pub(super) fn bound_expressions(&mut self) -> Vec<(Node, String)> {
         let mut on_parameters = Vec::new();
         let parameters = self.parameters;
@@ -108,7 +109,8 @@ impl Assembly<'_> {
         sets.any(|set| set.name.value == name && set.value.number().is_none())
     }
 
-    /// The file's constraints. Those on shared parameters alone are returned: each expression is at least zero.
+    /// Applies the file's constraints. Those on shared parameters alone are returned as expressions that must be
+    /// nonnegative.
     pub(super) fn constrain(
         &mut self,
         signals: &[Node],
@@ -141,7 +143,7 @@ impl Assembly<'_> {
         Ok(on_parameters)
     }
 
-    /// Refuses constraints along the path where there is none: with process noise it is known at the start alone.
+    /// Rejects path constraints with process noise: the path is then known only at the start.
     fn check_path_constraint(&self, line: &Constraint) -> Done<()> {
         let is_along = matches!(line.at, Holds::Samples | Holds::End);
         match self.file.process_noise.is_empty() || !is_along {
@@ -154,13 +156,13 @@ impl Assembly<'_> {
         }
     }
 
-    /// Whether an expression depends on shared parameters alone.
+    /// Whether an expression depends only on shared parameters.
     fn is_shared(&self, node: Node) -> bool {
         let shared = self.first_shared();
         !self.depends(node, |variable| variable < shared)
     }
 
-    /// `x - low` and `high - x`, where there are such ends.
+    /// `x - low` and `high - x`, for finite bounds.
     fn within(&mut self, name: &str, node: Node, [low, high]: Interval) -> Vec<(Node, String)> {
         let mut found = Vec::new();
         for (sign, end) in [(1.0, low), (-1.0, high)] {
@@ -173,7 +175,7 @@ impl Assembly<'_> {
         found
     }
 
-    /// Between which values each variable of the equations lies.
+    /// Range of each variable of the equations.
     pub(super) fn ranges(&self, rows: &[Rows]) -> Vec<Interval> {
         let mut ranges = vec![ALL; self.variables()];
         for (k, variable) in self.input_variables().enumerate() {
@@ -192,7 +194,7 @@ impl Assembly<'_> {
         ranges
     }
 
-    /// Constraints on the shared parameters, stability among them.
+    /// Constraints on the shared parameters, including stability.
     pub(super) fn parameter_constraints(
         &mut self,
         mut on_parameters: Vec<(Node, String)>,
@@ -208,7 +210,7 @@ impl Assembly<'_> {
         on_parameters.extend(stability::conditions(&mut self.graph, &at)?);
         let (on_parameters, names): (Vec<Node>, _) = on_parameters.into_iter().unzip();
         self.names.parameters = names;
-        // Over the shared parameters alone; runs' own values and numbers are as the first run begins.
+        // Only over the shared parameters. Runs' own values and numbers are taken at the start of the first run.
         let mut graph = Graph::default();
         let begin = self.begin_values(&rows[0]);
         let variables: Vec<Node> = (0..self.variables())
@@ -223,7 +225,7 @@ impl Assembly<'_> {
 }
 
 impl Unknown {
-    /// Between which values the search stays.
+    /// Range of the search.
     pub(crate) fn searched_range(&self) -> Interval {
         let end = |end: Option<f64>, open: f64| end.map_or(open, |end| self.searched(end));
         [end(self.min, ALL[0]), end(self.max, ALL[1])]

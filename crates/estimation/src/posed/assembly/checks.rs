@@ -1,4 +1,4 @@
-//! What is refused before the solve, beyond what single lines of the file say.
+//! Checks before the solve that concern more than a single line of the file.
 
 use super::{Assembly, Done, Known, Made};
 use crate::posed::MOST_INTERVALS;
@@ -11,11 +11,11 @@ use crate::problem::file::{Constraint, Deviation, Holds, Mesh};
 use pilotage_cosim::description::Said;
 use pilotage_expression::{Graph, Node};
 
-/// A constraint that is missed by less, relative to its value, is met up to rounding and the solver's tolerance.
+/// A constraint violated by less than this, relative to its value, holds up to rounding and the solver's tolerance.
 const MET: f64 = 1e-6;
 
 impl Assembly<'_> {
-    /// Refuses a step by which the mesh has more intervals than a solve can hold.
+    /// Rejects a step for which the mesh has more intervals than a solve can hold.
     pub(super) fn check_mesh(&self) -> Done<()> {
         let Mesh::Step(step) = self.file.options.mesh else {
             return Ok(());
@@ -36,7 +36,7 @@ impl Assembly<'_> {
         Err(ProblemError::maybe_at(place, fault))
     }
 
-    /// Refuses parameters that are tied to a value out of their range, where the search begins.
+    /// Rejects parameters tied to a value outside their range where the search begins.
     pub(super) fn check_tied(&self, told: &Told, rows: &[Rows]) -> Done<()> {
         for (name, node) in &told.tied {
             let range = self.parameters.range(name, self.joint);
@@ -50,8 +50,8 @@ impl Assembly<'_> {
         Ok(())
     }
 
-    /// Refuses noise levels that are not above 0: where they are recorded, or, if neither states nor time change them, at
-    /// the start.
+    /// Rejects noise levels that are not above 0: at recorded samples, or at the start if they depend on neither states
+    /// nor time.
     pub(super) fn check_deviation(
         &self,
         k: usize,
@@ -105,9 +105,9 @@ impl Assembly<'_> {
         Ok(())
     }
 
-    /// Refuses constraints that nothing within the ranges of what is sought and recorded fulfils.
+    /// Rejects constraints that cannot be satisfied within the ranges of sought and recorded quantities.
     pub(super) fn check_constraints(&self, nodes: &[Node], rows: &[Rows]) -> Done<()> {
-        // What is known at the start, at the end, and at the samples between.
+        // Intervals at the start, at the end, and at the samples between.
         let mut found = [(); 3].map(|()| intervals(&self.graph, &self.ranges(rows)));
         for (line, node) in self.file.constraints.iter().zip(nodes) {
             if line.formula.names().next().is_none() {
@@ -128,8 +128,8 @@ impl Assembly<'_> {
         Ok(())
     }
 
-    /// Refuses constraints that do not hold where a run begins, whatever is sought, by what its initial states are known
-    /// to be.
+    /// Rejects constraints that are violated at the start of a run for all values of the unknowns, given its known
+    /// initial states.
     pub(super) fn check_begins(&self, nodes: &[Node], rows: &[Rows], known: &Known) -> Done<()> {
         let lines = self.file.constraints.iter().zip(nodes);
         let lines = lines.filter(|(line, _)| matches!(line.at, Holds::Start | Holds::Samples));
@@ -160,7 +160,7 @@ impl Assembly<'_> {
     }
 }
 
-/// A constraint on what is known to lie elsewhere.
+/// A constraint whose range does not intersect that of its expression.
 fn contradiction(line: &Constraint, [low, high]: Interval, place: &str) -> ProblemError {
     let shown = &line.formula.expression.text;
     let is = match low == high {
@@ -173,7 +173,7 @@ fn contradiction(line: &Constraint, [low, high]: Interval, place: &str) -> Probl
 }
 
 impl Made {
-    /// Refuses what is sought though no measured signal depends on it.
+    /// Rejects unknowns on which no measured signal depends.
     pub(super) fn check_dependence(&self) -> Done<()> {
         let graph = &self.system.graph;
         let noises = self.noises.iter();
@@ -198,7 +198,7 @@ impl Made {
     }
 }
 
-/// On which nodes others depend: directly, or by the derivatives of states on which they depend.
+/// Whether these nodes depend on each node: directly, or through the derivatives of states.
 pub(super) fn needed(graph: &Graph, derivatives: &[Node], mut nodes: Vec<Node>) -> Vec<bool> {
     loop {
         let needed = graph.ancestors(&nodes);

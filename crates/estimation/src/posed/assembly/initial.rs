@@ -11,7 +11,7 @@ use pilotage_expression::Node;
 use pilotage_text::document::Place;
 
 impl Assembly<'_> {
-    /// The states, and for each run what is known of their initial values.
+    /// The states, and for each run the known initial values.
     pub(super) fn initial_states(&mut self, rows: &[Rows]) -> Done<(Vec<State>, Known)> {
         let (mut states, mut known) = (Vec::new(), vec![Vec::new(); rows.len()]);
         let joint = self.joint;
@@ -40,7 +40,7 @@ impl Assembly<'_> {
         Ok((states, known))
     }
 
-    /// A state of the joint model, and its initial value in each run where that is known.
+    /// A state of the joint model, and its initial value in each run if known.
     fn initial_state(
         &mut self,
         name: &str,
@@ -98,12 +98,12 @@ impl Assembly<'_> {
         Ok((state, known))
     }
 
-    /// The line of `[initial]` that is meant for a state: its own, else the last pattern.
+    /// The line of `[initial]` that applies to a state: the line with its name, else the last matching pattern.
     pub(super) fn initial_line(&self, state: &str) -> Option<usize> {
         self.file.initial_line(state)
     }
 
-    /// The models' start values.
+    /// Start values of the models.
     fn start_nodes(&mut self) -> Vec<Node> {
         let mut starts = Vec::new();
         for (instance, part) in &self.joint.parts {
@@ -120,12 +120,12 @@ impl Assembly<'_> {
         self.depends(node, |variable| variable > 0 && !inputs.contains(&variable))
     }
 
-    /// The value of an expression at the begin of a run, where unknowns are at their starts.
+    /// Value of an expression at the start of a run, with unknowns at their start values.
     pub(super) fn number(&self, node: Node, rows: &Rows) -> f64 {
         self.graph.values(&self.begin_values(rows))[node.index()]
     }
 
-    /// All variables at the begin of a run, where unknowns are at their starts and other states 0.
+    /// All variables at the start of a run, with unknowns at their start values and other states at 0.
     pub(super) fn begin_values(&self, rows: &Rows) -> Vec<f64> {
         let mut values = vec![0.0; self.variables()];
         values[0] = rows.time[0];
@@ -138,7 +138,7 @@ impl Assembly<'_> {
         values
     }
 
-    /// States and inputs of the joint model as the first run begins: where it is linearised.
+    /// States and inputs of the joint model at the start of the first run, where it is linearised.
     pub(super) fn operating_point(&self, rows: &[Rows]) -> (Vec<f64>, Vec<f64>) {
         let values = self.graph.values(&self.begin_values(&rows[0]));
         let input = |name: &String| match self.input(&Key::Fed(name.clone())) {
@@ -149,7 +149,7 @@ impl Assembly<'_> {
         (self.begins.clone(), inputs.collect())
     }
 
-    /// The sample of a state where each run begins.
+    /// The sample of a state at the start of each run.
     fn samples_at_begin(&self, state: &str, place: Option<&Place>) -> Done<Vec<f64>> {
         let fault = |fault: String| ProblemError::maybe_at(place, fault);
         let measured = self.measured_as(state).ok_or_else(|| {
@@ -174,7 +174,7 @@ impl Assembly<'_> {
         self.data.iter().map(sample).collect()
     }
 
-    /// The first measurement of a state in each run, where it is measured as it is.
+    /// The first measurement of a state in each run, if it is measured directly.
     fn first_samples(&self, state: &str) -> Option<Vec<f64>> {
         let measured = &self.file.measured[self.measured_as(state)?];
         let unit = measured.unit(self.joint);
@@ -185,7 +185,7 @@ impl Assembly<'_> {
         self.data.iter().map(first).collect()
     }
 
-    /// States that are measured as they are, each with the first measured signal that is.
+    /// States that are measured directly, each with its first such measured signal.
     pub(super) fn measured_states(&self, states: &[State]) -> Vec<(usize, usize)> {
         let names = self.joint.model.states.iter().enumerate();
         let plain = names.filter(|(k, _)| states[*k].shift.is_none());
@@ -193,7 +193,7 @@ impl Assembly<'_> {
         found.collect()
     }
 
-    /// The first measured signal whose sensor shows a state as it is.
+    /// The first measured signal whose sensor shows a state directly.
     fn measured_as(&self, state: &str) -> Option<usize> {
         let is_it = |own: &Measured| match &own.of {
             Quantity::Signal(name) => self.is_state(name, state) && own.is_plain(),
@@ -202,7 +202,7 @@ impl Assembly<'_> {
         self.file.measured.iter().position(is_it)
     }
 
-    /// Whether a signal is a state, by its name or as an output that is nothing else.
+    /// Whether a signal is a state, by its name or as an output that equals the state.
     fn is_state(&self, signal: &str, state: &str) -> bool {
         let node = |name: &str| self.joint.signal(name);
         signal == state || (node(signal).is_some() && node(signal) == node(state))

@@ -1,4 +1,4 @@
-//! The inputs of the equations: columns, what runs set, and whose a run is.
+//! The inputs of the equations: columns, values set by runs, and subjects.
 
 use super::{Assembly, Done};
 use crate::posed::data::{RunData, Source};
@@ -10,37 +10,37 @@ use pilotage_cosim::description::Said;
 use pilotage_expression::Node;
 use pilotage_language::file::Formula;
 
-/// Where an input of the equations comes from.
+/// Origin of an input of the equations.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(super) enum Key {
     /// A column that drives an input.
     Fed(String),
     /// A column in an expression.
     Column(String),
-    /// A parameter that runs set: its number, 0 where it is an expression.
+    /// A parameter set by runs: its number, or 0 where it is an expression.
     Value(String, Span),
-    /// Whether a parameter that runs set is that expression; without one, what it is elsewhere.
+    /// 1 where a parameter set by runs is this expression, or its unset value if none; else 0.
     Case(String, Option<String>, Span),
-    /// Whether a run is of that subject.
+    /// Whether a run is of this subject.
     Subject(String),
-    /// What was recorded, by the number of the measured signal.
+    /// Recorded values of the measured signal of this number.
     Recorded(usize),
-    /// Whether there was something, by the same.
+    /// Whether that signal has a recorded value.
     Presence(usize),
-    /// A noise level, by the same.
+    /// Noise level of that signal.
     Deviation(usize),
 }
 
-/// Of what a value that runs set is taken.
+/// Part of a run for which a set value is used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum Span {
-    /// All of the run.
+    /// The whole run.
     Run,
-    /// Its begin alone, for initial states.
+    /// Its start only, for initial states.
     Begin,
 }
 
-/// From when on a parameter has which value in a run; none for what it has else.
+/// Values of a parameter in a run and the times from which they hold. None for its unset value.
 type Timeline<'r> = Vec<(f64, Option<&'r Formula>)>;
 
 impl Assembly<'_> {
@@ -69,7 +69,7 @@ impl Assembly<'_> {
         Ok(())
     }
 
-    /// Refuses columns for what is no free input.
+    /// Rejects columns for signals that are not free inputs.
     fn check_fed(&self, signal: &Said<String>) -> Done<()> {
         let name = &signal.value;
         let inputs = &self.joint.model.inputs;
@@ -83,7 +83,7 @@ impl Assembly<'_> {
         Err(ProblemError::maybe_at(signal.place.as_ref(), fault))
     }
 
-    /// The columns of a measured signal that stand in the equations.
+    /// Adds the columns of a measured signal that appear in the equations.
     fn find_measured(&mut self, k: usize) {
         let measured = &self.file.measured[k];
         let unit = measured.unit(self.joint);
@@ -104,7 +104,7 @@ impl Assembly<'_> {
         }
     }
 
-    /// Whether the residual is divided by the noise level in the equations: unless that is a number.
+    /// Whether the equations divide the residual by the noise level: unless that is a number.
     pub(super) fn is_scaled(&self, k: usize) -> bool {
         let measured = &self.file.measured[k];
         let number = match &measured.sd {
@@ -114,7 +114,7 @@ impl Assembly<'_> {
         number.is_none() || measured.noise != Noise::Normal
     }
 
-    /// What runs set: inputs that are constant in each, or jump where it changes.
+    /// Values set by runs: inputs that are constant in each run or jump at its changes.
     pub(super) fn find_sets(&mut self) -> Done<()> {
         let sets: Vec<&Set> = (self.data.iter()).flat_map(|run| run.line.sets()).collect();
         let mut names: Vec<&String> = Vec::new();
@@ -137,7 +137,7 @@ impl Assembly<'_> {
         Ok(())
     }
 
-    /// The inputs by which a parameter has the value that runs set: the numbers, and which expression holds when.
+    /// Adds the inputs that give a parameter the values set by runs: the numbers, and which expression applies when.
     fn find_set(&mut self, name: &str, span: Span) {
         let timelines: Vec<Timeline<'_>> = (self.data.iter())
             .map(|run| timeline(run, name, span))
@@ -172,7 +172,7 @@ impl Assembly<'_> {
         }
     }
 
-    /// Whether each run is of a subject.
+    /// Adds an input that is 1 in the runs of a subject.
     pub(super) fn find_subject(&mut self, subject: &str) {
         let key = Key::Subject(subject.to_owned());
         if self.input(&key).is_some() {
@@ -184,7 +184,7 @@ impl Assembly<'_> {
         self.sources.push((key, Source::Given(values)));
     }
 
-    /// The number of an input.
+    /// Index of an input.
     pub(super) fn input(&self, key: &Key) -> Option<usize> {
         self.sources.iter().position(|(own, _)| own == key)
     }

@@ -1,34 +1,34 @@
-//! What the equations are made of, by name and place.
+//! Components of the assembled equations, by name and place.
 
 use pilotage_expression::Node;
 
-/// What messages call bounds and constraints.
+/// Names of bounds and constraints in messages.
 #[derive(Debug, Clone, Default)]
 pub struct Names {
     /// The bounds, in their order.
     pub bounds: Vec<String>,
     /// The constraints on the shared parameters, in their order.
     pub parameters: Vec<String>,
-    /// Number of the first of these that is a condition of stability; all behind it are, and called by what is kept
-    /// stable.
+    /// Index of the first of these that is a stability condition. All later ones are, and have the name of the stable
+    /// system.
     pub stability: usize,
 }
 
 /// A state of the equations.
 #[derive(Debug, Clone)]
 pub struct State {
-    /// Its name; that of the parameter, of a run's own one.
+    /// Its name, or that of the parameter for a run's own parameter.
     pub name: String,
-    /// Typical magnitude, where one is known.
+    /// Typical magnitude, if known.
     pub nominal: Option<f64>,
-    /// For each run, what it begins with where that is not known.
+    /// For each run, a guess of its initial value, used where that is unknown.
     pub guesses: Vec<f64>,
-    /// What is added to it, where it begins at zero by that.
+    /// An offset added to the state if it starts at zero for that reason.
     pub shift: Option<Node>,
 }
 
 impl State {
-    /// One that is 0 throughout so many runs, where a problem has none.
+    /// A state that is 0 throughout all runs, for a problem without states.
     pub(crate) fn at_rest(runs: usize) -> Self {
         Self {
             name: "no state".to_owned(),
@@ -39,19 +39,19 @@ impl State {
     }
 }
 
-/// Where an unknown stands among the variables.
+/// Place of an unknown among the variables.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Stands {
     /// Among the shared parameters.
     Shared(usize),
-    /// Among the shared parameters, one for each subject.
+    /// Among the shared parameters, one per subject.
     Subjects(Vec<(String, usize)>),
     /// Among the states.
     State(usize),
 }
 
 impl Stands {
-    /// Its variables in the equations, where the shared parameters begin at that one.
+    /// Its variables in the equations, with the shared parameters starting at index `shared`.
     pub(crate) fn variables(&self, shared: usize) -> Vec<usize> {
         match self {
             Self::Shared(k) => vec![shared + k],
@@ -61,21 +61,21 @@ impl Stands {
     }
 }
 
-/// What is told of a solution, in the graph of the equations.
+/// Expressions to evaluate at a solution, in the graph of the equations.
 #[derive(Debug, Clone)]
 pub struct Told {
-    /// What each sensor should show, in the unit of the signal.
+    /// Model output for each sensor, in the unit of its signal.
     pub predicted: Vec<Node>,
-    /// The standard deviation of each one's noise.
+    /// Standard deviation of the noise of each sensor.
     pub deviations: Vec<Node>,
     /// The variables of the joint model: time, states, inputs, parameters.
     pub joint: Vec<Node>,
     /// Parameters that are tied to others.
     pub tied: Vec<(String, Node)>,
-    /// What the file derives from parameters.
+    /// Derived quantities of the file.
     pub derived: Vec<(String, Node)>,
-    /// For each measured signal, the input that is what was recorded, where its residual is an expression of that.
+    /// For each measured signal, the input that holds its recorded values, if its residual is an expression of them.
     pub seen: Vec<Option<usize>>,
-    /// For each measured signal, the recorded values of each run's samples, in the unit of the signal.
+    /// For each measured signal, the recorded values at each run's samples, in the unit of the signal.
     pub recorded: Vec<Vec<Vec<f64>>>,
 }

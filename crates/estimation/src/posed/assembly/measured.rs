@@ -1,4 +1,4 @@
-//! The terms of the objective: what sensors should show against what was recorded, and what is known beforehand.
+//! The terms of the objective: residuals of sensors, and priors.
 
 use super::inputs::Key;
 use super::{Assembly, Done};
@@ -12,16 +12,16 @@ use crate::system::joint::{Joint, unknown};
 use pilotage_collocation::Loss;
 use pilotage_expression::{Function, Node};
 
-/// Where the absolute value of Laplace's noise is rounded off, in standard deviations.
+/// Half-width of the smoothing of Laplace's absolute value, in standard deviations.
 const LAPLACE_SMOOTHING: f64 = 1e-3;
 
 /// A term of the objective.
 pub(super) struct Measurement {
     pub output: Node,
     pub loss: Loss,
-    /// For each run, the values of its samples; NaN where there is no term.
+    /// For each run, the values at its samples; NaN where there is no term.
     pub values: Vec<Vec<f64>>,
-    /// Beside the weight of the run, unless it counts for itself.
+    /// Multiplied by the weight of the run, unless the term is a prior.
     pub weight: f64,
     pub is_prior: bool,
 }
@@ -67,7 +67,7 @@ impl Assembly<'_> {
         Ok(told)
     }
 
-    /// What a sensor should show.
+    /// Model output for a sensor.
     fn predicted(&mut self, k: usize, signals: &[Node]) -> Done<Node> {
         let measured = &self.file.measured[k];
         let zero = self.graph.constant(0.0);
@@ -92,7 +92,7 @@ impl Assembly<'_> {
         Ok(self.graph.add(scaled, offset))
     }
 
-    /// The standard deviation of a sensor's noise.
+    /// Standard deviation of a sensor's noise.
     fn deviation(&mut self, k: usize, signals: &[Node], predicted: Node) -> Node {
         match &self.file.measured[k].sd {
             Deviation::Formula(_) => self.of_signals(&[Of::Deviation(k)], signals, predicted)[0],
@@ -100,7 +100,7 @@ impl Assembly<'_> {
         }
     }
 
-    /// The recorded values of each run's samples.
+    /// Recorded values at each run's samples.
     fn recorded(&self, k: usize, rows: &[Rows]) -> Done<Vec<Vec<f64>>> {
         let measured = &self.file.measured[k];
         let name = &measured.column;
@@ -132,8 +132,8 @@ impl Assembly<'_> {
         }
     }
 
-    /// The negative logarithm of a recording's likelihood. Returns the input that is the recorded value, where there is
-    /// such.
+    /// Adds the negative log-likelihood of a recording. Returns the input that holds the recorded value, if there is
+    /// one.
     fn add_residual(
         &mut self,
         k: usize,
@@ -164,7 +164,7 @@ impl Assembly<'_> {
         };
         let loss = loss(self.file.measured[k].noise);
         self.recordings.push(term(residual, loss));
-        // A level that is recorded is the same at every iterate.
+        // A recorded level is the same at every iterate.
         let inputs = self.input_variables();
         if self.depends(deviation, |variable| !inputs.contains(&variable)) {
             let log = self.graph.unary(Function::Ln, deviation);
@@ -179,7 +179,7 @@ impl Assembly<'_> {
     /// The residual in standard deviations, and the standard deviation.
     fn scaled_residual(&mut self, k: usize, predicted: Node, deviation: Node) -> [Node; 2] {
         let mut seen = self.input_node(&Key::Recorded(k)).expect("it was found");
-        // Where nothing was recorded both may be zero, and an infinite residual is no missing one.
+        // Where nothing was recorded both may be zero, and an infinite residual would not count as missing.
         let is_there = self.input_node(&Key::Presence(k)).expect("it was found");
         let one = self.graph.constant(1.0);
         let mut expected = self.graph.select(is_there, predicted, one);
@@ -192,7 +192,7 @@ impl Assembly<'_> {
         [self.graph.divide(difference, deviation), deviation]
     }
 
-    /// Residuals of what is known beforehand, once for each value.
+    /// Adds the residuals of priors, once for each value.
     pub(super) fn expect_priors(&mut self, rows: &[Rows]) {
         let parameters = self.parameters;
         for (k, unknown) in parameters.unknowns.iter().enumerate() {
@@ -210,7 +210,7 @@ impl Assembly<'_> {
         }
     }
 
-    /// A term at the begin of the first run, or of each.
+    /// Adds a term at the start of the first run, or of each run.
     pub(super) fn expect(&mut self, output: Node, prior: Prior, rows: &[Rows], in_each: bool) {
         let values = rows.iter().enumerate().map(|(j, rows)| {
             let mut values = vec![f64::NAN; rows.time.len()];
@@ -229,7 +229,7 @@ impl Assembly<'_> {
     }
 }
 
-/// The loss of residuals in standard deviations.
+/// Loss of residuals in standard deviations.
 fn loss(noise: Noise) -> Loss {
     match noise {
         Noise::Normal | Noise::LogNormal => Loss::Square,
@@ -242,13 +242,13 @@ fn loss(noise: Noise) -> Loss {
 }
 
 impl Measured {
-    /// Whether the sensor shows what it measures.
+    /// Whether the sensor has neither gain nor offset.
     pub(super) fn is_plain(&self) -> bool {
         let is = |said: &Calibration, value: f64| matches!(said, Calibration::Formula(formula) if formula.number() == Some(value));
         is(&self.gain, 1.0) && is(&self.offset, 0.0)
     }
 
-    /// Name of the unit of what was measured, where it has one.
+    /// Name of the unit of the measured quantity, if it has one.
     pub(crate) fn unit<'u>(&'u self, joint: &'u Joint) -> Option<&'u str> {
         match &self.of {
             Quantity::Signal(name) => joint.unit(name),

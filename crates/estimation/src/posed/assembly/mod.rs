@@ -1,14 +1,14 @@
-//! From what a problem file says to one graph of equations.
+//! Assembles the contents of a problem file into one graph of equations.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! | --- | --- |
-//! | `inputs` | columns and what runs set, as inputs |
+//! | `inputs` | columns and values set by runs, as inputs |
 //! | `parameters` | parameters and expressions, as nodes |
 //! | `initial` | initial states, and values where the search begins |
 //! | `measured` | residuals of recordings and priors |
 //! | `noise` | noise that drives the states |
 //! | `bounds` | limits, ranges, constraints |
-//! | `checks` | what is refused |
+//! | `checks` | checks before the solve |
 
 mod bounds;
 mod checks;
@@ -34,7 +34,7 @@ use pilotage_expression::{Graph, Node, System};
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// A problem as equations, before it is differentiated.
+/// A problem as equations, before differentiation.
 pub struct Made {
     pub system: System,
     /// The terms of the objective that come from recordings.
@@ -47,16 +47,16 @@ pub struct Made {
     pub shared: usize,
     pub states: Vec<State>,
     pub told: Told,
-    /// States that are measured as they are, each with the number of its measured signal.
+    /// States that are measured directly, each with the number of its measured signal.
     pub followed: Vec<(usize, usize)>,
     pub noises: Vec<DrivingNoise>,
 }
 
-/// What is collected on the way. The variables of its graph are time, states, inputs and shared parameters.
+/// State of the assembly. The variables of its graph are time, states, inputs and shared parameters.
 pub struct Assembly<'a> {
     file: &'a ProblemFile,
     joint: &'a Joint,
-    /// The same without limits, where these saturate.
+    /// The same without limits, if outputs saturate.
     unlimited: &'a Joint,
     parameters: &'a Parameters,
     named: &'a Named,
@@ -67,24 +67,24 @@ pub struct Assembly<'a> {
     /// Numbers of states and shared parameters.
     states: usize,
     shared: usize,
-    /// Nodes of the parameters, during the run and at its begin.
+    /// Nodes of the parameters, during the run and at its start.
     values: [HashMap<String, Node>; 2],
     /// Outputs of the joint model.
     outputs: Vec<Node>,
-    /// Its states as the first run begins, where unknowns are at their starts.
+    /// Its states at the start of the first run, with unknowns at their start values.
     begins: Vec<f64>,
     recordings: Vec<Measurement>,
     bounded: Vec<(Node, Bound)>,
     names: Names,
 }
 
-/// For each run, the initial value of each state that is known.
+/// For each run, the initial value of each state, if known.
 type Known = Vec<Vec<Option<f64>>>;
 
 type Done<T> = Result<T, ProblemError>;
 
 impl<'a> Assembly<'a> {
-    /// Finds what is a state, an input, a shared parameter.
+    /// Determines states, inputs and shared parameters.
     pub fn new(
         file: &'a ProblemFile,
         (joint, unlimited): (&'a Joint, Option<&'a Joint>),
@@ -117,10 +117,10 @@ impl<'a> Assembly<'a> {
         Ok(own)
     }
 
-    /// The equations.
+    /// Assembles the equations.
     pub fn finish(mut self) -> Done<Made> {
         self.check_mesh()?;
-        // All variables stand in the graph, in their order.
+        // All variables are in the graph, in order.
         for k in 0..self.variables() {
             self.graph.variable(k);
         }
@@ -165,7 +165,7 @@ impl<'a> Assembly<'a> {
         runs.map(|(k, run)| run.rows(k, &sources)).collect()
     }
 
-    /// What the variables of the joint model are.
+    /// Nodes of the joint model's variables.
     fn joint_variables(&mut self, states: &[State]) -> Vec<Node> {
         let joint = &self.joint.model;
         let mut variables = vec![self.graph.variable(0)];
@@ -199,12 +199,12 @@ impl<'a> Assembly<'a> {
         1 + self.states + self.sources.len()
     }
 
-    /// Whether an expression depends on any of such variables.
+    /// Whether an expression depends on any variable selected by `is_such`.
     fn depends(&self, node: Node, is_such: impl Fn(usize) -> bool) -> bool {
         self.graph.dependants(is_such)[node.index()]
     }
 
-    /// The runs; their mesh is their samples.
+    /// The runs. Their mesh consists of their samples.
     fn runs(&self, rows: Vec<Rows>, known: Known) -> Vec<Run> {
         let recording = |own: &Measurement, j: usize| Recording {
             values: own.values[j].clone(),

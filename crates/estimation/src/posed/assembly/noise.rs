@@ -13,7 +13,7 @@ use pilotage_filter::{Equations, Filter};
 /// A white noise.
 #[derive(Debug, Clone)]
 pub struct DrivingNoise {
-    /// What it adds to the derivatives of the joint model's states, per unit.
+    /// Its gain in the derivatives of the joint model's states.
     pub column: Vec<Node>,
     /// Its power spectral density.
     pub density: Node,
@@ -44,7 +44,7 @@ impl Assembly<'_> {
         Ok(all)
     }
 
-    /// What a noise adds to the derivatives, per unit.
+    /// Gain of a noise in the derivatives.
     fn noise_column(
         &mut self,
         line: &ProcessNoise,
@@ -78,7 +78,7 @@ impl Assembly<'_> {
         Ok(self.graph.import(&graph, &column, &all))
     }
 
-    /// The variables of the joint model with inputs for noise, which is zero.
+    /// The variables of the joint model with noise inputs, which are zero.
     fn noisy_variables(&mut self, noisy: &Joint, variables: &[Node]) -> Vec<Node> {
         let joint = &self.joint.model;
         let zero = self.graph.constant(0.0);
@@ -92,7 +92,7 @@ impl Assembly<'_> {
         all.chain(parameters.iter().copied()).collect()
     }
 
-    /// What to say of a name at which no noise can be added.
+    /// Message for a name at which no noise can be added.
     fn no_entry(&self, name: &str) -> String {
         let joint = self.joint;
         if joint.signals().iter().any(|own| own == name) {
@@ -111,7 +111,7 @@ impl Assembly<'_> {
         unknown("input or state", name, &known)
     }
 
-    /// Refuses a density that is not above 0 where the search for it begins; one that is known may be 0.
+    /// Rejects a sought density that does not start above 0. A known density may be 0.
     fn check_density(&self, line: &ProcessNoise, node: Node, rows: &[Rows]) -> Done<()> {
         let is_sought = self.depends(node, |variable| {
             self.stands
@@ -135,7 +135,7 @@ impl Assembly<'_> {
         }
     }
 
-    /// Refuses white noise that a sensor sees without a state between: its samples have no variance.
+    /// Rejects white noise measured without a state between noise and sensor: its samples have no finite variance.
     fn check_feedthrough(&self, line: &ProcessNoise, noisy: &Joint, input: usize) -> Done<()> {
         let seen = noisy
             .model
@@ -160,8 +160,8 @@ impl Assembly<'_> {
         Ok(())
     }
 
-    /// What the response does not tell stays at its start while that is fitted, by a term of the objective that is zero
-    /// there.
+    /// Keeps unknowns that do not affect the response at their start values while the response is fitted, by a term of
+    /// the objective that is zero there.
     pub(super) fn anchor(&mut self, derivatives: &[Node], noises: &[DrivingNoise], rows: &[Rows]) {
         if noises.is_empty() {
             return;
@@ -188,7 +188,7 @@ impl Assembly<'_> {
 }
 
 impl Made {
-    /// The filter of its first so many states; none where no noise drives them.
+    /// The filter for the first `states` states. None if no noise drives them.
     pub fn filter(&self, states: usize) -> Option<Filter> {
         let noises = self.noises.iter();
         let noises: Vec<(Vec<Node>, Node)> = noises

@@ -1,4 +1,4 @@
-//! Parameters and the expressions over them, as nodes of the graph.
+//! Parameters and expressions of parameters, as nodes of the graph.
 
 use super::inputs::{Key, Span};
 use super::{Assembly, Done};
@@ -12,7 +12,7 @@ use pilotage_expression::{Function, Node};
 use std::collections::HashMap;
 
 impl Assembly<'_> {
-    /// Where each unknown stands.
+    /// Assigns each unknown its place.
     pub(super) fn find_unknowns(&mut self) -> Done<()> {
         for unknown in &self.parameters.unknowns {
             let per = match self.data.len() {
@@ -32,12 +32,12 @@ impl Assembly<'_> {
             };
             self.stands.push(stands);
         }
-        // Collocation is of states: where there is none, one at rest stands for them.
+        // Collocation needs a state: without one, a constant state is added.
         self.states = self.states.max(1);
         Ok(())
     }
 
-    /// A parameter for each subject.
+    /// Adds a shared parameter for each subject.
     fn find_subjects(&mut self, name: &str) -> Done<Vec<(String, usize)>> {
         let mut subjects: Vec<(String, usize)> = Vec::new();
         for run in self.data {
@@ -86,7 +86,7 @@ impl Assembly<'_> {
         nodes
     }
 
-    /// The node of a parameter that runs set, where others are `plain`.
+    /// The node of a parameter set by runs, with other parameters as in `plain`.
     fn set_node(&mut self, name: &str, span: Span, plain: &HashMap<String, Node>) -> Option<Node> {
         let mut sum = self.input_node(&Key::Value(name.to_owned(), span))?;
         let is_case =
@@ -106,7 +106,7 @@ impl Assembly<'_> {
         Some(sum)
     }
 
-    /// The sum, and the value where that input is 1.
+    /// The sum plus the value where the input is 1.
     fn add_where(&mut self, sum: Node, key: &Key, value: Node) -> Node {
         let is_there = self.input_node(key).expect("it was found");
         let part = self.graph.multiply(is_there, value);
@@ -172,7 +172,7 @@ impl Assembly<'_> {
         self.graph.import(&named.compiled.graph, &nodes, &variables)
     }
 
-    /// The variables of an instance's own equations, where only its parameters count.
+    /// The variables of an instance's own equations, of which only its parameters matter.
     pub(super) fn part_variables(&mut self, instance: &str, part: &Part, span: Span) -> Vec<Node> {
         let values = match span {
             Span::Run => &self.values[0],
@@ -188,7 +188,7 @@ impl Assembly<'_> {
 }
 
 impl Unknown {
-    /// What the search sees of a value.
+    /// A value in the coordinates of the search.
     pub fn searched(&self, value: f64) -> f64 {
         match self.log {
             true => value.ln(),
@@ -196,7 +196,7 @@ impl Unknown {
         }
     }
 
-    /// The value of what the search has found.
+    /// The value for coordinates of the search.
     pub fn found(&self, searched: f64) -> f64 {
         match self.log {
             true => searched.exp(),
@@ -204,13 +204,13 @@ impl Unknown {
         }
     }
 
-    /// A value in its range.
+    /// A value clamped to its range.
     pub fn kept(&self, value: f64) -> f64 {
         let min = self.min.unwrap_or(f64::NEG_INFINITY);
         value.clamp(min, self.max.unwrap_or(f64::INFINITY))
     }
 
-    /// Typical magnitude of what the search sees.
+    /// Typical magnitude in the coordinates of the search.
     pub fn searched_nominal(&self) -> Option<f64> {
         match self.log {
             true => Some(1.0),

@@ -8,7 +8,7 @@ use pilotage_text::document::{Place, TomlTable};
 use pilotage_text::suggestion::{did_you_mean, suggestion};
 use pilotage_units::Base;
 
-/// A mistake at a field's value, or at its name where that is a table of its own.
+/// A mistake at a field's value, or at its name if the value is a separate table.
 pub(super) fn at(table: TomlTable<'_>, field: &str, fault: impl Into<String>) -> ProblemError {
     ProblemError::at(&place(table, field), fault)
 }
@@ -22,7 +22,7 @@ pub(super) fn place(table: TomlTable<'_>, field: &str) -> Place {
         .unwrap_or_else(|| place_of(table))
 }
 
-/// Where a table of its own stands.
+/// Place of a table.
 pub(super) fn place_of(table: TomlTable<'_>) -> Place {
     let position = table.position("");
     Place {
@@ -32,7 +32,7 @@ pub(super) fn place_of(table: TomlTable<'_>) -> Place {
     }
 }
 
-/// One of several words.
+/// A field whose value is one of several words.
 pub(super) fn word<T: Copy>(
     table: TomlTable<'_>,
     field: &str,
@@ -79,7 +79,7 @@ pub(super) fn positive(table: TomlTable<'_>, field: &str) -> Read<Option<f64>> {
     }
 }
 
-/// A number, short: 1e-8 and 3, neither 0.00000001 nor 3.0.
+/// A number in its shorter form: 1e-8 and 3, not 0.00000001 or 3.0.
 fn shown(number: f64) -> String {
     let [plain, other] = [format!("{number}"), format!("{number:?}")];
     match other.len() < plain.len() {
@@ -88,7 +88,8 @@ fn shown(number: f64) -> String {
     }
 }
 
-/// A tolerance that numbers can resolve, and that means something: what it bounds is scaled to the order of one.
+/// A tolerance within floating-point resolution and at most one, since the quantity it bounds is scaled to the order of
+/// one.
 pub(super) fn tolerance(table: TomlTable<'_>, field: &str) -> Read<Option<f64>> {
     const LEAST: f64 = 1e-14;
     const MOST: f64 = 1.0;

@@ -1,11 +1,11 @@
-//! A problem from its file.
+//! Reads a problem from its file.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! | --- | --- |
 //! | `fields` | single fields |
-//! | `signals` | inputs and what was measured |
+//! | `signals` | inputs and measured signals |
 //! | `noise` | noise that drives the system |
-//! | `parameters` | parameters, initial states, and what follows from them |
+//! | `parameters` | parameters, initial states and derived quantities |
 //! | `runs` | runs and constraints |
 //! | `options` | stability and options |
 
@@ -60,15 +60,15 @@ impl ProblemFile {
     /// Reads a problem file.
     ///
     /// # Errors
-    /// When it cannot be read or there is a mistake in it: with file, line and column.
+    /// When it cannot be read or contains a mistake. The error states file, line and column.
     pub fn read(path: &Path) -> Read<Self> {
         Self::parse(&document::read(path)?, path)
     }
 
-    /// The problem that a text says; files that it names are beside `path`.
+    /// Parses the text of a problem file. Paths in it are relative to the folder of `path`.
     ///
     /// # Errors
-    /// When there is a mistake in it: with file, line and column.
+    /// When it contains a mistake. The error states file, line and column.
     pub fn parse(text: &str, path: &Path) -> Read<Self> {
         let file = path.display().to_string();
         if text.len() > LONGEST {
@@ -118,7 +118,7 @@ impl ProblemFile {
     }
 }
 
-/// The system, in this file or another.
+/// The system, described in this file or in another.
 fn system(root: TomlTable<'_>, folder: &Path) -> Read<SystemDescription> {
     if root.has("system") && !root.is_table("system") {
         let name = root.required("system", root.string("system")?)?;
@@ -138,7 +138,7 @@ fn system(root: TomlTable<'_>, folder: &Path) -> Read<SystemDescription> {
     Ok(SystemDescription::of(root, folder)?)
 }
 
-/// Refuses single brackets where entries are listed, and double ones elsewhere.
+/// Rejects single brackets where entries are listed, and double brackets elsewhere.
 fn check_brackets(root: TomlTable<'_>) -> Read<()> {
     for name in root.names() {
         let is_list = ["measured", "constraint", "run"].contains(&name);
@@ -159,15 +159,15 @@ struct Reader<'t> {
     text: &'t str,
     folder: &'t Path,
     instances: Vec<String>,
-    /// What `[parameters]` names.
+    /// Names listed in `[parameters]`.
     own: Vec<String>,
 }
 
-/// A table, one of its fields, and the name that the field means: `instance.variable`.
+/// A table, one of its fields, and the full name of that field: `instance.variable`.
 type Entry<'a> = (TomlTable<'a>, &'a str, Said<String>);
 
 impl Reader<'_> {
-    /// The fields of a table; those of `[section.instance]` have the instance's name before theirs.
+    /// The fields of a table. Fields of `[section.instance]` are prefixed with the instance's name.
     fn entries<'a>(&self, table: TomlTable<'a>) -> Read<Vec<Entry<'a>>> {
         let said = |table: TomlTable<'_>, field: &str, value: String| Said {
             value,
@@ -212,8 +212,8 @@ impl Reader<'_> {
         Ok(formula((self.file, self.text), table, key)?)
     }
 
-    /// One of these words, or an expression that is none: a word that is nearly one is a mistake, but for names of
-    /// the problem's own parameters.
+    /// Accepts one of these words or an expression. A word similar to one of them is a mistake, unless it is the name
+    /// of one of the problem's own parameters.
     fn check_word(&self, table: TomlTable<'_>, field: &str, words: &[&str]) -> Read<()> {
         let Ok(Some(found)) = table.string(field) else {
             return Ok(());

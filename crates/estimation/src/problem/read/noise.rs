@@ -1,4 +1,4 @@
-//! What a problem file says of noise that drives the system.
+//! Reads the noise that drives the system.
 
 use super::fields::at;
 use super::{Read, Reader};
@@ -30,8 +30,8 @@ impl Reader<'_> {
     }
 }
 
-/// Refuses process noise without the objective that takes it, the objective without process noise, and sensors whose
-/// noise a Kalman filter does not take.
+/// Rejects process noise without the objective that accounts for it, that objective without process noise, and sensor
+/// noise that a Kalman filter does not handle.
 pub(super) fn check_objective(
     root: TomlTable<'_>,
     options: &Options,

@@ -1,4 +1,4 @@
-//! What a problem file says of the fit itself: stability and options.
+//! Reads stability conditions and options of the fit.
 
 use super::Read;
 use super::fields::{at, place, positive, tolerance, whole, word};
@@ -26,10 +26,10 @@ pub(super) fn stability(root: TomlTable<'_>) -> Read<Stability> {
     })
 }
 
-/// Most iterations of a start.
+/// Maximum number of iterations of a start.
 const MOST: usize = 100_000;
 
-/// Most starts of a fit: each is held until the best is known.
+/// Maximum number of starts of a fit. All are kept in memory until the best is known.
 const MOST_STARTS: usize = 1000;
 
 pub(super) fn options(root: TomlTable<'_>) -> Read<Options> {

@@ -1,4 +1,4 @@
-//! What a problem file says of parameters and initial states.
+//! Reads parameters and initial states.
 
 use super::fields::{at, finite, per, positive, range, unit, word};
 use super::{Entry, Read, Reader};
@@ -18,7 +18,7 @@ impl Reader<'_> {
             .collect()
     }
 
-    /// What follows from parameters: names and expressions.
+    /// Derived quantities: names and expressions of parameters.
     pub(super) fn derived(&self, root: TomlTable<'_>) -> Read<Vec<(Said<String>, Formula)>> {
         let mut all = Vec::new();
         let Some(table) = root.table("derived")? else {
@@ -104,7 +104,7 @@ impl Reader<'_> {
     }
 }
 
-/// What of a sought parameter contradicts itself.
+/// Rejects contradictory settings of a sought parameter.
 fn check_sought(own: TomlTable<'_>, sought: &Sought) -> Read<()> {
     if sought.value.is_some() {
         for field in [

@@ -1,4 +1,4 @@
-//! What a problem file says of runs, and of constraints along them.
+//! Reads runs and constraints.
 
 use super::fields::{at, finite, place, place_of, positive, range, word};
 use super::{Read, Reader};

@@ -1,4 +1,4 @@
-//! What a problem file says of signals: columns that drive the system, and what was measured.
+//! Reads signals: columns that drive the system, and measured signals.
 
 use super::fields::{at, column, per, place, place_of, positive, unit, word};
 use super::{Read, Reader};
@@ -140,14 +140,14 @@ impl Reader<'_> {
     }
 }
 
-/// The noise of a measured signal, with the number that belongs to it.
+/// The noise of a measured signal, with its degrees of freedom or threshold.
 fn noise(table: TomlTable<'_>) -> Read<Noise> {
     const WORDS: [(&str, Noise); 5] = [
         ("normal", Noise::Normal),
         ("log-normal", Noise::LogNormal),
         ("laplace", Noise::Laplace),
         ("student", Noise::Student(4.0)),
-        // The mean of normal noise then has 95 % of the efficiency of least squares.
+        // With normal noise, the mean then has 95 % of the efficiency of least squares.
         ("huber", Noise::Huber(1.345)),
     ];
     let noise = word(table, "noise", &WORDS, Noise::Normal)?;

@@ -1,4 +1,4 @@
-//! How sure what follows from the parameters is: derived quantities, the figures of the loop, initial states.
+//! Uncertainty of quantities that follow from the parameters: derived quantities, figures of the loop, initial states.
 
 use super::{Coordinate, Sure, open_interval};
 use crate::result::Found;
@@ -6,11 +6,11 @@ use crate::result::loops::Looped;
 use nalgebra::{DMatrix, DVector};
 use pilotage_inference::Interval;
 
-/// Step of differences, per scale of a parameter.
+/// Step of finite differences, relative to the scale of a parameter.
 const STEP: f64 = 1e-5;
 
 impl Sure<'_> {
-    /// Of what the file derives, and of the figures of the loop behind that.
+    /// Intervals of the derived quantities of the file, followed by those of the loop's figures.
     pub(super) fn derived(
         &self,
         found: &[Found],
@@ -32,8 +32,8 @@ impl Sure<'_> {
         all
     }
 
-    /// Derivatives of the figures of the loop by the shared parameters and the first run's own unknowns, by central
-    /// differences.
+    /// Derivatives of the loop's figures with respect to the shared parameters and the first run's own unknowns, by
+    /// central differences.
     fn slopes(&self, looped: &Looped<'_>) -> DMatrix<f64> {
         let posed = self.posed;
         let free = &self.sensitivities.runs[0].free;
@@ -62,7 +62,7 @@ impl Sure<'_> {
         slopes
     }
 
-    /// Of the initial states of the runs.
+    /// Intervals of the initial states of the runs.
     pub(super) fn initial(&self) -> Vec<Vec<Option<Interval>>> {
         let runs = || self.sensitivities.runs.iter().enumerate();
         let states = 0..self.posed.joint.model.states.len();

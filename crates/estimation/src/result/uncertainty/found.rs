@@ -1,15 +1,15 @@
-//! How sure a fit is, as it is told.
+//! Uncertainty of a fit, as reported.
 
 use nalgebra::DMatrix;
 use pilotage_inference::{Covariance, Interval, Method, Obstacle};
 
-/// Why a fit does not say how sure it is.
+/// Why the uncertainty of a fit is not available.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Unsure {
     /// It did not converge.
     #[error("the fit did not converge")]
     NotConverged,
-    /// Derivatives are not known: too many unknowns, or singular equations.
+    /// Derivatives are not available: too many unknowns, or singular equations.
     #[error(
         "the derivatives are not known: a run has more than 126 unknowns, or its linearised equations are singular"
     )]
@@ -19,39 +19,39 @@ pub enum Unsure {
     Obstacle(#[from] Obstacle),
 }
 
-/// How sure a fit is.
+/// Uncertainty of a fit.
 #[derive(Debug, Clone)]
 pub struct Uncertainty {
-    /// How the covariance was computed.
+    /// Method by which the covariance was computed.
     pub method: Method,
-    /// Whose correlations these are: where runs are few, of another method.
+    /// Method of the correlations, which differs if there are few runs.
     pub correlated_by: Method,
-    /// For each of [`Fit::parameters`](crate::Fit::parameters) the intervals of its values.
+    /// For each of [`Fit::parameters`](crate::Fit::parameters), the intervals of its values.
     pub intervals: Vec<Vec<Interval>>,
-    /// For each of [`Fit::derived`](crate::Fit::derived) the same.
+    /// For each of [`Fit::derived`](crate::Fit::derived), the same.
     pub derived: Vec<Vec<Interval>>,
-    /// For each state of [`Fit::initial`](crate::Fit::initial) the interval of its initial value in each run; none in runs
-    /// where it is known.
+    /// For each state of [`Fit::initial`](crate::Fit::initial), the interval of its initial value in each run. None in
+    /// runs where it is known.
     pub initial: Vec<Vec<Option<Interval>>>,
-    /// The shared parameters, with their subjects, as the search sees them: `ln name` where it goes along the logarithm.
+    /// The shared parameters, with their subjects, in the coordinates of the search: `ln name` for a logarithmic scale.
     pub names: Vec<String>,
     /// Correlations of these.
     pub correlations: DMatrix<f64>,
     /// Covariance of these.
     pub covariance: Covariance,
-    /// Their Cramér–Rao bounds `2√(H⁻¹)ᵢᵢ`, relative to their values \[%\]; of a logarithm as it is.
+    /// Their Cramér–Rao bounds `2√(H⁻¹)ᵢᵢ`, relative to their values \[%\]; absolute for a logarithm.
     pub cramer_rao: Vec<f64>,
     /// Their insensitivities `√(1/Hᵢᵢ)`, likewise \[%\].
     pub insensitivity: Vec<f64>,
-    /// What one must know of it, in words: what the data leave open, where an error of the mesh is larger than a standard
-    /// deviation, what intervals do not mean.
+    /// Notes, in words: what the data leave undetermined, where the error of the mesh exceeds a standard deviation,
+    /// what the intervals do not account for.
     pub notes: Vec<String>,
-    /// What a simulation instead of the mesh would change in them, in their units; none where there is none.
+    /// Change of these parameters if a simulation replaced the mesh, in their units. None without a simulation.
     pub mesh_errors: Option<Vec<f64>>,
-    /// Priors are part of it: intervals are penalised.
+    /// Priors are included: intervals are penalised.
     pub is_penalised: bool,
-    /// Standard deviation of the residuals, per what was said of the noise.
+    /// Standard deviation of the residuals, relative to the stated noise.
     pub noise: f64,
-    /// Whether the samples of each signal are evenly apart, by the same distance in all runs.
+    /// Whether the samples of each signal are evenly spaced, with the same step in all runs.
     pub is_even: bool,
 }

@@ -1,4 +1,4 @@
-//! A solution, linearised: each measured value as a row of a least-squares problem.
+//! Linearisation of a solution: each measured value is a row of a least-squares problem.
 
 use crate::posed::Posed;
 use crate::search::solved::Linearised;
@@ -8,14 +8,14 @@ use pilotage_inference::{Data, Noise, Row, Run};
 use pilotage_sqp::Iterate;
 use std::ops::Range;
 
-/// The terms of a measured signal among those of the objective: its residual, and its noise level where that is sought.
+/// The terms of a measured signal in the objective: its residual, and its noise level if that is sought.
 #[derive(Debug, Clone, Copy)]
 struct Terms {
     residual: usize,
     level: Option<usize>,
 }
 
-/// The least-squares problem of a solution. None where its derivatives are not known: see [`Sensitivities::new`].
+/// The least-squares problem of a solution. None if its derivatives are not available: see [`Sensitivities::new`].
 pub(crate) fn linearised(
     posed: &Posed<'_>,
     problem: &Collocation,
@@ -61,7 +61,7 @@ pub(crate) fn linearised(
     })
 }
 
-/// For each run, the residuals of the measured signals at other variables of a problem of the same runs.
+/// For each run, the residuals of the measured signals at other variables of a problem with the same runs.
 pub(super) fn residuals(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Vec<DVector<f64>> {
     let terms = terms(posed);
     let outputs = outputs(posed, problem, z);
@@ -89,18 +89,18 @@ pub(super) fn residuals(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> 
 }
 
 impl Terms {
-    /// The first term behind.
+    /// The index after the last term.
     fn end(&self) -> usize {
         self.level.unwrap_or(self.residual) + 1
     }
 }
 
-/// Which signal of the [`Run`]s of a least-squares problem has the residuals of a measured signal.
+/// Index of the signal of a least-squares problem's [`Run`]s that holds the residuals of a measured signal.
 pub(crate) fn signal_of(posed: &Posed<'_>, measured: usize) -> Option<usize> {
     terms(posed).get(measured).map(|own| own.residual)
 }
 
-/// The terms of each measured signal: a noise level follows its residual, and what is known beforehand comes last.
+/// The terms of each measured signal. A noise level follows its residual, and priors come last.
 fn terms(posed: &Posed<'_>) -> Vec<Terms> {
     let Some(run) = posed.runs.first() else {
         return Vec::new();
@@ -122,7 +122,7 @@ fn terms(posed: &Posed<'_>) -> Vec<Terms> {
     signals.collect()
 }
 
-/// The samples at which a term has a value, and what it says there.
+/// The samples at which a term has a value, and its row there.
 fn values<'a>(
     own: &'a Recording,
     outputs: &'a [f64],
@@ -144,7 +144,7 @@ fn outputs(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Vec<Vec<Vec<f
     runs.map(|j| problem.outputs_at_samples(z, j)).collect()
 }
 
-/// The noise of each term, by the residuals of all runs.
+/// The noise of each term, given the residuals of all runs.
 fn noises(posed: &Posed<'_>, outputs: &[Vec<Vec<f64>>]) -> Vec<Noise> {
     let terms = posed.runs.first().map_or(0, |run| run.measured.len());
     let noise = |term: usize| {
@@ -172,7 +172,7 @@ struct Place<'a> {
     sensitivity: &'a Sensitivity,
 }
 
-/// Derivatives over `[θ; own unknowns]`, and residuals.
+/// Derivatives with respect to `[θ; own unknowns]`, and residuals.
 #[derive(Default)]
 struct Rows {
     derivatives: Vec<RowDVector<f64>>,
@@ -194,14 +194,14 @@ impl Place<'_> {
         self.sensitivity.outputs[term].row(sample).into_owned()
     }
 
-    /// Adds the rows of a signal: those of its location, and those of its level where that is sought.
+    /// Adds the rows of a signal: those of its location, and those of its level if that is sought.
     fn add(&self, terms: Terms, rows: &mut Rows) -> Vec<Range<usize>> {
         let values = self.values(terms.residual);
         let first = rows.residuals.len();
         for (sample, row) in &values {
             let mut gradient = self.gradient(terms.residual, *sample);
             if let Some(level) = terms.level {
-                // Of (h - y)/sd, the part by sd is not that of the location.
+                // The part of the derivative of (h - y)/sd that comes from sd does not belong to the location.
                 let z = self.outputs[terms.residual][*sample];
                 gradient += 0.5 * z * self.gradient(level, *sample);
             }
@@ -223,7 +223,7 @@ impl Place<'_> {
         std::iter::once(first..middle).chain(levels).collect()
     }
 
-    /// Adds what is known of the run's own unknowns beforehand; of shared parameters it goes elsewhere.
+    /// Adds the priors on the run's own unknowns. Those on shared parameters go to `others`.
     fn add_priors(
         &self,
         terms: Range<usize>,

@@ -1,8 +1,8 @@
-//! How sure a fit is: standard deviations, intervals, correlations, and what the data leave open.
+//! Uncertainty of a fit: standard deviations, intervals, correlations, and what the data leave undetermined.
 //!
-//! Everything is linearised at the solution, in the coordinates of the search: of a parameter with `scale = "log"` the
-//! interval is that of the logarithm. What a run alone tells (its own parameters) has the noise modelled, whatever the
-//! method is ([`pilotage_inference::Inference::joint`]).
+//! Everything is linearised at the solution, in the coordinates of the search: for a parameter with `scale = "log"` the
+//! interval is that of the logarithm. A run's own parameters, which only that run determines, use the modelled noise
+//! for every method ([`pilotage_inference::Inference::joint`]).
 
 mod derived;
 pub(crate) mod found;
@@ -26,12 +26,12 @@ use pilotage_inference::{Covariance, Data, Inference, Interval, Joint, Method, R
 
 use std::cell::OnceCell;
 
-/// Entries of a constraint's gradient beside one that count as zero.
+/// Other entries of a constraint's gradient count as zero below this fraction of one entry.
 const ALONE: f64 = 1e-9;
-/// Distance from the end of a range, per size, within which a parameter lies on it.
+/// Relative distance from a bound within which a parameter lies on it.
 const NEAR: f64 = 1e-4;
 
-/// How sure a solution is by a method, where it is named; `simulated` is the same point, simulated.
+/// Uncertainty of a solution, by a given method if any. `simulated` is the same point, simulated.
 pub(crate) fn uncertainty(
     posed: &Posed<'_>,
     (solved, fit, linear): (&Solved, &Fit, &Linearised),
@@ -107,7 +107,7 @@ pub(crate) fn uncertainty(
     Ok(found)
 }
 
-/// A shared parameter that a constraint holds alone has no variance, rounding errors neither.
+/// A shared parameter that is fixed by a constraint on it alone has no variance, not even rounding errors.
 fn hold(covariance: &mut DMatrix<f64>, active: &DMatrix<f64>) {
     for k in 0..covariance.ncols() {
         if active.row_iter().any(|row| is_alone(row.iter(), k)) {
@@ -117,8 +117,8 @@ fn hold(covariance: &mut DMatrix<f64>, active: &DMatrix<f64>) {
     }
 }
 
-/// The method that the problem asks for. Innovations are white where the model is right, so that nothing but the runs'
-/// own scatter speaks against the plain covariance.
+/// The method requested by the problem. If the model is correct, innovations are white, and only the scatter between
+/// runs can contradict the plain covariance.
 pub(crate) fn method(posed: &Posed<'_>) -> Option<Method> {
     const ENOUGH: usize = 4;
     let is_white = posed.filter.is_some() && posed.runs.len() < ENOUGH;
@@ -126,7 +126,7 @@ pub(crate) fn method(posed: &Posed<'_>) -> Option<Method> {
     asked.or(is_white.then_some(Method::Plain))
 }
 
-/// The shared parameters as the search sees them.
+/// Names of the shared parameters in the coordinates of the search.
 pub(crate) fn names(posed: &Posed<'_>) -> Vec<String> {
     let mut names = vec![String::new(); posed.shared];
     for (unknown, stands) in &posed.unknowns {
@@ -147,7 +147,7 @@ pub(crate) fn names(posed: &Posed<'_>) -> Vec<String> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Coordinate {
     Shared(usize),
-    /// Run, and place among its own unknowns.
+    /// Run, and index among its own unknowns.
     Own(usize, usize),
 }
 
@@ -158,10 +158,10 @@ struct Sure<'a> {
     data: &'a Data,
     inference: &'a Inference<'a>,
     covariance: &'a Covariance,
-    /// For each run, of shared parameters and its own unknowns.
+    /// For each run, the joint covariance of shared parameters and its own unknowns.
     joint: Vec<OnceCell<Joint>>,
     theta: Vec<f64>,
-    /// Where the states of each run begin.
+    /// Initial states of each run.
     states: Vec<Vec<f64>>,
 }
 
@@ -182,7 +182,7 @@ impl Sure<'_> {
         all
     }
 
-    /// Of an expression of parameters, for each of its values.
+    /// Intervals of an expression of parameters, for each of its values.
     fn of_expression(&self, found: &Found, node: Node) -> Vec<Interval> {
         let of_run = |(j, (_, value)): (usize, &(Option<String>, f64))| {
             open_interval(*value, self.deviation_of(node, j))
@@ -221,7 +221,7 @@ impl Sure<'_> {
         ];
         let bound = self.inward(at).map(|inward| {
             let end = &mut range[usize::from(inward < 0.0)];
-            // Where no range holds it, a constraint does.
+            // Held by a constraint if not by its range.
             if (*end - value).abs() > NEAR * (1.0 + value.abs()) {
                 *end = value;
             }
@@ -250,7 +250,7 @@ impl Sure<'_> {
         deviation(self.inference, self.covariance, at, |j| self.joint(j))
     }
 
-    /// Where an active constraint is on this coordinate alone, the sign of the changes that it allows.
+    /// The sign of the changes allowed by an active constraint on this coordinate alone, if there is one.
     fn inward(&self, at: Coordinate) -> Option<f64> {
         let (rows, place) = match at {
             Coordinate::Shared(k) => (&self.data.active, k),
@@ -260,7 +260,7 @@ impl Sure<'_> {
         alone.next().map(|row| row[place].signum())
     }
 
-    /// The standard deviation where the constraints on this coordinate alone are let go, the others kept.
+    /// The standard deviation if the constraints on this coordinate alone are released and the others kept.
     fn released(&self, at: Coordinate) -> (f64, f64) {
         let mut data = self.data.clone();
         match at {
@@ -281,7 +281,7 @@ impl Sure<'_> {
         }
     }
 
-    /// Of an expression of parameters at the begin of a run (delta method).
+    /// For an expression of parameters at the start of a run (delta method).
     fn deviation_of(&self, node: Node, j: usize) -> (f64, f64) {
         let (posed, system) = (self.posed, &self.posed.model.system);
         let mut graph = system.graph.clone();
@@ -297,7 +297,7 @@ impl Sure<'_> {
         self.along(&DVector::from_fn(places.len(), |k, _| slope(k)), j)
     }
 
-    /// Of what has this gradient over the shared parameters and the own unknowns of a run (delta method).
+    /// For a quantity with this gradient with respect to the shared parameters and a run's own unknowns (delta method).
     fn along(&self, gradient: &DVector<f64>, j: usize) -> (f64, f64) {
         let posed = self.posed;
         let (shared, own) = (
@@ -351,7 +351,7 @@ fn deviation<J: std::borrow::Borrow<Joint>>(
     }
 }
 
-/// Whether of a gradient this entry alone is not zero.
+/// Whether this entry is the only nonzero one of a gradient.
 fn is_alone<'r>(row: impl Iterator<Item = &'r f64> + Clone, place: usize) -> bool {
     let own = row.clone().nth(place).map_or(0.0, |own| own.abs());
     let others = row.enumerate().filter(|(k, _)| *k != place);

@@ -1,4 +1,4 @@
-//! What the data leave open, in the parameters' own words.
+//! Describes in words what the data leave undetermined.
 
 use super::Uncertainty;
 use crate::posed::{Posed, Stands};
@@ -8,7 +8,7 @@ use pilotage_collocation::Sensitivities;
 use pilotage_inference::{Direction, Method};
 use pilotage_text::counted;
 
-/// A direction in which the data do not change, over parameters with these names.
+/// A direction along which the data do not change, over parameters with these names.
 pub(crate) fn direction(direction: &Direction, names: &[String]) -> String {
     let parts: Vec<(&String, f64)> = (names.iter().zip(direction.0.iter().copied()))
         .filter(|(_, part)| *part != 0.0)
@@ -16,7 +16,7 @@ pub(crate) fn direction(direction: &Direction, names: &[String]) -> String {
     if let [(name, _)] = parts[..] {
         return format!("`{name}` has no effect on what is measured");
     }
-    // That which moves by one stands first.
+    // The parameter with component one comes first.
     let lead = parts.iter().position(|(_, part)| *part == 1.0).unwrap_or(0);
     let others = parts.iter().enumerate().filter(|(k, _)| *k != lead);
     let mut sum = parts[lead].0.clone();
@@ -33,7 +33,7 @@ pub(crate) fn direction(direction: &Direction, names: &[String]) -> String {
     )
 }
 
-/// Which constraints are held, beside ranges of parameters.
+/// Active constraints other than ranges of parameters.
 pub(super) fn held(posed: &Posed<'_>, at: &Sensitivities) -> Vec<String> {
     let names = &posed.names;
     let is_range = |k: &usize| names.parameters[*k].starts_with("the range of");
@@ -65,8 +65,8 @@ pub(super) fn held(posed: &Posed<'_>, at: &Sensitivities) -> Vec<String> {
     }
 }
 
-/// Signals with Huber's noise of which more than half lies beyond the threshold: the few values within, of which those are
-/// most that the parameters can meet, then say how fast the score falls.
+/// Signals with Huber noise of which more than half lies beyond the threshold. The few values within, mostly those that
+/// the parameters can match, then determine how fast the score falls.
 pub(super) fn beyond(posed: &Posed<'_>, fit: &Fit) -> Vec<String> {
     let mut notes = Vec::new();
     for (k, measured) in posed.file.measured.iter().enumerate() {
@@ -91,7 +91,7 @@ pub(super) fn beyond(posed: &Posed<'_>, fit: &Fit) -> Vec<String> {
     notes
 }
 
-/// What is to be said of intervals beside what the data leave open.
+/// Notes on the intervals other than what the data leave undetermined.
 pub(super) fn notes(own: &Uncertainty, fit: &Fit) -> Vec<String> {
     let mut notes = Vec::new();
     if fit.chi2 <= fit.resolution {
@@ -122,7 +122,7 @@ pub(super) fn notes(own: &Uncertainty, fit: &Fit) -> Vec<String> {
     }
     if own.is_penalised {
         notes.push("priors are part of the fit: intervals are penalised".to_owned());
-        // Of `own.noise` residuals are as large as stated; a sought level has 1.
+        // Residuals are `own.noise` times as large as stated; for a sought level this is 1.
         let squared = own.noise * own.noise;
         if fit.chi2 > fit.resolution && !(0.25..=4.0).contains(&squared) {
             notes.push(format!(
@@ -136,7 +136,7 @@ pub(super) fn notes(own: &Uncertainty, fit: &Fit) -> Vec<String> {
     notes
 }
 
-/// What samples that are not evenly apart mean for a method.
+/// Note on unevenly spaced samples for a method.
 fn uneven(method: Method) -> Option<&'static str> {
     match method {
         Method::Ar => Some(
@@ -150,7 +150,7 @@ fn uneven(method: Method) -> Option<&'static str> {
     }
 }
 
-/// Three digits.
+/// Rounded to three significant digits.
 fn rounded(value: f64) -> String {
     let digits = 2 - value.log10().floor() as i32;
     match (0..=6).contains(&digits) {

@@ -1,4 +1,4 @@
-//! buildDescription.xml, judged (FMI 3.0, section 2.5; FMI 2.0.4, section 2.3, takes it over).
+//! Checks of buildDescription.xml (FMI 3.0, section 2.5; adopted by FMI 2.0.4, section 2.3).
 
 use super::element::Element;
 use super::terminals::judged;
@@ -6,7 +6,7 @@ use super::*;
 use crate::description::Finding;
 use std::collections::BTreeSet;
 
-/// All that is wrong with a buildDescription.xml. `document` is `text`, parsed.
+/// All findings about a buildDescription.xml. `document` is the parsed `text`.
 pub fn build(
     text: &str,
     document: &roxmltree::Document,

@@ -1,5 +1,5 @@
-//! One XML element as the reader sees it: attributes are taken one by one, and what is left over or
-//! does not parse becomes a finding.
+//! An XML element as seen by the reader: attributes are taken one by one, and those left over or not parsed become
+//! findings.
 
 use super::lexical::{
     BOOLEAN, integer_name, is_space, parse_boolean, parse_integer, parse_real, real_name, words,
@@ -9,10 +9,10 @@ use crate::description::{Finding, FmiVersion, IntegerType, Place, Precision, Rul
 use roxmltree::Node;
 use std::cell::RefCell;
 
-/// What reading gathers besides the values.
+/// Data collected during reading besides the values.
 pub(super) struct Context<'t> {
     pub(super) version: FmiVersion,
-    /// Namespace of the root, and so of all that belongs to the standard; there should be none.
+    /// Namespace of the root, and so of all elements of the standard; there should be none.
     pub(super) namespace: Option<String>,
     pub(super) lines: LineIndex<'t>,
     pub(super) findings: RefCell<Vec<Finding>>,
@@ -46,7 +46,7 @@ pub(super) struct Element<'c, 't> {
 }
 
 impl<'c, 't> Element<'c, 't> {
-    /// Name of the element; empty, which nothing expects, if its namespace is not the root's.
+    /// Name of the element; empty, which matches no expected name, if its namespace is not the root's.
     pub(super) fn name(&self) -> &'t str {
         let tag = self.node.tag_name();
         if tag.namespace() == self.context.namespace.as_deref() {
@@ -61,12 +61,12 @@ impl<'c, 't> Element<'c, 't> {
         self.context.version
     }
 
-    /// Where its start tag begins.
+    /// Start of its start tag.
     pub(super) fn place(&self) -> Place {
         self.context.lines.place(self.node.range().start)
     }
 
-    /// Notes a broken rule at this element.
+    /// Records the violation of a rule at this element.
     pub(super) fn report(&self, rule: Rule) {
         self.report_at(self.place(), rule);
     }
@@ -97,13 +97,13 @@ impl<'c, 't> Element<'c, 't> {
             .map(|node| context.element(node))
     }
 
-    /// Child elements of that name; others are reported.
+    /// Child elements with that name; others are reported.
     pub(super) fn children_named(&self, name: &'static str) -> Vec<Element<'c, 't>> {
         self.children_in_order(&[&[name]])
     }
 
-    /// Child elements of these names. Those of one group may stand in any order, each group after the
-    /// one before; elements that stand elsewhere and those of other names are reported.
+    /// Child elements with these names. Elements of one group may come in any order, the groups in the given order;
+    /// elements out of order and those with other names are reported.
     pub(super) fn children_in_order(&self, groups: &[&[&'static str]]) -> Vec<Element<'c, 't>> {
         self.no_text();
         let mut last = (0, "");
@@ -126,7 +126,7 @@ impl<'c, 't> Element<'c, 't> {
         children
     }
 
-    /// Reports a second element of a name where the schema has one at most; returns the first of each.
+    /// Reports a second element of a name, as the schema allows at most one; returns the first of each.
     pub(super) fn first_of_each(children: Vec<Self>) -> Vec<Self> {
         let mut seen: Vec<&str> = Vec::new();
         let mut first = Vec::new();
@@ -141,7 +141,7 @@ impl<'c, 't> Element<'c, 't> {
         first
     }
 
-    /// Reports that this element does not belong here.
+    /// Reports that this element is not allowed here.
     pub(super) fn unexpected(&self) {
         let parent = self.node.parent_element();
         self.report(Rule::UnexpectedElement {
@@ -150,7 +150,7 @@ impl<'c, 't> Element<'c, 't> {
         });
     }
 
-    /// Reports text between the tags, which none of the standard's elements has.
+    /// Reports text between the tags, which no element of the standard has.
     pub(super) fn no_text(&self) {
         let text = self.node.children().filter(Node::is_text);
         let words = text.filter_map(|node| words(node.text().unwrap_or_default()).next());
@@ -162,17 +162,17 @@ impl<'c, 't> Element<'c, 't> {
         }
     }
 
-    /// The attribute as it stands.
+    /// The attribute as written.
     pub(super) fn text(&self, name: &'static str) -> Option<String> {
         self.take(name).map(str::to_owned)
     }
 
-    /// An attribute that must be there; empty if it is not.
+    /// A required attribute; empty if missing.
     pub(super) fn required_text(&self, name: &'static str) -> String {
         self.required(name, self.text(name)).unwrap_or_default()
     }
 
-    /// Reports `name` as missing if there is no value *and* no such attribute.
+    /// Reports `name` as missing if there is neither a value nor such an attribute.
     pub(super) fn required<T>(&self, name: &'static str, value: Option<T>) -> Option<T> {
         if value.is_none() && !self.node.has_attribute(name) {
             self.report(Rule::MissingAttribute {
@@ -183,7 +183,7 @@ impl<'c, 't> Element<'c, 't> {
         value
     }
 
-    /// An attribute that `parse` understands.
+    /// An attribute parsed by `parse`.
     pub(super) fn parsed<T>(
         &self,
         name: &'static str,
@@ -208,7 +208,7 @@ impl<'c, 't> Element<'c, 't> {
         value
     }
 
-    /// A list whose items `parse` understands.
+    /// A list whose items are parsed by `parse`.
     pub(super) fn list<T>(
         &self,
         name: &'static str,
@@ -266,7 +266,7 @@ impl<'c, 't> Element<'c, 't> {
         self.boolean(name).unwrap_or(false)
     }
 
-    /// The XML between the tags, as it stands.
+    /// The XML between the tags, unchanged.
     pub(super) fn inner_xml(&self) -> &'t str {
         match (self.node.first_child(), self.node.last_child()) {
             (Some(first), Some(last)) => {
@@ -276,8 +276,8 @@ impl<'c, 't> Element<'c, 't> {
         }
     }
 
-    /// Reports the attributes that nobody took. Those of `xsi` belong to XML Schema; they say where a
-    /// schema is, or that the element is not what its name says.
+    /// Reports the attributes that were not taken. Those of `xsi` belong to XML Schema; they refer to a schema, or
+    /// declare a type that differs from the element's name.
     pub(super) fn finish(&self) {
         const XSI: &str = "http://www.w3.org/2001/XMLSchema-instance";
         let taken = self.taken.borrow();
@@ -298,8 +298,8 @@ impl<'c, 't> Element<'c, 't> {
         }
     }
 
-    /// [`finish`](Self::finish) for an element of which the schema lets any attribute pass. It is there
-    /// for those of other standards, in a namespace; others are likely to be misspelled.
+    /// [`finish`](Self::finish) for an element on which the schema allows any attribute. This is meant for attributes
+    /// of other standards, in a namespace; others are probably misspelled.
     pub(super) fn finish_open(&self) {
         let taken = self.taken.borrow();
         let plain = self.node.attributes().filter(|a| a.namespace().is_none());
@@ -312,7 +312,7 @@ impl<'c, 't> Element<'c, 't> {
         }
     }
 
-    /// Whether the attribute is there.
+    /// Whether the attribute exists.
     pub(super) fn has(&self, name: &str) -> bool {
         self.node.has_attribute(name)
     }

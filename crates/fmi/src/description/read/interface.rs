@@ -51,7 +51,7 @@ pub(super) fn scheduled_execution(e: &Element) -> ScheduledExecution {
     value
 }
 
-/// The schema of FMI 3.0 lets other standards add attributes here.
+/// The schema of FMI 3.0 allows attributes of other standards here.
 fn finish(e: &Element) {
     match e.version() {
         FmiVersion::V2 => e.finish(),

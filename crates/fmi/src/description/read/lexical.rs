@@ -1,4 +1,4 @@
-//! How values are spelled in XML (XML Schema, part 2), stricter than Rust's own parsers.
+//! Lexical forms of values in XML (XML Schema, part 2), stricter than Rust's own parsers.
 
 use super::{IntegerType, Precision};
 
@@ -7,12 +7,12 @@ pub(super) fn is_space(c: char) -> bool {
     matches!(c, ' ' | '\t' | '\r' | '\n')
 }
 
-/// Items of a list of XML Schema.
+/// Items of an XML Schema list.
 pub(super) fn words(text: &str) -> impl Iterator<Item = &str> {
     text.split(is_space).filter(|word| !word.is_empty())
 }
 
-/// What an `xs:boolean` looks like.
+/// Description of an `xs:boolean`.
 pub(super) const BOOLEAN: &str = "true or false";
 
 /// Parses an `xs:boolean`.
@@ -24,7 +24,7 @@ pub(super) fn parse_boolean(text: &str) -> Option<bool> {
     }
 }
 
-/// What a number of that type looks like.
+/// Description of a number of that type.
 pub(super) fn real_name(precision: Precision) -> &'static str {
     match precision {
         Precision::Double => "a number (xs:double)",
@@ -32,8 +32,8 @@ pub(super) fn real_name(precision: Precision) -> &'static str {
     }
 }
 
-/// Parses an `xs:double` or `xs:float`: `INF`, `-INF`, `NaN` or a decimal. Rust's own parser would
-/// also accept `inf` and `nan`, and takes what the type cannot hold for infinite.
+/// Parses an `xs:double` or `xs:float`: `INF`, `-INF`, `NaN` or a decimal. Rust's own parser would also accept `inf`
+/// and `nan`, and returns infinity for numbers out of range.
 pub(super) fn parse_real(text: &str, precision: Precision) -> Option<f64> {
     match text {
         "INF" => return Some(f64::INFINITY),
@@ -52,7 +52,7 @@ pub(super) fn parse_real(text: &str, precision: Precision) -> Option<f64> {
     value.filter(|value| value.is_finite())
 }
 
-/// What an integer of that type looks like.
+/// Description of an integer of that type.
 pub(super) fn integer_name(integer: IntegerType) -> String {
     let bits = (integer.range().end() - integer.range().start()).ilog2() + 1;
     match (*integer.range().start(), bits) {

@@ -1,20 +1,20 @@
-//! Limits that keep the time of parsing in proportion to the size of the text.
+//! Limits that keep the parsing time proportional to the size of the text.
 //!
-//! The parser compares each attribute of an element with those before it, and each namespace in scope
-//! with the others; with limits on both that costs no more than a constant for each byte.
+//! The parser compares each attribute of an element with those before it, and each namespace in scope with the others;
+//! with limits on both the cost per byte is bounded.
 
 use super::ReadError;
 
-/// Deepest nesting of elements. Descriptions have five levels and what annotations add.
+/// Maximum nesting depth of elements. Descriptions have five levels plus those of annotations.
 const MAX_DEPTH: usize = 1000;
 
-/// Most attributes of one element, namespace declarations included. Descriptions have at most 20.
+/// Maximum number of attributes of an element, including namespace declarations. Descriptions have at most 20.
 const MAX_ATTRIBUTES: usize = 256;
 
-/// Most namespaces declared by an element and those around it.
+/// Maximum number of namespaces declared by an element and its ancestors.
 const MAX_NAMESPACES: usize = 100;
 
-/// Checks the limits. Text that is not well-formed may pass: that is the parser's to say.
+/// Checks the limits. Text that is not well-formed may pass: the parser rejects it.
 pub(in crate::description) fn check(text: &str) -> Result<(), ReadError> {
     let mut at = 0;
     // Namespaces declared by each open element.
@@ -60,7 +60,7 @@ pub(in crate::description) fn check(text: &str) -> Result<(), ReadError> {
     Ok(())
 }
 
-/// Where a comment, CDATA section, declaration or processing instruction ends that begins the text.
+/// End of the comment, CDATA section, declaration or processing instruction that starts the text, if any.
 fn markup_end(text: &str) -> Option<usize> {
     for (start, end) in [
         ("<!--", "-->"),
@@ -80,7 +80,7 @@ fn find(text: &str, from: usize, wanted: &str) -> Option<usize> {
     text[from..].find(wanted).map(|position| from + position)
 }
 
-/// What is counted in a tag.
+/// Counts of a tag.
 struct Tag {
     /// Bytes from `<` to `>`, or to the end of the text.
     length: usize,

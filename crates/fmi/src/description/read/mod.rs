@@ -1,7 +1,7 @@
 //! Reads a modelDescription.xml.
 //!
-//! Reading gathers findings instead of stopping at the first; [`Reading::into_usable`] is for those who
-//! want to run the FMU and not to judge the file.
+//! Reading collects findings instead of stopping at the first; use [`Reading::into_usable`] to run the FMU rather than
+//! check the file.
 
 mod build;
 mod element;
@@ -27,7 +27,7 @@ use std::collections::BTreeSet;
 /// Reads the bytes of a modelDescription.xml.
 ///
 /// # Errors
-/// If it is no XML, or of another version than FMI 2.0 or 3.0. All else is in [`Reading::findings`].
+/// If it is not XML, or not FMI 2.0 or 3.0. All other problems are in [`Reading::findings`].
 pub fn read(bytes: &[u8]) -> Result<Reading, ReadError> {
     let (text, foreign_encoding) = decode(bytes)?;
     limits::check(&text)?;
@@ -63,8 +63,8 @@ pub fn read(bytes: &[u8]) -> Result<Reading, ReadError> {
     })
 }
 
-/// The version of the standard, and whether `fmiVersion` is written as it should be. Without the
-/// attribute, which is reported later, the token's name tells.
+/// The version of the standard, and whether `fmiVersion` is written correctly. If the attribute is missing, which is
+/// reported later, the name of the token determines the version.
 fn version(root: roxmltree::Node) -> Result<(FmiVersion, bool), ReadError> {
     let Some(text) = root.attribute("fmiVersion") else {
         let version = match root.has_attribute("instantiationToken") {
@@ -88,7 +88,7 @@ fn version(root: roxmltree::Node) -> Result<(FmiVersion, bool), ReadError> {
     }
 }
 
-/// Whether a text is `3.N`, `3.N.N` or one of them with `-anything`, numbers without leading zeros.
+/// Whether a text is `3.N`, `3.N.N` or one of these with `-anything`, with numbers without leading zeros.
 fn is_release_of_3(text: &str) -> bool {
     let (numbers, suffix) = match text.split_once('-') {
         Some((numbers, suffix)) => (numbers, Some(suffix)),
@@ -109,7 +109,7 @@ fn is_release_of_3(text: &str) -> bool {
 fn root_children(version: FmiVersion) -> &'static [&'static [&'static str]] {
     match version {
         FmiVersion::V2 => &[
-            // The schema lets these two stand in either order.
+            // The schema allows either order of these two.
             &["ModelExchange", "CoSimulation"],
             &["UnitDefinitions"],
             &["TypeDefinitions"],
@@ -290,7 +290,7 @@ fn read_list<T>(
     elements.iter().map(read_one).collect()
 }
 
-/// Annotations; their content is not ours to judge.
+/// Reads annotations; their content is not checked.
 fn read_annotations(list: &Element) -> Vec<Tool> {
     let (item, name) = match list.version() {
         FmiVersion::V2 => ("Tool", "name"),
@@ -303,7 +303,7 @@ fn read_annotations(list: &Element) -> Vec<Tool> {
             content: e.inner_xml().to_owned(),
         };
         if e.version() == FmiVersion::V2 {
-            // The schema has one element here, of any name.
+            // The schema allows one element here, of any name.
             e.no_text();
             e.children().skip(1).for_each(|child| child.unexpected());
             if !seen.borrow_mut().insert(tool.name.clone()) {
@@ -316,7 +316,7 @@ fn read_annotations(list: &Element) -> Vec<Tool> {
     })
 }
 
-/// Checks the children of an element that has none but, in FMI 3.0, annotations. These are not kept.
+/// Checks the children of an element that may have only annotations, and only in FMI 3.0. They are not kept.
 fn skip_annotations(e: &Element) {
     let names: &[&[&str]] = match e.version() {
         FmiVersion::V2 => &[],

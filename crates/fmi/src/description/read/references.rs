@@ -1,10 +1,9 @@
-//! FMI 3.0 refers to variables by value reference; here they become indices from 1, as in FMI 2.0.
+//! Converts the value references by which FMI 3.0 refers to variables into indices from 1, as in FMI 2.0.
 
 use super::*;
 use std::collections::HashMap;
 
-/// Replaces the value references that the readers left in the fields for indices. A reference that no
-/// variable has is reported and becomes 0.
+/// Replaces the value references left in the fields by indices. A reference without variable is reported and becomes 0.
 pub(super) fn resolve(
     description: &mut ModelDescription,
     places: &Places,

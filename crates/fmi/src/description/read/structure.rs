@@ -31,7 +31,7 @@ pub(super) fn structure2(e: &Element, places: &mut Places) -> ModelStructure {
     structure
 }
 
-/// The unknowns of FMI 3.0 have value references here; [`references`] makes indices of them.
+/// Reads unknowns of FMI 3.0, which hold value references; [`references`] converts them to indices.
 pub(super) fn structure3(e: &Element, places: &mut Places) -> ModelStructure {
     let mut structure = ModelStructure::default();
     for child in e.children_in_order(&[
@@ -65,7 +65,7 @@ pub(super) fn structure3(e: &Element, places: &mut Places) -> ModelStructure {
     structure
 }
 
-/// An unknown, if it is said which variable it is.
+/// An unknown, if it states its variable.
 fn unknown(e: &Element, attribute: &'static str) -> Option<Unknown> {
     let numbers = |text: &str| lexical::words(text).map(lexical::parse_unsigned).collect();
     let kinds = |text: &str| lexical::words(text).map(DependencyKind::parse).collect();

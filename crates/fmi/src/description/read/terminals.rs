@@ -1,11 +1,11 @@
-//! terminalsAndIcons.xml, judged (FMI 3.0, section 2.4.9; FMI 2.0.4, section 2.3, takes it over).
+//! Checks of terminalsAndIcons.xml (FMI 3.0, section 2.4.9; adopted by FMI 2.0.4, section 2.3).
 
 use super::element::{Context, Element};
 use super::*;
 use crate::description::Finding;
 use std::collections::BTreeSet;
 
-/// All that is wrong with a terminalsAndIcons.xml. `document` is `text`, parsed.
+/// All findings about a terminalsAndIcons.xml. `document` is the parsed `text`.
 pub fn terminals(
     text: &str,
     document: &roxmltree::Document,
@@ -38,7 +38,7 @@ pub fn terminals(
     })
 }
 
-/// Reads a file of FMI 3.0 beside the description with `judge` and gives what it reports.
+/// Reads an additional file of FMI 3.0 with `judge` and returns the findings.
 pub(super) fn judged(
     text: &str,
     document: &roxmltree::Document,
@@ -52,7 +52,7 @@ pub(super) fn judged(
         let found = root.required_text("fmiVersion");
         let release = description.fmi_release.clone();
         let of_description = release.unwrap_or_else(|| description.fmi_version.to_string());
-        // FMI 2.0 has the file from FMI 3.0, whose schema knows no other version than its own.
+        // FMI 2.0 adopts the file from FMI 3.0, whose schema allows only its own version.
         let is_taken_over = description.fmi_version == FmiVersion::V2 && found.starts_with("3.");
         if root.has("fmiVersion") && found != of_description && !is_taken_over {
             root.report(Rule::PartVersion {
@@ -84,7 +84,7 @@ fn representation(e: &Element) {
             "CoordinateSystem" => {
                 let corners = corners(&child);
                 positive(&child, "suggestedScalingFactorTo_mm", true);
-                // Icons may be flipped; the coordinate system is what they are flipped against.
+                // Icons may be flipped, but the coordinate system is the reference for that.
                 if corners.is_some_and(|[x1, y1, x2, y2]| x1 >= x2 || y1 >= y2) {
                     child.report(Rule::CoordinateOrder);
                 }
@@ -101,7 +101,7 @@ fn representation(e: &Element) {
     }
 }
 
-/// Terminals beside each other, with names of their own.
+/// Sibling terminals, whose names must differ.
 fn siblings(parent: &Element, terminals: Vec<Element>, variables: &BTreeSet<&str>) {
     if terminals.is_empty() && parent.name() == "Terminals" {
         parent.report(Rule::EmptyElement {
@@ -180,7 +180,7 @@ fn members(terminal: &Element, variables: &BTreeSet<&str>) {
     siblings(terminal, inner, variables);
 }
 
-/// `x1`, `y1`, `x2`, `y2`, where all of them are there.
+/// `x1`, `y1`, `x2`, `y2`, if all exist.
 fn corners(e: &Element) -> Option<[f64; 4]> {
     let [x1, y1, x2, y2] = ["x1", "y1", "x2", "y2"].map(|name| e.required(name, e.real(name)));
     Some([x1?, y1?, x2?, y2?])

@@ -1,5 +1,5 @@
-//! Reads the variables of FMI 3.0. Where they refer to others, the fields hold value references until
-//! [`references`] makes indices of them.
+//! Reads the variables of FMI 3.0. Fields that refer to other variables hold value references until [`references`]
+//! converts them to indices.
 
 use super::element::Element;
 use super::lexical::{
@@ -9,7 +9,7 @@ use super::lexical::{
 use super::types::{binary_attributes, clock_attributes, integer_attributes, real_attributes};
 use super::*;
 
-/// The elements that are variables.
+/// The elements of variables.
 pub(super) const ELEMENTS: &[&str] = &[
     "Float32",
     "Float64",
@@ -68,7 +68,7 @@ pub(super) fn variable(e: &Element) -> ScalarVariable {
     variable
 }
 
-/// What stands between the tags of a variable.
+/// Child elements of a variable.
 #[derive(Default)]
 struct Children {
     annotations: Vec<Tool>,

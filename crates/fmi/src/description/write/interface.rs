@@ -52,7 +52,7 @@ impl ModelDescription {
     }
 }
 
-/// Opens an interface type's element, with what all of them have.
+/// Opens the element of an interface type, with the common attributes.
 fn open(xml: &mut Xml, name: &'static str, identifier: &str, flags: &[(&'static str, bool)]) {
     xml.open(name);
     xml.text("modelIdentifier", identifier);

@@ -1,4 +1,4 @@
-//! Writes a modelDescription.xml, elements in the schema's order.
+//! Writes a modelDescription.xml, with elements in the schema's order.
 
 mod interface;
 mod types;
@@ -12,9 +12,8 @@ impl ModelDescription {
     /// The text of modelDescription.xml, in UTF-8, for the version of
     /// [`fmi_version`](Self::fmi_version).
     ///
-    /// Absent optional attributes and empty lists are not written, since the schema forbids empty
-    /// list elements. FMI 3.0 refers to variables by value reference: an index that no variable has
-    /// becomes 4294967295.
+    /// Absent optional attributes and empty lists are not written, since the schema forbids empty list elements. FMI
+    /// 3.0 refers to variables by value reference: an index without variable becomes 4294967295.
     pub fn to_xml(&self) -> String {
         let mut xml = Xml::new();
         xml.open("fmiModelDescription");
@@ -39,7 +38,7 @@ impl ModelDescription {
         if version == FmiVersion::V2 {
             write_annotations(&mut xml, version, &self.vendor_annotations, true);
         }
-        // Required by the schema even when there is nothing in them.
+        // Required by the schema even if empty.
         xml.open("ModelVariables");
         for variable in &self.variables {
             match version {
@@ -85,7 +84,7 @@ impl ModelDescription {
         }
     }
 
-    /// Value reference of the variable of that index (from 1).
+    /// Value reference of the variable with that index (from 1).
     fn reference(&self, index: u32) -> u32 {
         let position = (index as usize).checked_sub(1);
         let variable = position.and_then(|p| self.variables.get(p));
@@ -93,7 +92,7 @@ impl ModelDescription {
     }
 }
 
-/// A list element, or nothing if the list is empty.
+/// Writes a list element, or nothing if the list is empty.
 fn list<T>(xml: &mut Xml, name: &'static str, items: &[T], write: impl Fn(&T, &mut Xml)) {
     if items.is_empty() {
         return;
@@ -112,7 +111,7 @@ fn write_category(category: &LogCategory, xml: &mut Xml) {
     xml.close();
 }
 
-/// Annotations of the root element or of a variable.
+/// Writes annotations of the root element or of a variable.
 fn write_annotations(xml: &mut Xml, version: FmiVersion, tools: &[Tool], is_root: bool) {
     let (name, item, attribute) = match (version, is_root) {
         (FmiVersion::V2, true) => ("VendorAnnotations", "Tool", "name"),
@@ -189,7 +188,7 @@ impl Unknown {
     }
 }
 
-/// The items with blanks between them.
+/// The items separated by spaces.
 fn joined<T: ToString>(items: impl IntoIterator<Item = T>) -> String {
     let words: Vec<String> = items.into_iter().map(|item| item.to_string()).collect();
     words.join(" ")

@@ -1,4 +1,4 @@
-//! Writes units, type definitions and the attributes that types and variables share.
+//! Writes units, type definitions and the attributes common to types and variables.
 
 use super::xml::{Xml, xs_float};
 use super::*;
@@ -33,7 +33,7 @@ fn write_factor_offset(xml: &mut Xml, factor: f64, offset: f64) {
 }
 
 impl SimpleType {
-    /// FMI 2.0 has an element for the base type in that of the type, FMI 3.0 one for both.
+    /// In FMI 2.0 the element of the base type is nested in that of the type; in FMI 3.0 one element serves both.
     pub(super) fn write(&self, version: FmiVersion, xml: &mut Xml) {
         let base = self.kind.base_type();
         xml.open(match version {

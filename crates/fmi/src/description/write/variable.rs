@@ -4,7 +4,7 @@ use super::xml::Xml;
 use super::*;
 
 impl ScalarVariable {
-    /// `<ScalarVariable>` with the base type's element in it.
+    /// `<ScalarVariable>` containing the element of the base type.
     pub(super) fn write2(&self, xml: &mut Xml) {
         xml.open("ScalarVariable");
         self.write_common(xml);
@@ -14,7 +14,7 @@ impl ScalarVariable {
         if let VariableKind::Real(real) = &self.kind {
             xml.int_if("derivative", real.derivative);
         }
-        // In FMI 3.0 an element, here an attribute.
+        // An element in FMI 3.0, an attribute here.
         if let VariableKind::String { start, .. } = &self.kind {
             xml.text_if("start", start.first().map(String::as_str));
         }
@@ -23,7 +23,7 @@ impl ScalarVariable {
         xml.close();
     }
 
-    /// The base type's element, with the dimensions and aliases in it.
+    /// The element of the base type, containing dimensions and aliases.
     pub(super) fn write3(&self, description: &ModelDescription, xml: &mut Xml) {
         let reference = |&index: &u32| description.reference(index);
         xml.open(self.kind.base_type().name(FmiVersion::V3));
@@ -67,7 +67,7 @@ impl ScalarVariable {
         xml.text("valueReference", &self.value_reference.to_string());
         xml.text_if("description", self.description.as_deref());
         xml.text("causality", self.causality.as_str());
-        // Written always: the default of FMI 2.0, continuous, is wrong for every type but Real.
+        // Always written: the default of FMI 2.0, continuous, is wrong for all types except Real.
         xml.text("variability", self.variability.as_str());
         xml.bool_if(
             "canHandleMultipleSetPerTimeInstant",
@@ -77,7 +77,7 @@ impl ScalarVariable {
 }
 
 impl VariableKind {
-    /// The attributes of the base type that are written alike in both versions.
+    /// Writes the attributes of the base type that are the same in both versions.
     fn write(&self, xml: &mut Xml) {
         xml.text_if("declaredType", self.declared_type());
         match self {
@@ -102,7 +102,7 @@ impl VariableKind {
         }
     }
 
-    /// `<Start>` of the types whose values are no words.
+    /// `<Start>` elements of the types whose values are not written as list items.
     fn write_start_elements(&self, xml: &mut Xml) {
         let values: Vec<String> = match self {
             Self::String { start, .. } => start.clone(),

@@ -1,4 +1,4 @@
-//! XML text made element by element: indentation, escaping and the lexical forms of XML Schema.
+//! XML text built element by element: indentation, escaping and the lexical forms of XML Schema.
 
 use quick_xml::Writer;
 use quick_xml::events::attributes::Attribute;
@@ -10,12 +10,12 @@ use std::fmt::{Display, LowerExp};
 pub(super) struct Xml {
     writer: Writer<Vec<u8>>,
     open: Vec<&'static str>,
-    /// The last start tag, which may still get attributes.
+    /// The last start tag, to which attributes may still be added.
     pending: Option<BytesStart<'static>>,
 }
 
 impl Xml {
-    /// An empty document with its XML declaration.
+    /// An empty document with the XML declaration.
     pub(super) fn new() -> Self {
         let mut xml = Self {
             writer: Writer::new_with_indent(Vec::new(), b' ', 2),
@@ -42,7 +42,7 @@ impl Xml {
         }
     }
 
-    /// Closes the innermost element with `content` as it stands between its tags.
+    /// Closes the innermost element, with `content` written unchanged between its tags.
     pub(super) fn close_with(&mut self, content: &str) {
         if !content.is_empty() {
             self.finish_tag();
@@ -51,7 +51,7 @@ impl Xml {
         self.close();
     }
 
-    /// An attribute of the element opened last.
+    /// An attribute of the element that was opened last.
     pub(super) fn text(&mut self, name: &str, value: &str) {
         if let Some(start) = &mut self.pending {
             start.push_attribute(Attribute {
@@ -61,28 +61,28 @@ impl Xml {
         }
     }
 
-    /// An attribute that may be absent.
+    /// An optional attribute.
     pub(super) fn text_if(&mut self, name: &str, value: Option<&str>) {
         if let Some(value) = value {
             self.text(name, value);
         }
     }
 
-    /// An `xs:double` attribute that may be absent.
+    /// An optional `xs:double` attribute.
     pub(super) fn real_if(&mut self, name: &str, value: Option<f64>) {
         if let Some(value) = value {
             self.text(name, &xs_float(value));
         }
     }
 
-    /// An integer attribute that may be absent.
+    /// An optional integer attribute.
     pub(super) fn int_if(&mut self, name: &str, value: Option<impl Into<i128>>) {
         if let Some(value) = value {
             self.text(name, &value.into().to_string());
         }
     }
 
-    /// An `xs:boolean` attribute that may be absent.
+    /// An optional `xs:boolean` attribute.
     pub(super) fn bool_if(&mut self, name: &str, value: Option<bool>) {
         if let Some(value) = value {
             self.text(name, if value { "true" } else { "false" });
@@ -116,8 +116,8 @@ impl Xml {
     }
 }
 
-/// `value` as `xs:double` or `xs:float`: `INF`, `-INF`, `NaN`, else the shortest decimal that reads
-/// back as the same number of its type.
+/// `value` as `xs:double` or `xs:float`: `INF`, `-INF`, `NaN`, else the shortest decimal that reads back as the same
+/// number of its type.
 pub(super) fn xs_float<T: Copy + Into<f64> + Display + LowerExp>(value: T) -> String {
     let wide: f64 = value.into();
     if wide.is_nan() {
@@ -131,8 +131,8 @@ pub(super) fn xs_float<T: Copy + Into<f64> + Display + LowerExp>(value: T) -> St
     }
 }
 
-/// An attribute's value as it is written. White space other than a blank becomes a reference, since a
-/// reader would turn it into a blank; characters that XML 1.0 forbids become U+FFFD.
+/// Escapes the value of an attribute. White space other than a space becomes a character reference, since a reader
+/// would turn it into a space; characters forbidden in XML 1.0 become U+FFFD.
 fn escaped(value: &str) -> String {
     let mut out = String::with_capacity(value.len());
     for c in value.chars() {

@@ -1,11 +1,11 @@
-//! The synthetic human against what it should be.
+//! Tests of the synthetic human.
 
 mod moving;
 
 use super::*;
 use pilotage_models::Quadcopter;
 
-/// Greatest and last value of a column.
+/// Maximum and last value of a column.
 fn peak_and_last(values: &[f64]) -> (f64, f64) {
     let peak = values.iter().copied().fold(f64::MIN, f64::max);
     (peak, values[values.len() - 1])
@@ -78,8 +78,8 @@ fn without_remnant_and_variation_the_step_size_does_not_matter() {
             .series;
         series.column("position").unwrap().values.clone()
     };
-    // 1000 and 3000 integration steps a second, compared once a second. The target comes into view
-    // somewhere within a step, so the way flown differs by half a coarse step's worth at most.
+    // 1000 and 3000 integration steps per second, compared once per second. The target is first perceived somewhere
+    // within a step, so the positions differ by at most half a coarse step.
     let (coarse, fine) = (at_rate(1000.0), at_rate(3000.0));
     for second in 0..=15 {
         let difference = coarse[1000 * second] - fine[3000 * second];

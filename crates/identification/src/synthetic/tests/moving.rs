@@ -1,4 +1,4 @@
-//! Targets that move, and vehicles of model files.
+//! Tests of moving targets and of vehicles from model files.
 
 use super::super::*;
 use nalgebra::Complex;
@@ -32,7 +32,7 @@ fn values<'a>(flight: &'a Flight, name: &str) -> &'a [f64] {
     &flight.series.column(name).unwrap().values
 }
 
-/// Amplitudes of the sines at whole multiples of one turn in the record, up to half the sampling rate.
+/// Amplitudes of the sines at integer multiples of one period per record, up to half the sampling rate.
 fn spectrum(values: &[f64]) -> Vec<f64> {
     let n = values.len();
     let line = |k: usize| {
@@ -43,7 +43,7 @@ fn spectrum(values: &[f64]) -> Vec<f64> {
     (0..n / 2).map(line).collect()
 }
 
-/// The lines of a spectrum that stand out of what rounding to 0.1 mm leaves.
+/// Lines of a spectrum above the rounding to 0.1 mm.
 fn lines(spectrum: &[f64]) -> Vec<usize> {
     (0..spectrum.len())
         .filter(|k| spectrum[*k] > 1e-4)
@@ -137,7 +137,7 @@ fn the_target_does_not_depend_on_who_flies() {
     assert_ne!(values(&one, "position"), values(&other, "position"));
 }
 
-/// The loop of K/s, by hand: `k K / (jω) e^{-jωτ} ω_n² / (ω_n² - ω² + 2jζω_n ω)`.
+/// The loop of K/s in closed form: `k K / (jω) e^{-jωτ} ω_n² / (ω_n² - ω² + 2jζω_n ω)`.
 #[test]
 fn a_vehicle_like_k_over_s_is_flown_with_a_crossover_of_two_and_a_half() {
     let human = Human::default();
@@ -155,7 +155,7 @@ fn a_vehicle_like_k_over_s_is_flown_with_a_crossover_of_two_and_a_half() {
     assert!(PI + open.arg() > FRAC_PI_4 - 5e-3, "{open}");
 }
 
-/// With the human that suits it every vehicle comes to its target and stays there.
+/// With a suited human every vehicle reaches its target and stays there.
 #[test]
 fn every_vehicle_of_the_library_is_flown() {
     let vehicles = library::all()
@@ -179,7 +179,7 @@ fn every_vehicle_of_the_library_is_flown() {
     }
 }
 
-/// Two axes alike with the same target: what leaks from the other hand is as good as more gain.
+/// Two identical axes with the same target: cross-coupling is equivalent to a higher gain.
 #[test]
 fn what_leaks_between_like_axes_is_as_good_as_gain() {
     let both = model_vehicle(
@@ -268,7 +268,7 @@ fn models_that_cannot_be_flown_are_refused() {
         told(library::find("hover").unwrap().text, &names)
             .contains("2 stick(s), and 1 position(s)")
     );
-    // Nobody holds three integrators with so little lead.
+    // No human stabilises three integrators with so little lead.
     let far = "[model]\nname = \"far\"\n[inputs]\nstick = {}\n[states]\nposition = { der = \"v\" }\n\
                v = { der = \"a\" }\na = { der = \"stick\" }\n[outputs]\nposition = {}\n";
     let error = Human::default().suited(&model_vehicle(far), 0, Given::default());
@@ -310,11 +310,11 @@ fn the_step_of_the_quadcopters_model_file_is_that_of_the_compiled_one() {
     );
 }
 
-/// K/s with a delay alone is stable below `K k τ = π/2`; the arm's lag counts for nearly as much as a delay.
+/// K/s with a delay alone is stable below `K k τ = π/2`; the arm's lag has nearly the effect of a delay.
 #[test]
 fn loops_are_held_up_to_the_gain_of_the_stability_limit() {
     let vehicle = library_vehicle("integrator");
-    // Gain 10/s; an arm of 1e-2 s behind a delay of 0.5 s: at the phase crossover w, w τ + atan(...) = π/2.
+    // Gain 10/s; an arm of 1e-2 s after a delay of 0.5 s: at the phase crossover w, w τ + atan(...) = π/2.
     let human = |gain| Human {
         gain,
         lead: 0.0,
