@@ -13,7 +13,6 @@
 //! | `old_glibc` | libraries that run on old Linux systems |
 //! | `documentation` | documentation/index.html and the licences |
 //! | `pictures`, `terminals` | model.png; icon and terminals of FMI 3.0 |
-//! | [`date`] | dates in the format of FMI |
 //! | [`mod@package`] | the archive: the same input gives the same bytes |
 
 pub mod binary;

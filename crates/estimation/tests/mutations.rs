@@ -155,7 +155,11 @@ fn mutations_of_problems_neither_panic_nor_hang() {
     let mut mutation = Mutation { random };
     let mutated = (0..MUTATIONS).map(|k| {
         let (path, text) = &problems[k % problems.len()];
-        (path, mutation.of(text), k / problems.len() % FIT_EVERY == 0)
+        (
+            path,
+            mutation.of(text),
+            (k / problems.len()).is_multiple_of(FIT_EVERY),
+        )
     });
     let mutated: Vec<(&PathBuf, String, bool)> = mutated.collect();
     let of_one = |(path, text, is_fitted): &(&PathBuf, String, bool)| {

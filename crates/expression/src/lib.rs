@@ -36,8 +36,6 @@ pub mod opaque;
 pub mod operation;
 pub mod system;
 pub mod tape;
-#[cfg(test)]
-mod tests;
 pub mod trace;
 
 pub use curve::Curve;

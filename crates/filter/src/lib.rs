@@ -40,8 +40,6 @@ pub mod filter;
 pub mod jet;
 pub mod matrix;
 mod solve;
-#[cfg(test)]
-mod tests;
 pub mod transition;
 
 pub use filter::{Course, Equations, Filter, Innovation, Record, SLOPES};

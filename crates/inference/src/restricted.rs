@@ -80,13 +80,11 @@ impl<'s> Likelihood<'s> {
             self.whitened(&other)
         });
         let order = partial.len();
-        let of = |((b, m), a): ((&DMatrix<f64>, &(DMatrix<f64>, f64)), &DMatrix<f64>)| {
-            let (m, sum) = m;
+        let polynomial = |j: usize| {
+            let (b, (m, sum), a) = (&before[j].0, &middle[j], &after[j].0);
             (m.clone(), a - b, (a + b - 2.0 * m) * 2.0, *sum)
         };
-        let grams = before.iter().map(|own| &own.0).zip(&middle);
-        let grams = grams.zip(after.iter().map(|own| &own.0)).map(of);
-        let grams: Vec<_> = grams.collect();
+        let grams: Vec<_> = (0..middle.len()).map(polynomial).collect();
         move |p: f64| {
             let at = grams.iter().zip(self.segments);
             let at = at.map(|((constant, first, second, sum), own)| {

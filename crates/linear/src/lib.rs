@@ -44,8 +44,6 @@ mod margins;
 mod modes;
 mod realization;
 mod state_space;
-#[cfg(test)]
-mod tests;
 
 pub use discrete::Sampled;
 pub use figures::{Figure, LoopFigures, OpenLoop};

@@ -1,11 +1,11 @@
 //! Random expressions: compares tapes with direct evaluation, and derivatives with hyper-dual numbers.
 
-use crate::{
+use num_dual::{DualNum, DualStruct, HyperDual64};
+use num_traits::Signed;
+use pilotage_expression::{
     Function, Graph, Model, ModelError, Node, Obstacle, Opaque, Operator, Partial, System, Tape,
     Traced, trace,
 };
-use num_dual::{DualNum, DualStruct, HyperDual64};
-use num_traits::Signed;
 use proptest::prelude::*;
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! Loops whose margins are known in closed form.
 
-use super::{Sampled, StateSpace, Wire};
 use nalgebra::{Complex, DMatrix};
+use pilotage_linear::{Sampled, StateSpace, Wire};
 use proptest::prelude::*;
 use std::f64::consts::PI;
 

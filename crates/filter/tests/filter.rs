@@ -1,9 +1,9 @@
 //! Comparisons with textbook formulas in nalgebra, finite differences and an ODE solver.
 
-use crate::{Equations, Filter, Innovation, Jet, Matrix, Record, Transition};
 use nalgebra::{DMatrix, DVector};
 use num_dual::DualNum;
 use pilotage_expression::{Node, System};
+use pilotage_filter::{Equations, Filter, Innovation, Jet, Matrix, Record, Transition};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
