@@ -164,7 +164,11 @@ fn modules_name_only_whom_they_may_know() {
 #[test]
 fn of_co_simulation_only_the_components_know_fmus_and_models() {
     for (file, code) in library() {
-        for (name, module) in [("fmi", "fmu_component"), ("sdk", "native_component")] {
+        for (name, module) in [
+            ("fmi", "fmu_component"),
+            ("models", "native_component"),
+            ("sdk", "native_component"),
+        ] {
             let is_component = is_of(&file, &format!("crates/cosim/src/{module}"));
             let knows = file.starts_with("crates/cosim/") && named(&code).contains(name);
             assert!(is_component || !knows, "{file} names {name}");

@@ -79,7 +79,6 @@ impl<'s> Likelihood<'s> {
             other[k] = p;
             self.whitened(&other)
         });
-        let order = partial.len();
         let polynomial = |j: usize| {
             let (b, (m, sum), a) = (&before[j].0, &middle[j], &after[j].0);
             (m.clone(), a - b, (a + b - 2.0 * m) * 2.0, *sum)
@@ -88,8 +87,9 @@ impl<'s> Likelihood<'s> {
         move |p: f64| {
             let at = grams.iter().zip(self.segments);
             let at = at.map(|((constant, first, second, sum), own)| {
-                let early = (0..self.most.min(own.rows.nrows())).filter(|t| *t.min(&order) <= k);
-                let sum = sum - early.count() as f64 * (1.0 - p * p).ln();
+                // Rows that are predicted by fewer values than its order.
+                let early = own.rows.nrows().min(k + 1);
+                let sum = sum - early as f64 * (1.0 - p * p).ln();
                 (constant + p * first + p * p * second, sum)
             });
             restricted(self.segments, at).0
