@@ -74,9 +74,9 @@ fn main() -> Result<(), Failure> {
     );
     println!("fit of the shipped flights, samples as mesh, one start:");
     let file = fitted(folder.path(), "quadcopter")?;
-    told("model file", &file, &file);
-    told("FMU", &fitted(folder.path(), "text.fmu")?, &file);
-    told(
+    print_fit("model file", &file, &file);
+    print_fit("FMU", &fitted(folder.path(), "text.fmu")?, &file);
+    print_fit(
         "FMU without derivatives",
         &fitted(folder.path(), "plain.fmu")?,
         &file,
@@ -85,7 +85,7 @@ fn main() -> Result<(), Failure> {
 }
 
 /// Prints a fit's time, iterations and largest relative difference of a parameter from another fit.
-fn told(vehicle: &str, (seconds, fit): &(f64, Fit), (least, file): &(f64, Fit)) {
+fn print_fit(vehicle: &str, (seconds, fit): &(f64, Fit), (least, file): &(f64, Fit)) {
     let pairs = fit.parameters.iter().zip(&file.parameters);
     let errors = pairs.map(|(own, other)| (own.mean() / other.mean() - 1.0).abs());
     println!(

@@ -223,7 +223,7 @@ fn found(problem: &str, share: f64, seed: u64) -> Option<Found> {
         text += "objective = \"prediction-error\"\n";
     }
     text += "[[run]]\nfile = \"run.csv\"\n";
-    told(&solved(&text, &folder.path().join("problem.toml")))
+    estimates(&solved(&text, &folder.path().join("problem.toml")))
 }
 
 fn solved(text: &str, path: &Path) -> Fit {
@@ -232,7 +232,7 @@ fn solved(text: &str, path: &Path) -> Fit {
     fit(&posed, &mut |_| ControlFlow::Continue(()))
 }
 
-fn told(fit: &Fit) -> Option<Found> {
+fn estimates(fit: &Fit) -> Option<Found> {
     let sure = fit.uncertainty.as_ref().ok().filter(|_| fit.is_answer())?;
     let (mut values, mut held) = ([0.0; 3], [false; 3]);
     let truth = [

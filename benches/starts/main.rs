@@ -260,7 +260,7 @@ impl Outcome<'_> {
     }
 
     /// True if the fit itself reports that there may be a better optimum, or that it has not converged.
-    fn says_so(&self) -> bool {
+    fn reports_doubt(&self) -> bool {
         let of_starts = |d: &Diagnostic| {
             matches!(
                 d,
@@ -342,9 +342,9 @@ fn verdict(outcomes: &[Outcome]) -> String {
             .for_each(|o| text += &format!("{}\n", line(o)));
     }
     let converged = outcomes.iter().filter(|o| o.fit.converged).count();
-    let silent = behind.iter().filter(|o| !o.says_so()).count();
+    let silent = behind.iter().filter(|o| !o.reports_doubt()).count();
     let doubted = (outcomes.iter())
-        .filter(|o| o.is_best() && o.says_so())
+        .filter(|o| o.is_best() && o.reports_doubt())
         .count();
     text += &format!(
         "{} of {} within {} % of the best known, {doubted} of them in doubt; {converged} converged; \

@@ -76,17 +76,17 @@ impl GrowingFile {
 
     /// Path to which the part of an earlier, interrupted process was renamed.
     pub fn left_behind(&self) -> Option<&Path> {
-        self.left_behind.as_deref().map(|path| self.as_said(path))
+        self.left_behind.as_deref().map(|path| self.as_given(path))
     }
 
     /// Path of the file until it is complete.
     pub fn part(&self) -> &Path {
-        self.as_said(&self.part)
+        self.as_given(&self.part)
     }
 
-    fn as_said<'a>(&self, path: &'a Path) -> &'a Path {
+    fn as_given<'a>(&self, path: &'a Path) -> &'a Path {
         match self.is_relative {
-            true => super::as_said(path),
+            true => super::as_given(path),
             false => path,
         }
     }
@@ -97,7 +97,7 @@ impl GrowingFile {
     /// If it cannot be renamed, or other code in this process has written into it or truncated it
     /// ([`io::ErrorKind::InvalidData`]). The part is kept.
     pub fn finish(self) -> io::Result<()> {
-        let length = std::fs::metadata(&self.part).map_or(self.written, |told| told.len());
+        let length = std::fs::metadata(&self.part).map_or(self.written, |metadata| metadata.len());
         if self.part != self.path && length != self.written {
             let why = format!(
                 "{} has {length} bytes where {} were written: other code in this process has written into it, or cut it",
@@ -160,8 +160,8 @@ type Identity = (u64, u64);
 #[cfg(unix)]
 fn identity(file: &File) -> Option<Identity> {
     use std::os::unix::fs::MetadataExt;
-    let told = file.metadata().ok()?;
-    Some((told.dev(), told.ino()))
+    let metadata = file.metadata().ok()?;
+    Some((metadata.dev(), metadata.ino()))
 }
 
 #[cfg(not(unix))]

@@ -224,12 +224,12 @@ mod tests {
         for output in [&file, &link] {
             let inputs = std::slice::from_ref(&part);
             let input = check(inputs, &[planned(output, true)], true);
-            let told = input.unwrap_err().to_string();
+            let message = input.unwrap_err().to_string();
             assert!(
-                told.ends_with(
+                message.ends_with(
                     "x.csv.part until it is complete, and that is an input of this command"
                 ),
-                "{told}"
+                "{message}"
             );
             assert_eq!(check(inputs, &[planned(output, false)], true), Ok(()));
             let other = check(&[], &[planned(output, true), planned(&part, false)], true);

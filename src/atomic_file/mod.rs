@@ -166,7 +166,7 @@ fn anchored(path: &Path) -> PathBuf {
 }
 
 /// The path as the user gave it.
-fn as_said(path: &Path) -> &Path {
+fn as_given(path: &Path) -> &Path {
     let folder = BEGUN_IN.get();
     let inside = folder.and_then(|folder| path.strip_prefix(folder).ok());
     inside.unwrap_or(path)

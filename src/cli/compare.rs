@@ -3,6 +3,7 @@
 use super::folds::Folds;
 use super::format::aligned;
 use super::{Failure, Outcome, interrupt, terminal};
+use crate::cli::deadline::Deadline;
 use crate::estimation::comparison::{Candidate, Compared, compare};
 use crate::estimation::{ProblemFile, part};
 use crate::inference::choice::{Comparison, Contender, FEWEST_RUNS, SIZE};
@@ -11,7 +12,6 @@ use crate::report::significant;
 use pilotage_text::counted;
 use serde_json::{Map, Value, json};
 use std::path::PathBuf;
-use std::time::Instant;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -48,7 +48,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let files = args.problems.iter().map(|path| ProblemFile::read(path));
     let files: Vec<ProblemFile> = files.collect::<Result<_, _>>()?;
     interrupt::listen("stopping")?;
-    let folds = Folds::since(Instant::now(), args.time_limit);
+    let folds = Folds::until(Deadline::after(args.time_limit));
     let compared = compare(&files, &part::open, &|done, all| folds.ask(done, all))?;
     folds.clear();
     let names: Vec<&str> = files.iter().map(|file| file.file.as_str()).collect();
@@ -78,7 +78,7 @@ pub struct Line<'a> {
 pub fn table(what: &str, lines: &[Line<'_>]) -> String {
     let mut rows = vec![[what, "status", "unknowns", "AICc", "BIC", "left out"].map(str::to_owned)];
     rows.extend(lines.iter().map(|own| {
-        let told = |figure: f64| match own.is_met && figure.is_finite() {
+        let cell = |figure: f64| match own.is_met && figure.is_finite() {
             true => significant(figure, 7),
             false => "–".to_owned(),
         };
@@ -86,9 +86,9 @@ pub fn table(what: &str, lines: &[Line<'_>]) -> String {
             own.name.to_owned(),
             own.status.to_owned(),
             own.figures.unknowns.to_string(),
-            told(own.figures.aicc()),
-            told(own.figures.bic()),
-            told(own.figures.held_out.iter().sum()),
+            cell(own.figures.aicc()),
+            cell(own.figures.bic()),
+            cell(own.figures.held_out.iter().sum()),
         ]
     }));
     aligned(&rows)
@@ -255,10 +255,10 @@ pub fn to_json(names: &[&str], compared: &Compared) -> Value {
     let problem = |(line, own): (&Line<'_>, &Candidate)| {
         let runs = compared.runs.iter().zip(&line.figures.held_out);
         let held_out: Map<String, Value> = runs.map(|(run, s)| (run.clone(), json!(s))).collect();
-        let mut told = figures_json(line, own.fit.is_answer());
-        told["held_out"] = Value::Object(held_out);
-        told["doubts"] = own.fit.diagnostics.iter().map(|own| own.code()).collect();
-        told
+        let mut object = figures_json(line, own.fit.is_answer());
+        object["held_out"] = Value::Object(held_out);
+        object["doubts"] = own.fit.diagnostics.iter().map(|own| own.code()).collect();
+        object
     };
     json!({
         "problems": all.iter().zip(&compared.candidates).map(problem).collect::<Vec<_>>(),
@@ -284,7 +284,7 @@ pub fn figures_json(own: &Line<'_>, is_answer: bool) -> Value {
 /// The comparisons that led to the selection.
 pub fn comparisons_json(names: &[&str], choice: Option<&(usize, Vec<Comparison>)>) -> Value {
     let all = choice.into_iter().flat_map(|(_, all)| all);
-    let told = all.map(|own| {
+    let comparisons = all.map(|own| {
         json!({
             "before": names[own.before],
             "after": names[own.after],
@@ -293,5 +293,5 @@ pub fn comparisons_json(names: &[&str], choice: Option<&(usize, Vec<Comparison>)
             "taken": own.is_taken,
         })
     });
-    told.collect()
+    comparisons.collect()
 }

@@ -97,7 +97,7 @@ impl Demo {
             self.save(&format!("trials/{file}"), content)?;
         }
         let trials = TrialSet::read(&[self.path("trials/trials.toml")])?;
-        say("trials", &format!("{} recorded flights", trials.fit.len()))?;
+        print_step("trials", &format!("{} recorded flights", trials.fit.len()))?;
         Ok(trials)
     }
 
@@ -118,7 +118,7 @@ impl Demo {
         )?;
         let verdict = summary::verdict(fitted);
         let residual = rms(fitted.runs.iter().flat_map(|run| &run.residual));
-        say(
+        print_step(
             "fit",
             &format!(
                 "{verdict}: {}, {}, {} s; rms residual {} m",
@@ -129,7 +129,7 @@ impl Demo {
             ),
         )?;
         for diagnostic in &fitted.diagnostics {
-            say(
+            print_step(
                 "",
                 &format!("diagnostic ({}): {diagnostic}", diagnostic.code()),
             )?;
@@ -145,7 +145,7 @@ impl Demo {
         Export::new(&model, &provenance).write(&self.path("pilot.fmu"))?;
         let vehicle = Model::quadcopter(&self.options.vehicle);
         Export::new(&vehicle, &Provenance::vehicle(None)).write(&self.path("quadcopter.fmu"))?;
-        say("export", "pilot.fmu and quadcopter.fmu")
+        print_step("export", "pilot.fmu and quadcopter.fmu")
     }
 
     fn validate(&self) -> Result<bool, Failure> {
@@ -161,7 +161,7 @@ impl Demo {
             true => "both FMUs follow FMI 2.0, and their binaries run",
             false => "NOT VALID: see above",
         };
-        say("validate", verdict)?;
+        print_step("validate", verdict)?;
         Ok(valid)
     }
 
@@ -179,7 +179,7 @@ impl Demo {
             let series = Series::parse(&csv, &file)?;
             let position = series.column("quadcopter.z").map(|z| &z.values);
             let last = position.and_then(|z| z.last()).copied().unwrap_or(f64::NAN);
-            say(
+            print_step(
                 "cosim",
                 &format!("to {target} m: the vehicle ends at {last:.2} m"),
             )?;
@@ -231,7 +231,7 @@ impl Demo {
             made: &made(),
         });
         self.save("report.html", page.as_bytes())?;
-        say("report", "report.html")
+        print_step("report", "report.html")
     }
 
     fn what_lies_where(&self, flights: &[Flight]) -> String {
@@ -272,6 +272,6 @@ impl Demo {
 }
 
 /// Prints one line of progress.
-fn say(step: &str, what: &str) -> Result<(), Failure> {
+fn print_step(step: &str, what: &str) -> Result<(), Failure> {
     terminal::print(&format!("{step:<9} {what}\n"))
 }

@@ -236,7 +236,7 @@ fn text(args: &ModelArgs, output: Option<PathBuf>, fmu: &FmuArgs) -> Result<Outc
     Export::text(&model, &provenance)
         .options(fmu.options()?)
         .write(&output)?;
-    told(&provenance, &output)
+    print_written(&provenance, &output)
 }
 
 /// The pilot of a result file.
@@ -283,10 +283,10 @@ fn write(
     Export::new(model, provenance)
         .options(options)
         .write(output)?;
-    told(provenance, output)
+    print_written(provenance, output)
 }
 
-fn told(provenance: &Provenance, output: &Path) -> Result<Outcome, Failure> {
+fn print_written(provenance: &Provenance, output: &Path) -> Result<Outcome, Failure> {
     let mut text = format!("wrote {}\n", output.display());
     if let Some(caveat) = &provenance.caveat {
         text += &format!("note: {caveat}\n");

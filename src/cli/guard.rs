@@ -58,7 +58,7 @@ pub fn watched() -> Result<ExitCode, Failure> {
                     None => format!("did not come back within {} s", AFTERWARDS.as_secs()),
                 };
                 let who = whose(&going).unwrap_or_else(|| "an FMU".to_owned());
-                terminal::tell(&format!(
+                terminal::eprint(&format!(
                     "warning: {who} {how} when the work was done; nothing is lost\n"
                 ));
             }
@@ -93,7 +93,7 @@ fn early(status: ExitStatus, going: &[Going], child: &Child) -> ExitCode {
              alarm or a limit that it has set, may have ended it"
         ),
     };
-    terminal::tell(&format!("error: {what}{}\n", rows(child)));
+    terminal::eprint(&format!("error: {what}{}\n", rows(child)));
     ExitCode::FAILURE
 }
 
@@ -104,9 +104,9 @@ fn interrupted(going: &[Going], child: &Child) -> ExitCode {
     let who = who.map(|who| format!("error: {who} had not come back when Ctrl-C ended it"));
     let rows = rows(child);
     match who {
-        Some(who) => terminal::tell(&format!("{who}{rows}\n")),
+        Some(who) => terminal::eprint(&format!("{who}{rows}\n")),
         None if rows.is_empty() => {}
-        None => terminal::tell(&format!("{}\n", rows.trim_start())),
+        None => terminal::eprint(&format!("{}\n", rows.trim_start())),
     }
     ExitCode::from(KILLED)
 }
@@ -117,7 +117,7 @@ fn rows(child: &Child) -> String {
     let rows = records.iter().find_map(|record| record.strip_prefix(ROWS));
     let has_some = |rows: &&Path| {
         rows.metadata()
-            .is_ok_and(|told| told.is_file() && told.len() > 0)
+            .is_ok_and(|metadata| metadata.is_file() && metadata.len() > 0)
     };
     let rows = rows.map(Path::new).filter(has_some);
     rows.map_or_else(String::new, |rows| {

@@ -4,6 +4,7 @@
 
 mod compare;
 mod cosim;
+mod deadline;
 mod demo;
 mod excitation;
 mod export;
@@ -153,14 +154,14 @@ fn run(command: Command) -> u8 {
         Err(failure) => {
             // An error due to files removed by the signal handler is not reported.
             pilotage_process::leftovers::stay_if_ending();
-            terminal::tell(&format!("{failure}\n"));
+            terminal::eprint(&format!("{failure}\n"));
             failure.code()
         }
     }
 }
 
 fn failed(failure: &Failure) -> ExitCode {
-    terminal::tell(&format!("{failure}\n"));
+    terminal::eprint(&format!("{failure}\n"));
     ExitCode::from(2)
 }
 

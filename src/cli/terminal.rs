@@ -18,7 +18,7 @@ pub fn print(text: &str) -> Result<(), Failure> {
 }
 
 /// Prints to stderr, for output that would go to stdout if that were not used otherwise.
-pub fn tell(text: &str) {
+pub fn eprint(text: &str) {
     restore_streams();
     let _ = std::io::stderr().lock().write_all(text.as_bytes());
 }

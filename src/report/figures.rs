@@ -171,7 +171,7 @@ pub fn all(report: &Report) -> Vec<Figure> {
         sure: fit
             .uncertainty
             .as_ref()
-            .and_then(crate::identification::Uncertainty::told),
+            .and_then(crate::identification::Uncertainty::determined),
     };
     let mut bode = bode_figures(&fitted);
     describing::add_to(&mut bode, &report.found.describing);

@@ -77,7 +77,7 @@ pub fn wired_figure(of: Roots<'_>, theta: &[f64], sure: Option<&Spread>) -> Opti
         .filter(|[x, y]| x.iter().chain(y).all(|value| value.is_finite()))
         .map(|[x, y]| Series::line("95 %", "line-1", &x, &y).looks(Look::Area))
         .collect();
-    let told = match series.is_empty() {
+    let ellipse_note = match series.is_empty() {
         true => "",
         false => " Ellipses hold a pole with 95 % (delta method).",
     };
@@ -90,7 +90,8 @@ pub fn wired_figure(of: Roots<'_>, theta: &[f64], sure: Option<&Spread>) -> Opti
         height: 380.0,
         series,
     };
-    let caption = format!("Of the wired system, linearised where the first run ends.{told}");
+    let caption =
+        format!("Of the wired system, linearised where the first run ends.{ellipse_note}");
     (!x.is_empty()).then(|| Figure::of("poles", "Poles", &caption, panel))
 }
 

@@ -155,16 +155,16 @@ fn cells(series: &Series, frame: &Frame) -> String {
 /// Text labels of points, omitted where they would overlap.
 fn words(panel: &Panel, frame: &Frame) -> String {
     const ROOM: (f64, f64) = (60.0, 10.0);
-    let mut told: Vec<(f64, f64)> = Vec::new();
+    let mut placed: Vec<(f64, f64)> = Vec::new();
     let mut svg = String::new();
     for series in &panel.series {
         for (point, text) in series.points().zip(&series.words) {
             let (x, y) = frame.place(point);
             let is_near = |(a, b): &(f64, f64)| (a - x).abs() < ROOM.0 && (b - y).abs() < ROOM.1;
-            if told.iter().any(is_near) {
+            if placed.iter().any(is_near) {
                 continue;
             }
-            told.push((x, y));
+            placed.push((x, y));
             let (by, anchor) = match frame.is_right(x) {
                 true => (-5.0, "end"),
                 false => (5.0, "start"),

@@ -51,7 +51,7 @@ pub fn theta(fit: &Fit, pilot: Pilot) -> String {
         "unit",
         "in the transfer function",
     ];
-    table(&header, &[1, 2, 3, 4, 5, 6], &rows) + &told(fit)
+    table(&header, &[1, 2, 3, 4, 5, 6], &rows) + &method_notes(fit)
 }
 
 /// Standard deviation, interval, Cramér–Rao bound and insensitivity of a component of θ.
@@ -75,7 +75,7 @@ fn sureness(fit: &Fit, component: usize) -> [String; 5] {
 }
 
 /// The method of the intervals, and notes on it.
-fn told(fit: &Fit) -> String {
+fn method_notes(fit: &Fit) -> String {
     let Some(own) = &fit.uncertainty else {
         return String::new();
     };

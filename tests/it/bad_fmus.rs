@@ -555,8 +555,8 @@ fn wrong_use_of_good_fmus() {
         }
         all.extend(arguments);
         let ended = run(&good(), &all);
-        let told = ended.stderr.split("\nhint: ").next().unwrap().trim_end();
-        assert_eq!(told, format!("error: {message}"), "{arguments:?}");
+        let error = ended.stderr.split("\nhint: ").next().unwrap().trim_end();
+        assert_eq!(error, format!("error: {message}"), "{arguments:?}");
         assert_eq!(
             (ended.code, ended.stdout.as_str()),
             (2, ""),

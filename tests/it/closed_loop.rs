@@ -108,12 +108,12 @@ fn every_kind_of_fmu_is_coupled_to_a_micrometre_and_says_so() {
             }
             for connection in &run.report.connections {
                 let (_, points) = signals.iter().find(|s| s.0 == connection.from).unwrap();
-                let (said, true_error) =
+                let (reported, true_error) =
                     (connection.error.unwrap().mean, error_of_cubics(points, h));
-                let ratio = said / true_error;
+                let ratio = reported / true_error;
                 assert!(
                     (0.5..2.0).contains(&ratio),
-                    "FMI {version}, {kind:?}, {}: {said:e}, in truth {true_error:e}",
+                    "FMI {version}, {kind:?}, {}: {reported:e}, in truth {true_error:e}",
                     connection.from
                 );
             }

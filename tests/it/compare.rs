@@ -245,8 +245,8 @@ fn other_weights_are_refused() {
     folder.write("heavy.toml", heavy);
     let ended = folder.pilotage(&["compare", "first.toml", "heavy.toml"]);
     assert_eq!(ended.code, 2, "{ended:?}");
-    let told = "heavy.toml: the run run3.csv has the weight 2, and 1 in first.toml";
-    assert!(ended.stderr.contains(told), "{}", ended.stderr);
+    let message = "heavy.toml: the run run3.csv has the weight 2, and 1 in first.toml";
+    assert!(ended.stderr.contains(message), "{}", ended.stderr);
 }
 
 /// A column in metres, read as it is and as centimetres; what the message says to write makes them comparable.
@@ -271,8 +271,8 @@ fn a_column_in_other_units_is_refused() {
     folder.write("in_cm.toml", &scaled);
     let ended = folder.pilotage(&["compare", "in_m.toml", "in_cm.toml"]);
     assert_eq!(ended.code, 2, "{ended:?}");
-    let told = "is read in cm, and in m in in_m.toml";
-    assert!(ended.stderr.contains(told), "{}", ended.stderr);
+    let message = "is read in cm, and in m in in_m.toml";
+    assert!(ended.stderr.contains(message), "{}", ended.stderr);
     let advice = "expression = \"0.01 * m.y\" with unit = \"m\"";
     assert!(ended.stderr.contains(advice), "{}", ended.stderr);
     let written = scaled.replace(

@@ -44,7 +44,7 @@ fn a_table_feeds_inputs_of_every_type_in_their_units() {
     let ended = short_run(&folder, &["--input", "flight.csv"]);
     assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
     // What follows tells times.
-    let (told, report) = ended.stdout.split_once("4 communication").unwrap();
+    let (summary, report) = ended.stdout.split_once("4 communication").unwrap();
     let steps = " steps taken, 0 rejected, in ";
     assert!(report.starts_with(steps), "{report}");
     for line in [
@@ -54,7 +54,7 @@ fn a_table_feeds_inputs_of_every_type_in_their_units() {
         assert!(report.contains(line), "{report}");
     }
     assert_eq!(
-        told,
+        summary,
         "4 steps of 0.5 s from 0 s to 2 s (jacobi)\n\
          5 rows of 9 signals in result.csv\n\
          note: `flight.good.u` [ft] is converted for `good.u` [m]\n\
@@ -181,8 +181,8 @@ fn tables_that_do_not_fit() {
         folder.write("t.csv", table);
         let ended = short_run(&folder, &[&["--input", "t.csv"], &more[..]].concat());
         assert_eq!(ended.code, 2, "{table}");
-        let said = ended.stderr.strip_prefix("error: ").unwrap();
-        assert!(said.starts_with(message), "{said}");
+        let error = ended.stderr.strip_prefix("error: ").unwrap();
+        assert!(error.starts_with(message), "{error}");
     }
     assert_eq!(folder.files(), ["good.fmu", "t.csv"]);
 }
@@ -273,8 +273,8 @@ fn files_of_values_that_are_wrong_name_the_line() {
         let asked = file.replace("none.toml", "none.csv");
         let ended = short_run(&folder, &["--parameters", &asked]);
         assert_eq!(ended.code, 2, "{text}");
-        let said = ended.stderr.strip_prefix("error: ").unwrap();
-        assert!(said.starts_with(message), "{said}");
+        let error = ended.stderr.strip_prefix("error: ").unwrap();
+        assert!(error.starts_with(message), "{error}");
     }
 }
 
@@ -528,8 +528,8 @@ fn files_have_names_of_any_bytes() {
             .current_dir(folder.path(""))
             .output()
             .unwrap();
-        let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        (output.status.code(), told)
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        (output.status.code(), stderr)
     };
     let one: [&[u8]; 5] = [b"--input", b"u\xff.csv", b"-o", b"r\xff.csv", b"--force"];
     let isolated: [&[u8]; 2] = [b"--isolate", b"all"];
@@ -543,13 +543,13 @@ fn files_have_names_of_any_bytes() {
         );
         std::fs::remove_file(result).unwrap();
     }
-    let (code, told) = run(&[b"--save-system", b"s.toml"]);
+    let (code, stderr) = run(&[b"--save-system", b"s.toml"]);
     assert_eq!(code, Some(2));
     assert!(
-        told.ends_with(
+        stderr.ends_with(
             "is not UTF-8\nhint: TOML is UTF-8: rename the file, or leave --save-system out\n"
         ),
-        "{told}"
+        "{stderr}"
     );
 }
 

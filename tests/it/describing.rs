@@ -85,14 +85,17 @@ fn human(omega: f64) -> Complex<f64> {
 }
 
 /// Of eight lines one may be beyond 95 %, and none is beyond 99.9 %: `√(2 F(2, 30))`.
-fn check_human(told: &Value) {
-    let frequencies = numbers(&told["frequency_rad_per_s"]);
+fn check_human(describing: &Value) {
+    let frequencies = numbers(&describing["frequency_rad_per_s"]);
     let base = 2.0 * std::f64::consts::PI / 60.0;
     let lines: Vec<f64> = frequencies.iter().map(|own| own / base).collect();
     assert_eq!(lines.len(), 8);
     assert!(lines.iter().all(|own| (own - own.round()).abs() < 1e-6));
-    let (gain, phase) = (numbers(&told["gain"]), numbers(&told["phase_deg"]));
-    let sd = numbers(&told["phase_sd_deg"]);
+    let (gain, phase) = (
+        numbers(&describing["gain"]),
+        numbers(&describing["phase_deg"]),
+    );
+    let sd = numbers(&describing["phase_sd_deg"]);
     let mut far = 0;
     for (k, omega) in frequencies.iter().enumerate() {
         let found = Complex::from_polar(gain[k], phase[k].to_radians());
@@ -101,7 +104,7 @@ fn check_human(told: &Value) {
         far += usize::from(distance > 2.6);
     }
     assert!(far <= 1, "{far}");
-    let coherence = numbers(&told["coherence"]);
+    let coherence = numbers(&describing["coherence"]);
     assert!(coherence.iter().all(|own| (0.8..1.0).contains(own)));
 }
 

@@ -284,12 +284,12 @@ fn rounded_recordings_have_no_outliers() {
 
 #[test]
 fn a_run_of_another_origin_is_told() {
-    let told = |offset: f64| {
+    let is_misfit = |offset: f64| {
         let mut trials = shipped();
         (trials[1].position.iter_mut().skip(1)).for_each(|z| *z += offset);
         codes_of(&trials).contains(&"misfit")
     };
-    assert!(told(5.0) && !told(0.0));
+    assert!(is_misfit(5.0) && !is_misfit(0.0));
 }
 
 #[test]
@@ -429,13 +429,17 @@ fn a_human_whose_own_loop_grows_gets_no_answer() {
         .map(|flight| Trial::parse(flight.series.to_csv().as_bytes(), &flight.name).unwrap())
         .collect();
     let fit = fitted(&trials, &FitOptions::default());
-    let says_so = |diagnostic: &Diagnostic| match diagnostic {
+    let is_stability_doubt = |diagnostic: &Diagnostic| match diagnostic {
         Diagnostic::Leaves { .. } => true,
         Diagnostic::LoopOnBound { swings, .. } => swings.is_some() && diagnostic.is_fatal(),
         _ => false,
     };
     assert!(fit.converged && fit.closed_loop.as_ref().unwrap().is_stable());
-    assert!(fit.diagnostics.iter().any(says_so), "{:?}", fit.diagnostics);
+    assert!(
+        fit.diagnostics.iter().any(is_stability_doubt),
+        "{:?}",
+        fit.diagnostics
+    );
     assert!(!fit.is_answer());
     let free = FitOptions {
         stable_loop: false,
@@ -453,7 +457,7 @@ fn the_cost_of_the_stability_bound_is_told() {
         ..FitOptions::default()
     };
     let expected = shipped_fit().objective / fitted(&shipped(), &free).objective - 1.0;
-    let told = shipped_fit()
+    let cost = shipped_fit()
         .diagnostics
         .iter()
         .find_map(|diagnostic| match diagnostic {
@@ -461,8 +465,8 @@ fn the_cost_of_the_stability_bound_is_told() {
             _ => None,
         });
     assert!(
-        (told.unwrap() / expected - 1.0).abs() < 0.01,
-        "{told:?} {expected}"
+        (cost.unwrap() / expected - 1.0).abs() < 0.01,
+        "{cost:?} {expected}"
     );
 }
 
@@ -550,7 +554,7 @@ fn a_vehicle_that_is_no_body_is_told() {
 /// Sines are followed late, so that positions and targets of one time are hardly alike.
 #[test]
 fn a_wrong_unit_or_sign_is_told_behind_a_delay() {
-    let told = |factor: f64| {
+    let is_wrong_scale = |factor: f64| {
         let sines = |t: f64| -> f64 {
             let lines = [6.0, 13.0, 27.0, 41.0].map(|n| std::f64::consts::TAU * n / 81.92);
             lines.iter().map(|w| (w * (t + 7.0)).sin()).sum()
@@ -565,7 +569,7 @@ fn a_wrong_unit_or_sign_is_told_behind_a_delay() {
         let trials = changed(late)[..1].to_vec();
         codes_of(&trials).contains(&"wrong-scale")
     };
-    assert!(told(3.28) && told(-1.0) && !told(1.0));
+    assert!(is_wrong_scale(3.28) && is_wrong_scale(-1.0) && !is_wrong_scale(1.0));
 }
 
 #[test]

@@ -90,7 +90,7 @@ fn what_tells_nothing_is_left_open() {
 #[test]
 fn more_parameters_than_lines_tell_are_told() {
     let folder = Folder::new();
-    for (count, is_told) in [(2, true), (4, false)] {
+    for (count, is_reported) in [(2, true), (4, false)] {
         let name = format!("{count}");
         synth(
             &folder,
@@ -110,7 +110,7 @@ fn more_parameters_than_lines_tell_are_told() {
             "{ended:?}"
         );
         let fit = ended.json();
-        assert_eq!(codes(&fit).contains(&"few-lines"), is_told, "{count}");
+        assert_eq!(codes(&fit).contains(&"few-lines"), is_reported, "{count}");
         assert_eq!(fit["excitation"]["most_parameters"], 2 * count);
     }
 }
@@ -161,25 +161,28 @@ fn decay(parameters: &str, options: &str) -> Folder {
 fn what_cannot_be_told_apart_is_told_before_the_solve() {
     let words = "`m.a` and `m.b` cannot be told apart";
     let both = "\"m.a\" = {}\n\"m.b\" = {}";
-    for (options, is_told) in [("max_iterations = 1", true), ("", false)] {
+    for (options, is_reported) in [("max_iterations = 1", true), ("", false)] {
         let ended = decay(both, options).pilotage(&["fit", "problem.toml", "--json"]);
         assert!(ended.stderr.contains(words), "{ended:?}");
         let fit = ended.json();
         assert_eq!(
             codes(&fit).contains(&"unidentifiable"),
-            is_told,
+            is_reported,
             "{:?}",
             codes(&fit)
         );
-        assert_eq!(codes(&fit).contains(&"flat"), !is_told);
-        let told = &fit["excitation"]["identifiability"];
-        assert_eq!(told["starts"], 3);
+        assert_eq!(codes(&fit).contains(&"flat"), !is_reported);
+        let identifiability = &fit["excitation"]["identifiability"];
+        assert_eq!(identifiability["starts"], 3);
         assert!(
-            told["flat"][0].as_str().unwrap().starts_with(words),
-            "{told}"
+            identifiability["flat"][0]
+                .as_str()
+                .unwrap()
+                .starts_with(words),
+            "{identifiability}"
         );
-        let least = told["singular_values"][1].as_f64().unwrap();
-        assert!(least < 1e-5, "{told}");
+        let least = identifiability["singular_values"][1].as_f64().unwrap();
+        assert!(least < 1e-5, "{identifiability}");
     }
     let one =
         decay("\"m.a\" = {}", "max_iterations = 1").pilotage(&["fit", "problem.toml", "--json"]);
@@ -198,20 +201,23 @@ fn predicted_deviations_are_those_of_the_derivative() {
         -2.0 * time * (-0.5 * time).exp()
     };
     let expected = 0.1 / (0..20).map(|k| slope(k).powi(2)).sum::<f64>().sqrt();
-    let told = &fit["excitation"]["identifiability"];
-    let found = told["sd"]["m.a"].as_f64().unwrap();
+    let identifiability = &fit["excitation"]["identifiability"];
+    let found = identifiability["sd"]["m.a"].as_f64().unwrap();
     assert!((found / expected - 1.0).abs() < 0.02, "{found} {expected}");
-    assert_eq!(told["weak"], json!([]));
+    assert_eq!(identifiability["weak"], json!([]));
     // What changes next to nothing is hardly told, or has no effect.
     let folder = decay("\"m.a\" = {}\n\"m.c\" = {}", "starts = 1");
     let ended = folder.pilotage(&["fit", "problem.toml", "--json"]);
-    let told = &ended.json()["excitation"]["identifiability"];
-    let words = told["flat"]
+    let identifiability = &ended.json()["excitation"]["identifiability"];
+    let words = identifiability["flat"]
         .as_array()
         .unwrap()
         .iter()
-        .chain(told["weak"].as_array().unwrap());
-    assert!(words.count() == 1 && ended.stderr.contains("m.c"), "{told}");
+        .chain(identifiability["weak"].as_array().unwrap());
+    assert!(
+        words.count() == 1 && ended.stderr.contains("m.c"),
+        "{identifiability}"
+    );
 }
 
 /// Noise that drives the system moves nothing that is simulated, and is told by what is predicted all the same.

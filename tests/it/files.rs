@@ -370,12 +370,12 @@ fn a_result_is_an_input_with_its_units() {
     ));
     let wild = folder.read("wild.csv");
     assert!(wild.contains("inf") || wild.contains("NaN"), "{wild}");
-    let told = run(&format!(
+    let output = run(&format!(
         "cosim good.fmu {simulate} --input wild.csv --record good.u -o again.csv"
     ));
     assert!(
-        told.contains("note: wild.csv: nothing uses `good.y`\n"),
-        "{told}"
+        output.contains("note: wild.csv: nothing uses `good.y`\n"),
+        "{output}"
     );
     assert!(folder.read("again.csv").ends_with("\n1,1\n"));
     let asked = format!("cosim good.fmu {simulate} --input w=wild.csv --connect w.good.y=good.u");

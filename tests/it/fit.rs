@@ -131,13 +131,13 @@ fn a_problem_file_is_as_sure_as_the_short_form() {
     let init = [&["init"], &flights[..], &["-o", "problem.toml"]].concat();
     assert_eq!(folder.pilotage(&init).code, 0);
     for method in ["plain", "ar"] {
-        let told = |what: &[&str]| {
+        let parameters = |what: &[&str]| {
             let words = [&["fit"], what, &["--json", "--covariance", method]].concat();
             let json: Value = serde_json::from_str(&folder.pilotage(&words).stdout).unwrap();
             assert_eq!(json["uncertainty"]["method"], method);
             json["parameters"].clone()
         };
-        let (short, problem) = (told(&flights), told(&["problem.toml"]));
+        let (short, problem) = (parameters(&flights), parameters(&["problem.toml"]));
         for k in 1..=6 {
             let sd = |of: &Value, name: String| of[name]["sd"].as_f64().unwrap();
             let own = sd(&short, format!("theta{k}"));

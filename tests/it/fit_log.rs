@@ -157,12 +157,12 @@ fn a_time_limit_keeps_the_best_so_far() {
     let log = lines(&folder.read("fit.jsonl"));
     assert_eq!(of(&log, "iteration").len(), 1);
     let skipped = log.last().unwrap()["skipped"].as_u64().unwrap();
-    let told = format!(
+    let message = format!(
         "\nstopped early: {skipped} of {} starts were not tried\n",
         skipped + 1
     );
     assert!(
-        skipped > 0 && ended.stdout.contains(&told),
+        skipped > 0 && ended.stdout.contains(&message),
         "{}",
         ended.stdout
     );
@@ -279,8 +279,11 @@ fn a_start_that_has_converged_is_the_result_though_the_next_is_stopped() {
         .find(|start| start.number == first.number + 1);
     assert_eq!(next.unwrap().status, pilotage::sqp::Status::Interrupted);
     assert_eq!(stopped.skipped, starts - stopped.starts.len());
-    let told = |diagnostic: &Diagnostic| diagnostic.code() == "stopped-early";
-    assert_eq!(stopped.diagnostics.iter().any(told), stopped.skipped > 0);
+    let is_stopped_early = |diagnostic: &Diagnostic| diagnostic.code() == "stopped-early";
+    assert_eq!(
+        stopped.diagnostics.iter().any(is_stopped_early),
+        stopped.skipped > 0
+    );
 }
 
 #[test]

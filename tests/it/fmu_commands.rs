@@ -35,9 +35,9 @@ fn a_loop_is_simulated_and_recorded() {
     ]);
     assert_eq!(ended.stderr, "");
     // What follows tells times.
-    let (told, _) = ended.stdout.split_once("4 communication steps").unwrap();
+    let (summary, _) = ended.stdout.split_once("4 communication steps").unwrap();
     assert_eq!(
-        told,
+        summary,
         "4 steps of 0.25 s from 0 s to 1 s (gauss-seidel, in the order good, other)\n\
          5 rows of 12 signals in result.csv\n\
          note: nothing feeds `good.n_in`; it keeps its start value\n\

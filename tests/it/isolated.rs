@@ -75,7 +75,7 @@ fn linear_systems_are_the_same() {
     let folder = folder();
     for fmus in FMUS {
         for kind in ["cs", "me"] {
-            let told = |isolation: &[&str]| {
+            let linearized = |isolation: &[&str]| {
                 let rest = ["--at", "2", "--step", "0.05", "--kind", kind, "--json"];
                 let words = [&["linearize"], &fmus[..], &LOOP, &rest, isolation].concat();
                 let ended = folder.pilotage(&words);
@@ -91,7 +91,7 @@ fn linear_systems_are_the_same() {
                 "--memory-limit",
                 "500",
             ];
-            assert_eq!(told(&limits), told(&[]), "{fmus:?} {kind}");
+            assert_eq!(linearized(&limits), linearized(&[]), "{fmus:?} {kind}");
         }
     }
 }

@@ -118,10 +118,10 @@ fn what_each_mistake_is_told() {
         let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
         let ended = folder.pilotage(&arguments);
         // Blank lines part the table's paragraphs.
-        let told: String = (ended.stderr.lines().filter(|line| !line.trim().is_empty()))
+        let message: String = (ended.stderr.lines().filter(|line| !line.trim().is_empty()))
             .map(|line| format!("{line}\n"))
             .collect();
-        found += &format!("$ pilotage {command}\n[{}]\n{told}\n", ended.code);
+        found += &format!("$ pilotage {command}\n[{}]\n{message}\n", ended.code);
     }
     for (found, expected) in found.split("\n\n").zip(expected.split("\n\n")) {
         assert_eq!(found, expected);

@@ -134,7 +134,7 @@ fn mistakes_of_use_are_told() {
         "trial.csv",
         "time [s],target [m],position [m]\n0,0,0\n1,1,0\n",
     );
-    let told: Vec<String> = [
+    let messages: Vec<String> = [
         &["model", "check", "broken.toml"][..],
         &["model", "check", "nowhere.toml"],
         &["model", "check", "trial.csv"],
@@ -159,7 +159,7 @@ fn mistakes_of_use_are_told() {
         format!("{}\n{}", arguments.join(" "), ended.stderr)
     })
     .collect();
-    insta::assert_snapshot!(told.join("\n"));
+    insta::assert_snapshot!(messages.join("\n"));
     assert_eq!(folder.read("damped.toml"), DAMPED);
     assert_eq!(folder.files(), ["broken.toml", "damped.toml", "trial.csv"]);
 }

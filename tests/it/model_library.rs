@@ -241,8 +241,8 @@ fn pilots_and_vehicles_have_the_signals_that_they_are_wired_by() {
         }
         for (variable, role) in file.variables().filter(|(_, role)| *role != "a local") {
             let renamed = role == "an output" && variable.value.is_none();
-            let said = !variable.description.is_empty() && variable.unit.is_some();
-            assert!(renamed || said, "{name}: {}", variable.name);
+            let is_described = !variable.description.is_empty() && variable.unit.is_some();
+            assert!(renamed || is_described, "{name}: {}", variable.name);
         }
     }
 }

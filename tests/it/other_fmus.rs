@@ -301,10 +301,10 @@ fn clocks_that_do_not_tick_are_found() {
         ),
     ] {
         for kind in ["co-simulation: ", "model exchange: "] {
-            let told = judged(behaviour);
-            let mut lines = told.lines();
+            let findings = judged(behaviour);
+            let mut lines = findings.lines();
             let is_it = |line: &str| line.contains(kind) && line.contains(finding);
-            assert!(lines.any(is_it), "{behaviour}: {told}");
+            assert!(lines.any(is_it), "{behaviour}: {findings}");
         }
     }
 }

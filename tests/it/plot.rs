@@ -167,9 +167,9 @@ fn bands_of_problems_are_those_of_their_margins() {
     let half = (band[after][1] - band[band.len() - 1 - after][1]).abs() / 2.0;
     let crossover = &json["derived"]["crossover_frequency"];
     let [low, high] = ["low", "high"].map(|key| crossover[key].as_f64().unwrap());
-    let told = (high - low) / 2.0;
+    let expected = (high - low) / 2.0;
     let found = half / ((g1 - g0) / (w1 - w0)).abs();
-    assert!((found / told - 1.0).abs() < 0.1, "{found} {told}");
+    assert!((found / expected - 1.0).abs() < 0.1, "{found} {expected}");
     let poles = ["plot", "fit.html", "--figure", "poles", "-o", "p.csv"];
     assert_eq!(folder.pilotage(&poles).code, 0);
     assert!(folder.read("p.csv").contains("95 %"));

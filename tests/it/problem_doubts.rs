@@ -114,13 +114,13 @@ fn flights_that_do_not_go_together_are_told() {
     let other = "time,x\n0,1\n0.5,0.7\n1,0.6\n2,0.8\n4,1.1\n";
     let top =
         |device: &str| format!("# device: {device} (its name)\n# subject: P1\n# valid: yes\n");
-    let told = |first: &str, then: &str| {
+    let mixed = |first: &str, then: &str| {
         folder.write("run.csv", top(first) + RUN);
         folder.write("2.csv", top(then) + other);
         words(&fit(&folder).json(), "mixed")
     };
-    assert_eq!(told("mouse", "mouse"), None);
-    let why = told("mouse", "gamepad").unwrap();
+    assert_eq!(mixed("mouse", "mouse"), None);
+    let why = mixed("mouse", "gamepad").unwrap();
     assert!(why.contains("gamepad (2.csv), mouse (run.csv)"), "{why}");
 }
 
@@ -188,7 +188,7 @@ fn a_refinement_that_moves_a_parameter_is_told() {
     );
     folder.write("m.toml", swung);
     folder.write("run.csv", "time,x\n0,1\n1,0.5\n2,0.4\n4,0.13\n8,0.2\n");
-    let told = |tolerance: &str| {
+    let mesh_moves = |tolerance: &str| {
         let text = format!(
             "[system.m]\nmodel = \"m.toml\"\n[[measured]]\nsignal = \"m.x\"\ncolumn = \"x\"\n[parameters]\n\"m.k\" = {{}}\n\
              [[run]]\nfile = \"run.csv\"\n[fit]\nmesh_tolerance = {tolerance}\n"
@@ -197,27 +197,27 @@ fn a_refinement_that_moves_a_parameter_is_told() {
         words(&fit(&folder).json(), "mesh-moves")
     };
     assert!(
-        told("1e-3").unwrap().contains("3.5e-3"),
+        mesh_moves("1e-3").unwrap().contains("3.5e-3"),
         "{:?}",
-        told("1e-3")
+        mesh_moves("1e-3")
     );
-    assert_eq!(told("1e-4"), None);
+    assert_eq!(mesh_moves("1e-4"), None);
 }
 
 /// From 1, decaying no slower than with 0.5, x is not above 0.9 at 4 s; with nothing to decay it is.
 #[test]
 fn equations_and_constraints_that_are_not_met_are_told() {
-    let told = |least: f64| {
+    let solve = |least: f64| {
         let rest = format!(
             "[parameters]\n\"m.k\" = {{ min = {least}, max = 2 }}\n[[constraint]]\nexpression = \"m.x\"\nmin = 0.9\n"
         );
         let json = fit(&problem("", &rest, RUN)).json();
         (words(&json, "not-met"), json)
     };
-    let (not_met, json) = told(0.5);
+    let (not_met, json) = solve(0.5);
     assert!(not_met.is_some(), "{json}");
     assert_eq!(json["objective"], Value::Null);
-    let (not_met, json) = told(0.0);
+    let (not_met, json) = solve(0.0);
     assert_eq!(not_met, None, "{json}");
     assert!(json["objective"].is_number());
 }
@@ -246,7 +246,7 @@ fn an_output_beyond_its_limit_is_told_where_noise_drives() {
         format!("{t},1,{}\n", 1.0 - (-t).exp() + noise)
     });
     folder.write("run.csv", format!("time,u,y\n{}", rows.collect::<String>()));
-    let told = |limit: f64| {
+    let beyond_limit = |limit: f64| {
         folder.write(
             "m.toml",
             format!(
@@ -264,9 +264,9 @@ fn an_output_beyond_its_limit_is_told_where_noise_drives() {
         assert_eq!(json["status"], "converged", "{json}");
         words(&json, "beyond-limit")
     };
-    let why = told(0.6).unwrap();
+    let why = beyond_limit(0.6).unwrap();
     assert!(why.contains("m.y"), "{why}");
-    assert_eq!(told(2.0), None);
+    assert_eq!(beyond_limit(2.0), None);
 }
 
 #[test]
@@ -313,20 +313,20 @@ fn decays(added: impl Fn(usize, usize) -> f64) -> Folder {
 
 #[test]
 fn samples_and_runs_that_stand_out_are_told() {
-    let told = |added: &dyn Fn(usize, usize) -> f64| {
+    let doubts = |added: &dyn Fn(usize, usize) -> f64| {
         let json = fit(&decays(added)).json();
         assert_eq!(json["status"], "converged", "{json}");
         ["outlier", "jump", "misfit"].map(|code| words(&json, code))
     };
-    assert_eq!(told(&|_, _| 0.0), [None, None, None]);
+    assert_eq!(doubts(&|_, _| 0.0), [None, None, None]);
     let spikes = |run, row| f64::from(run == 2 && (row == 20 || row == 40)) * 0.5;
-    let [outlier, jump, _] = told(&spikes);
+    let [outlier, jump, _] = doubts(&spikes);
     let outlier = outlier.unwrap();
     assert!(outlier.starts_with("x of 2.csv at "), "{outlier}");
     assert!(outlier.contains("2 such samples"), "{outlier}");
     assert_eq!(jump, None);
     let steps = |run, row| f64::from(run == 1 && row >= 30) * 0.5;
-    let [outlier, jump, _] = told(&steps);
+    let [outlier, jump, _] = doubts(&steps);
     let jump = jump.unwrap();
     assert!(
         jump.contains("in 1.csv jump by 5.") && jump.contains("at 1.5 s"),
@@ -334,7 +334,7 @@ fn samples_and_runs_that_stand_out_are_told() {
     );
     assert_eq!(outlier, None);
     let drifts = |run, row| f64::from(run == 3) * 0.01 * row as f64;
-    let [outlier, jump, misfit] = told(&drifts);
+    let [outlier, jump, misfit] = doubts(&drifts);
     let misfit = misfit.unwrap();
     assert!(misfit.starts_with("x of 3.csv is fitted "), "{misfit}");
     assert_eq!([outlier, jump], [None, None]);

@@ -152,12 +152,12 @@ fn anybodys_fmu_is_fitted_with_its_derivatives_or_without() {
         let start = "[parameters]\n\"own.p\" = { start = 0.4 }";
         let found = fitted(&folder, &alone(&folder, &model, 0, start));
         assert!((value(&found, "own.p") - 1.3).abs() < 2e-5, "{found}");
-        let said = doubt(&found, "fmu-description");
+        let diagnostic = doubt(&found, "fmu-description");
         let is_wrong = model.starts_with("decay-wrongly");
-        assert_eq!(said.is_some(), is_wrong, "{said:?}");
+        assert_eq!(diagnostic.is_some(), is_wrong, "{diagnostic:?}");
         let words =
             "the FMU of `own`: it says that the derivative of `x0` changes with `x0` by -0.8";
-        assert!(said.is_none_or(|said| said.starts_with(words)));
+        assert!(diagnostic.is_none_or(|diagnostic| diagnostic.starts_with(words)));
     }
 }
 

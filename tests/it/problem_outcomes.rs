@@ -101,12 +101,12 @@ fn what_differs_between_runs_is_that_of_the_first_in_the_fitted_model() {
     assert!((begin("run.csv") - 2.0).abs() < 1e-6, "{json}");
     assert!((begin("other.csv") - 3.0).abs() < 1e-6, "{json}");
     let fitted = folder.read("tank-fitted.toml");
-    let told = format!(
+    let comment = format!(
         "# x is the first of {} (run.csv), {} (other.csv)\n",
         begin("run.csv"),
         begin("other.csv")
     );
-    assert!(fitted.contains(&told), "{fitted}");
+    assert!(fitted.contains(&comment), "{fitted}");
     assert!((flown(&folder)[0] - 2.0).abs() < 1e-6, "{fitted}");
 }
 

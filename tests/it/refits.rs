@@ -77,10 +77,13 @@ fn problems_tell_profiles_and_bootstraps_of_each_value() {
         assert!(number(&x0["bootstrap"][subject]["sd"]) > 0.0);
     }
     // Not all draws of six runs have a subject's.
-    let told = &json["uncertainty"]["bootstrap"];
-    assert_eq!((&told["kind"], &told["seed"]), (&"runs".into(), &3.into()));
+    let bootstrap = &json["uncertainty"]["bootstrap"];
     assert_eq!(
-        number(&told["converged"]) + number(&told["not_converged"]),
+        (&bootstrap["kind"], &bootstrap["seed"]),
+        (&"runs".into(), &3.into())
+    );
+    assert_eq!(
+        number(&bootstrap["converged"]) + number(&bootstrap["not_converged"]),
         12.0
     );
     let half_life = &json["derived"]["half_life"];

@@ -36,10 +36,10 @@ fn a_run_that_is_left_out_is_one_for_validation() {
     let (old, new) = ("run2.csv\"\n", "run2.csv\"\nuse = \"validation\"\n");
     folder.write("without.toml", problem("one", RUNS).replace(old, new));
     let without = fitted(&folder, &["without.toml"]);
-    let told = &without["runs"][RUNS - 1]["measured"]["y"];
+    let validated = &without["runs"][RUNS - 1]["measured"]["y"];
     let own = &left_out[1]["measured"]["y"];
     for key in ["vaf", "fit"] {
-        let [a, b] = [&own[key], &told[key]].map(|own| own.as_f64().unwrap());
+        let [a, b] = [&own[key], &validated[key]].map(|own| own.as_f64().unwrap());
         assert!((a - b).abs() < 1e-5, "{key}: {a} {b}");
     }
 }
@@ -88,8 +88,11 @@ fn one_human_is_told_from_two() {
     let fit = fitted(&folder, &["alone.toml", "--covariance", "ar"]);
     let own = &fit["parameters"]["m.fast"];
     for (key, found) in [("value", value), ("low", low), ("high", high)] {
-        let told = own[key].as_f64().unwrap();
-        assert!((told / found - 1.0).abs() < 1e-5, "{key}: {told} {found}");
+        let expected = own[key].as_f64().unwrap();
+        assert!(
+            (expected / found - 1.0).abs() < 1e-5,
+            "{key}: {expected} {found}"
+        );
     }
 }
 
@@ -181,10 +184,10 @@ fn what_an_input_leaves_in_the_residuals_is_doubted() {
     let wrong = fitted(&late(0.3), &["run.toml"]);
     assert!(codes(&wrong).contains(&"input-left"), "{}", wrong["doubts"]);
     let doubts = wrong["doubts"].as_array().unwrap().iter();
-    let said = doubts
+    let words = doubts
         .map(|own| own["words"].as_str().unwrap())
         .collect::<String>();
-    assert!(said.contains("of y are correlated with u"), "{said}");
+    assert!(words.contains("of y are correlated with u"), "{words}");
 }
 
 /// White residuals are predicted no better by the one before, coloured ones are: AR(1) 0.9 leaves 19 % of their variance.
@@ -193,12 +196,12 @@ fn one_step_ahead_is_told_beside_the_free_run() {
     let of = |folder: &Folder| {
         let fit = fitted(folder, &["first.toml"]);
         let runs = fit["runs"].as_array().unwrap().iter();
-        let told = runs.map(|run| {
+        let ratios = runs.map(|run| {
             let own = &run["measured"]["y"];
             let left = |own: &Value| 100.0 - own["vaf"].as_f64().unwrap();
             left(&own["one_step"]) / left(own)
         });
-        told.sum::<f64>() / RUNS as f64
+        ratios.sum::<f64>() / RUNS as f64
     };
     let (white, coloured) = (of(&last_at(1.5)), of(&flights(1, 7)));
     assert!((white - 1.0).abs() < 0.02, "{white}");
@@ -217,7 +220,7 @@ fn what_cannot_be_asked_is_refused() {
         linear(RUNS).replace("\"m.*\" = {}", bounded),
     );
     let trials = example("trials/trials.toml").to_str().unwrap().to_owned();
-    for (words, said) in [
+    for (words, message) in [
         (&["linear.toml", "--orders", "3..2"][..], "the lower first"),
         (&["linear.toml", "--orders", "0..2"], "from 1 to"),
         (&["linear.toml", "--orders", "2"], "such as 1..5"),
@@ -236,7 +239,11 @@ fn what_cannot_be_asked_is_refused() {
     ] {
         let ended = folder.pilotage(&[&["fit"], words].concat());
         assert_eq!(ended.code, 2, "{words:?}: {ended:?}");
-        assert!(ended.stderr.contains(said), "{words:?}: {}", ended.stderr);
+        assert!(
+            ended.stderr.contains(message),
+            "{words:?}: {}",
+            ended.stderr
+        );
     }
     assert_eq!(
         json!(null),

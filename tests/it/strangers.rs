@@ -45,10 +45,22 @@ fn arguments(command: &str) -> &'static [&'static str] {
             "a.fmu",
             "--isolate",
             "all",
-            "--step-limit",
-            "0.5",
             "--memory-limit",
             "200",
+            "--stop-time",
+            "0.5",
+            "--step",
+            "0.1",
+            "-o",
+            "r.csv",
+        ],
+        "isolhang" => &[
+            "cosim",
+            "a.fmu",
+            "--isolate",
+            "all",
+            "--step-limit",
+            "0.5",
             "--stop-time",
             "0.5",
             "--step",
@@ -76,6 +88,16 @@ fn arguments(command: &str) -> &'static [&'static str] {
             "a.fmu",
             "--isolate",
             "a",
+            "--at",
+            "0.5",
+            "--step",
+            "0.1",
+        ],
+        "isolinhang" => &[
+            "linearize",
+            "a.fmu",
+            "--isolate",
+            "a",
             "--step-limit",
             "0.5",
             "--at",
@@ -84,7 +106,8 @@ fn arguments(command: &str) -> &'static [&'static str] {
             "0.1",
         ],
         "linearize" => &["linearize", "a.fmu", "--at", "0.5", "--step", "0.1"],
-        "validate" => &["validate", "a.fmu", "--time-limit", "0.5"],
+        "validate" => &["validate", "a.fmu"],
+        "hurried" => &["validate", "a.fmu", "--time-limit", "0.5"],
         other => panic!("no command {other}"),
     }
 }
@@ -169,21 +192,21 @@ fn the_second_interrupt_tells_who_hangs() {
             let sent = Command::new("kill").args(["-INT", &id]).output().unwrap();
             assert!(sent.status.success());
         }
-        let mut said = String::new();
+        let mut stderr = String::new();
         child
             .stderr
             .take()
             .unwrap()
-            .read_to_string(&mut said)
+            .read_to_string(&mut stderr)
             .unwrap();
-        assert_eq!(child.wait().unwrap().code(), Some(130), "{said}");
+        assert_eq!(child.wait().unwrap().code(), Some(130), "{stderr}");
         assert!(
-            said.contains("at 0.2 s, had not come back when Ctrl-C ended it"),
-            "{said}"
+            stderr.contains("at 0.2 s, had not come back when Ctrl-C ended it"),
+            "{stderr}"
         );
         assert!(
-            said.contains("hint: the rows until then are in r.csv.part"),
-            "{said}"
+            stderr.contains("hint: the rows until then are in r.csv.part"),
+            "{stderr}"
         );
         assert_eq!(folder.read("r.csv.part").lines().count(), 4);
     }
@@ -199,14 +222,14 @@ fn misses(row: &str) -> Option<String> {
     let folder = folder(act.trim());
     let ended = folder.pilotage_with(arguments(command.trim()), &[("TMPDIR", &path)]);
     let text = format!("{}{}", ended.stdout, ended.stderr);
-    let unsaid: Vec<&str> = (words.split('|').map(str::trim))
+    let missing: Vec<&str> = (words.split('|').map(str::trim))
         .filter(|word| !word.is_empty() && !text.contains(word))
         .collect();
     let left = std::fs::read_dir(temporary.path()).unwrap().count();
-    let is_right = ended.code.to_string() == code.trim() && unsaid.is_empty() && left == 0;
+    let is_right = ended.code.to_string() == code.trim() && missing.is_empty() && left == 0;
     (!is_right).then(|| {
         format!(
-            "{row}\n  exit code {}, not said: {unsaid:?}, {left} left in the temporary folder\n  {}\n",
+            "{row}\n  exit code {}, not said: {missing:?}, {left} left in the temporary folder\n  {}\n",
             ended.code,
             text.replace('\n', "\n  ")
         )

@@ -126,8 +126,8 @@ fn nothing_is_written_into_a_folder_that_is_read() {
     ] {
         let ended = folder.pilotage(&["cosim", "pilot", "--step=0.1", "--force", "-o", output]);
         assert_eq!(ended.code, 2, "{ended:?}");
-        let told = "is an input of this command (as pilot), and would be overwritten";
-        assert!(ended.stderr.contains(told), "{ended:?}");
+        let message = "is an input of this command (as pilot), and would be overwritten";
+        assert!(ended.stderr.contains(message), "{ended:?}");
     }
     assert!(content(&folder.path("pilot")) == before);
 }

@@ -30,7 +30,7 @@ SNAPSHOTS = {
     "buildDescription.xml": "faults_files__every_fault_of_the_files_is_found",
 }
 RUN = ["fmpy", "FMI Library"]
-HEAD = "| section | what is looked at | what `validate` says | of the fault with | fmpy | FMI Library |"
+HEAD = "| section | check | message of `validate` | planted fault contains | fmpy | FMI Library |"
 
 
 @functools.cache

@@ -134,12 +134,12 @@ fn active_constraints_are_told_in_units() {
         .find(|(_, own)| own.active.nrows() > 0)
         .unwrap();
     let states = problem.states_at_samples(&at.z, j);
-    let is_told = |k: usize| {
+    let matches_gradient = |k: usize| {
         let mut expected = own.outputs[0].row(k) / gain;
         expected[1] -= states[k][0] / gain;
         (expected + own.active.row(0)).amax() < 1e-9
     };
-    assert!((0..states.len()).any(is_told));
+    assert!((0..states.len()).any(matches_gradient));
 }
 
 #[test]

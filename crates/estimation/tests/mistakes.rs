@@ -197,8 +197,8 @@ fn what_each_mistake_is_told() {
         let is_patch = |line: &&str| line.starts_with("- ") || line.starts_with("+ ");
         let patch: Vec<&str> = paragraph.lines().take_while(is_patch).collect();
         let posed = pose(&patched(&patch), folder.path(), &|_| ());
-        let told = posed.err().unwrap_or("no mistake".into());
-        paragraphs.push(format!("{}\n{told}", patch.join("\n")));
+        let message = posed.err().unwrap_or("no mistake".into());
+        paragraphs.push(format!("{}\n{message}", patch.join("\n")));
     }
     assert!(paragraphs.len() >= 80, "{}", paragraphs.len());
     for (found, expected) in paragraphs.iter().zip(expected.trim_end().split("\n\n")) {

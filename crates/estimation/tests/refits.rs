@@ -236,7 +236,7 @@ fn bootstraps_of_runs_spread_as_the_jackknife_says() {
 #[test]
 fn parametric_bootstraps_know_all_kinds_of_noise() {
     let folder = folder(2, 60, 0.0);
-    for said in [
+    for noise in [
         "sd = \"sigma\"",
         "sd = \"0.1 + 0 * y\"",
         "noise = \"log-normal\"\nsd = \"sigma\"",
@@ -245,19 +245,19 @@ fn parametric_bootstraps_know_all_kinds_of_noise() {
         "noise = \"huber\"\nsd = \"sigma\"",
     ] {
         // Colour is drawn of normal noise alone.
-        let method = if said.starts_with("noise = \"log") || said.starts_with("sd") {
+        let method = if noise.starts_with("noise = \"log") || noise.starts_with("sd") {
             "ar"
         } else {
             "plain"
         };
         // Logarithms are of values above 0: those of the first part of each run.
-        let level = if said.contains("sigma") {
+        let level = if noise.contains("sigma") {
             "sigma = { start = 0.1, min = 1e-3 }\n"
         } else {
             ""
         };
         let path = folder.path();
-        if said.contains("log-normal") {
+        if noise.contains("log-normal") {
             for j in 0..2 {
                 let name = path.join(format!("run{j}.csv"));
                 let text = std::fs::read_to_string(&name).unwrap();
@@ -266,7 +266,7 @@ fn parametric_bootstraps_know_all_kinds_of_noise() {
             }
         }
         let rest = format!(
-            "{MEASURED}{said}\n[parameters]\n\"m.rate\" = {{}}\n\"m.x0\" = {{}}\n{level}[fit]\ncovariance = \"{method}\"\n"
+            "{MEASURED}{noise}\n[parameters]\n\"m.rate\" = {{}}\n\"m.x0\" = {{}}\n{level}[fit]\ncovariance = \"{method}\"\n"
         );
         let file = problem(path, 2, &rest);
         let posed = Posed::new(&file, &part::open).unwrap();
@@ -277,13 +277,13 @@ fn parametric_bootstraps_know_all_kinds_of_noise() {
             study.bootstrap((Kind::Parametric, 2), &numbers, &|_| (), &Watch::default());
         let converged = replicates.iter().filter_map(|own| own.values.as_ref());
         let converged: Vec<&Vec<f64>> = converged.collect();
-        assert!(converged.len() > 290, "{said}: {}", converged.len());
+        assert!(converged.len() > 290, "{noise}: {}", converged.len());
         let sure = found.uncertainty.as_ref().unwrap();
         for (k, intervals) in sure.intervals.iter().enumerate().take(2) {
             let own = spread(converged.iter().map(|values| values[k]), 0.95).unwrap();
             assert!(
                 (own.sd / intervals[0].sd - 1.0).abs() < 0.25,
-                "{said}: {own:?} {intervals:?}"
+                "{noise}: {own:?} {intervals:?}"
             );
         }
     }

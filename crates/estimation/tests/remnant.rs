@@ -108,7 +108,7 @@ fn lines(runs: std::ops::Range<u64>) -> String {
 }
 
 /// Value and standard deviation of a shared parameter.
-fn told(fit: &Fit, name: &str) -> (f64, f64) {
+fn estimate(fit: &Fit, name: &str) -> (f64, f64) {
     let place = fit
         .parameters
         .iter()
@@ -133,7 +133,7 @@ fn the_truth_and_the_noise_are_found_and_innovations_are_white() {
     let found = fitted(&file);
     assert!(found.is_answer(), "{:?}", found.diagnostics);
     for (name, truth) in TRUTH {
-        let (value, sd) = told(&found, name);
+        let (value, sd) = estimate(&found, name);
         assert!((value - truth).abs() < 4.0 * sd, "{name}: {value} ± {sd}");
         assert!(sd < 0.15 * truth, "{name}: {value} ± {sd}");
     }
@@ -282,12 +282,12 @@ fn the_response_is_what_is_fitted_unless_something_else_is_said() {
         .replace("q = { start = 0.5, min = 0 }\n", "")
         .replace("objective = \"prediction-error\"\n", "")
         + &lines(0..1);
-    let said = plain.replace("[fit]\n", "[fit]\nobjective = \"response\"\n");
-    let [plain, said] = [plain, said].map(|text| fitted(&parsed(&folder, &text)));
-    assert_eq!(plain.objective.to_bits(), said.objective.to_bits());
+    let explicit = plain.replace("[fit]\n", "[fit]\nobjective = \"response\"\n");
+    let [plain, explicit] = [plain, explicit].map(|text| fitted(&parsed(&folder, &text)));
+    assert_eq!(plain.objective.to_bits(), explicit.objective.to_bits());
     assert!(plain.runs[0].ahead.is_none());
     // As one Gaussian noise on what was recorded, the noise in the loop is much larger than the sensor's.
-    assert!(told(&plain, "s").0 > 3.0 * 0.03);
+    assert!(estimate(&plain, "s").0 > 3.0 * 0.03);
 }
 
 /// Each point of a profile is a fit in which the file fixes the parameter; where the interval ends, −2 log likelihood is
@@ -382,7 +382,7 @@ fn bootstraps_of_predictions_spread_as_covariances_say() {
         assert!(values.len() >= 198, "{}", values.len());
         for (k, own) in study.unknowns.iter().enumerate() {
             let spread = spread(values.iter().map(|own| own[k]), 0.95).unwrap();
-            let (_, sd) = told(&found, &own.name);
+            let (_, sd) = estimate(&found, &own.name);
             let ratio = spread.sd / sd;
             assert!((ratio - 1.0).abs() < most, "{kind} {}: {ratio}", own.name);
         }
@@ -403,7 +403,7 @@ fn a_likelihood_without_a_maximum_is_told() {
     std::fs::write(folder.path().join("run.csv"), text).unwrap();
     let model = "[model]\nname = \"m\"\n[inputs]\nnoise = {}\n[parameters]\na = 1\n[states]\nx = { der = \"-a * x + noise\" }\n";
     std::fs::write(folder.path().join("m.toml"), model).unwrap();
-    let is_told = |begin: &str| {
+    let is_unbounded = |begin: &str| {
         let text = format!(
             "[system.m]\nmodel = \"m.toml\"\n[process_noise]\n\"m.noise\" = {{ density = \"q\" }}\n[[measured]]\n\
              signal = \"m.x\"\ncolumn = \"y\"\nsd = \"s\"\n[parameters]\n\"m.a\" = {{}}\nq = {{ start = 0.1, min = 0 }}\n\
@@ -416,6 +416,6 @@ fn a_likelihood_without_a_maximum_is_told() {
             .iter()
             .any(|own| own.code() == "unbounded")
     };
-    assert!(is_told("1e-6, min = 0"));
-    assert!(!is_told("0.02, min = 0.01"));
+    assert!(is_unbounded("1e-6, min = 0"));
+    assert!(!is_unbounded("0.02, min = 0.01"));
 }

@@ -144,6 +144,43 @@ fn a_fixed_parameter_holds_in_validation_runs() {
     }
 }
 
+/// Each subject's sensor keeps its gain in runs that are not fitted, and a run may set another.
+#[test]
+fn a_sensor_keeps_the_gain_of_its_subject_in_validation_runs() {
+    let seen = |gain: f64| table("time [h],x", hours(), |t| gain * 2.0 * (-0.8 * t).exp());
+    let folder = folder(&[
+        ("tank.toml", DECAY),
+        ("a.csv", &seen(1.2)),
+        ("b.csv", &seen(0.7)),
+        ("c.csv", &seen(3.0)),
+    ]);
+    let of = |name: &str, more: &str| format!("{}{more}", run(name));
+    let judged = "use = \"validation\"\n";
+    let runs = [
+        of("a.csv", "subject = \"A\"\n"),
+        of("b.csv", "subject = \"B\"\n"),
+        of("b.csv", &format!("subject = \"B\"\n{judged}")),
+        of("a.csv", &format!("subject = \"A\"\n{judged}")),
+        of("c.csv", &format!("set = {{ \"gain(x)\" = 3 }}\n{judged}")),
+    ];
+    let problem = PROBLEM.replace("[parameters]", "gain = { per = \"subject\" }\n[parameters]");
+    let text = problem + &runs.concat();
+    let file = ProblemFile::parse(&text, &folder.path().join("problem.toml")).expect("read");
+    let posed = Posed::new(&file, &part::open).expect("posed");
+    let found = fit(&posed, &mut |_| ControlFlow::Continue(()));
+    let judged = validated(&file, &found, &part::open, &|| ControlFlow::Continue(()));
+    let judged = judged.expect("judged");
+    assert_eq!(judged.len(), 3);
+    for own in &judged {
+        let largest = own
+            .run
+            .residuals(0, file.measured[0].noise)
+            .iter()
+            .fold(0.0, |most: f64, e| most.max(e.abs()));
+        assert!(largest < 1e-5, "{}: {largest}", own.run.name);
+    }
+}
+
 /// ẋ = flow - 0.8 x in hours, with a flow of 1 from 2 h on, begun an hour before the first row: the solution by hand.
 #[test]
 fn times_of_a_problem_have_the_unit_of_the_runs() {
@@ -187,15 +224,15 @@ fn times_out_of_a_run_are_told_in_its_unit() {
     let data = table("time [h],x", hours(), |t| 2.0 * (-0.8 * t).exp());
     let folder = folder(&[("tank.toml", DECAY), ("run.csv", &data)]);
     let change = "[[run.change]]\ntime = 7200\nset = { \"tank.flow\" = 1 }\n";
-    let told = fitted(
+    let message = fitted(
         &format!("{PROBLEM}{}{change}", run("run.csv")),
         folder.path(),
     )
     .expect_err("late");
     assert!(
-        told.contains("a change at 7200 h is not within")
-            && told.ends_with("run.csv, from 0 h to 5 h"),
-        "{told}"
+        message.contains("a change at 7200 h is not within")
+            && message.ends_with("run.csv, from 0 h to 5 h"),
+        "{message}"
     );
 }
 
@@ -225,12 +262,12 @@ fn the_first_sample_is_that_of_the_start() {
     );
     let before = problem("twice.csv") + "start_time = -1\n";
     for (problem, when) in [(problem("later.csv"), "0 h"), (before, "-1 h")] {
-        let told = fitted(&problem, folder.path()).expect_err("nothing stands there");
+        let message = fitted(&problem, folder.path()).expect_err("nothing stands there");
         let end =
             format!("the column `x` has no sample at {when}, where the run begins; write \"free\"");
         assert!(
-            told.ends_with(&end) && told.contains("problem.toml:9:1: "),
-            "{told}"
+            message.ends_with(&end) && message.contains("problem.toml:9:1: "),
+            "{message}"
         );
     }
 }
@@ -291,8 +328,12 @@ fn limits_at_the_start_and_at_the_end_may_differ() {
         [start.clone(), constraint("samples", 0.0, 1.0)],
         [constraint("samples", 0.0, 1.0), start],
     ] {
-        let told = fitted(&problem(&all), folder.path()).expect_err("they contradict each other");
-        assert!(told.contains("by what else is said, never from"), "{told}");
+        let message =
+            fitted(&problem(&all), folder.path()).expect_err("they contradict each other");
+        assert!(
+            message.contains("by what else is said, never from"),
+            "{message}"
+        );
     }
 }
 

@@ -505,19 +505,19 @@ mod tests {
             inputs: inputs.iter().map(|&name| name.to_owned()).collect(),
             outputs: outputs.iter().map(|&name| name.to_owned()).collect(),
         };
-        let told = |names: Names| {
+        let message = |names: Names| {
             Craft::new("q", String::new(), &names, make())
                 .unwrap_err()
                 .to_string()
         };
         assert!(
-            told(named(&["elevator"], &[]))
+            message(named(&["elevator"], &[]))
                 .starts_with("q has no input `elevator`; its inputs are stick")
         );
         assert!(
-            told(named(&[], &["height"]))
+            message(named(&[], &["height"]))
                 .starts_with("q has no output `height`; its outputs are z")
         );
-        assert!(told(named(&["stick"], &["z", "z"])).starts_with("1 inputs and 2 outputs"));
+        assert!(message(named(&["stick"], &["z", "z"])).starts_with("1 inputs and 2 outputs"));
     }
 }

@@ -57,8 +57,8 @@ mod tests {
     fn parts_are_those_of_the_sorted_values() {
         let all: Vec<f64> = (1..=1000).rev().map(f64::from).collect();
         let own = Distribution::of([all, vec![f64::NAN]].concat());
-        let told = (own.count, own.median, own.p95, own.p999, own.most);
-        assert_eq!(told, (1000, 500.0, 950.0, 999.0, 1000.0));
+        let figures = (own.count, own.median, own.p95, own.p999, own.most);
+        assert_eq!(figures, (1000, 500.0, 950.0, 999.0, 1000.0));
         assert_eq!(Distribution::of(Vec::new()).to_string(), "none");
     }
 }

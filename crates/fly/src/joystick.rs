@@ -108,7 +108,7 @@ pub fn listen(
             .to_owned()
     });
     hand.hold(&name, reading);
-    let told = name.clone();
+    let device_name = name.clone();
     let path = path.to_owned();
     std::thread::spawn(move || {
         let mut device = Ok(device);
@@ -126,7 +126,7 @@ pub fn listen(
             });
         }
     });
-    Ok((told, note))
+    Ok((device_name, note))
 }
 
 /// Source of events.
@@ -192,9 +192,9 @@ impl Device {
 #[cfg(unix)]
 fn is_other(path: &Path) -> io::Result<bool> {
     use std::os::unix::fs::{FileTypeExt, MetadataExt};
-    let told = std::fs::metadata(path)?;
-    let is_input = told.file_type().is_char_device() && (told.rdev() >> 8) & 0xfff == 13;
-    Ok(!is_input && !told.file_type().is_fifo())
+    let metadata = std::fs::metadata(path)?;
+    let is_input = metadata.file_type().is_char_device() && (metadata.rdev() >> 8) & 0xfff == 13;
+    Ok(!is_input && !metadata.file_type().is_fifo())
 }
 
 #[cfg(not(unix))]

@@ -562,7 +562,7 @@ mod tests {
 
     #[test]
     fn what_is_wrong_is_named_with_its_line() {
-        for (text, told) in [
+        for (text, message) in [
             ("", "p.toml:1: `task` is missing"),
             ("[[task]]\nkind = \"hop\"", "p.toml:2: `kind` is neither"),
             (
@@ -621,7 +621,7 @@ mod tests {
             let error = Protocol::parse(text, "p.toml", SHAPE)
                 .unwrap_err()
                 .to_string();
-            assert!(error.contains(told), "{error}");
+            assert!(error.contains(message), "{error}");
         }
     }
 }

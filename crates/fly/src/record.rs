@@ -252,12 +252,12 @@ fn parquet(path: &Path, header: &Header, table: &Table) -> Result<(), ParquetErr
     let schema = Arc::new(parse_message_type(&format!(
         "message flight {{ {fields}}}"
     ))?);
-    let told = header
+    let metadata = header
         .iter()
         .map(|(key, value)| KeyValue::new((*key).to_owned(), value.clone()));
     let properties = WriterProperties::builder()
         .set_compression(Compression::UNCOMPRESSED)
-        .set_key_value_metadata(Some(told.collect()))
+        .set_key_value_metadata(Some(metadata.collect()))
         .build();
     let part = with_ending(path, PART);
     let mut writer = SerializedFileWriter::new(File::create(&part)?, schema, Arc::new(properties))?;

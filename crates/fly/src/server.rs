@@ -241,14 +241,14 @@ fn embedded(name: &str, headers: &HeaderMap) -> Response {
     let policy = format!(
         "default-src 'self'; connect-src 'self' ws://{host}; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'"
     );
-    let told = [
+    let response_headers = [
         (header::CONTENT_TYPE, (*kind).to_owned()),
         (header::CONTENT_SECURITY_POLICY, policy),
         (header::CACHE_CONTROL, "no-store".to_owned()),
         (header::REFERRER_POLICY, "no-referrer".to_owned()),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff".to_owned()),
     ];
-    (told, *text).into_response()
+    (response_headers, *text).into_response()
 }
 
 /// A file created by a job.
@@ -330,7 +330,7 @@ async fn talk(mut socket: WebSocket, page: u64, shared: &Shared) {
         .compare_exchange(0, page, Ordering::AcqRel, Ordering::Acquire)
         .is_ok();
     for text in first {
-        if say(&mut socket, &text).await.is_err() {
+        if send(&mut socket, &text).await.is_err() {
             return;
         }
     }
@@ -374,15 +374,15 @@ async fn talk(mut socket: WebSocket, page: u64, shared: &Shared) {
                 Some(Ok(Message::Close(_)) | Err(_)) | None => return,
                 Some(Ok(_)) => {}
             },
-            said = messages.recv() => match said {
-                Ok(text) => if say(&mut socket, &text).await.is_err() { return },
+            received = messages.recv() => match received {
+                Ok(text) => if send(&mut socket, &text).await.is_err() { return },
                 Err(broadcast::error::RecvError::Lagged(_)) => {}
                 Err(broadcast::error::RecvError::Closed) => return,
             },
             moved = states.changed() => {
                 let state = ToPage::State(states.borrow_and_update().as_ref().clone());
                 let text = serde_json::to_string(&state).unwrap_or_default();
-                if moved.is_err() || say(&mut socket, &text).await.is_err() { return }
+                if moved.is_err() || send(&mut socket, &text).await.is_err() { return }
             }
             _ = pings.tick() => {
                 pinged = Instant::now();
@@ -408,12 +408,12 @@ fn hear(shared: &Shared, message: FromPage) -> bool {
     }
 }
 
-async fn say(socket: &mut WebSocket, text: &str) -> Result<(), axum::Error> {
+async fn send(socket: &mut WebSocket, text: &str) -> Result<(), axum::Error> {
     socket.send(Message::Text(text.into())).await
 }
 
 async fn taken(socket: &mut WebSocket) -> Result<(), axum::Error> {
     let words = "Another page has the stick; this one watches.".to_owned();
     let text = serde_json::to_string(&ToPage::Taken { words }).unwrap_or_default();
-    say(socket, &text).await
+    send(socket, &text).await
 }

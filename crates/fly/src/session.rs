@@ -74,7 +74,7 @@ impl Board {
     }
 
     /// Sends a message to all pages.
-    pub fn say(&self, message: &ToPage) {
+    pub fn send(&self, message: &ToPage) {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         match message {
             ToPage::Phase(phase) => known.1 = phase.clone(),
@@ -220,7 +220,7 @@ impl Session {
     pub fn run(mut self) {
         let _ = self.all();
         let words = "The program has ended. Start it again, and open the address that it shows.";
-        self.board.say(&ToPage::Over {
+        self.board.send(&ToPage::Over {
             words: words.to_owned(),
         });
     }
@@ -254,7 +254,7 @@ impl Session {
         }
         loop {
             let words = format!("All {} runs are recorded. Thank you.", runs.len());
-            self.say(PhaseKind::End, None, words, None, None);
+            self.show_phase(PhaseKind::End, None, words, None, None);
             // Only jobs and flights together with the model remain.
             self.wait_for_go(None)?;
         }
@@ -289,14 +289,14 @@ impl Session {
                 () => None,
             };
             if let Some(words) = trouble {
-                self.board.say(&ToPage::Trouble {
+                self.board.send(&ToPage::Trouble {
                     words: words.to_owned(),
                 });
                 continue;
             }
             self.subject = subject;
             self.take(device, &calibration, &about);
-            self.board.say(&ToPage::Can {
+            self.board.send(&ToPage::Can {
                 can: self.works.can(&self.subject),
             });
             return Ok(());
@@ -306,7 +306,7 @@ impl Session {
     /// Repeats a run until it is valid.
     fn until_counted(&mut self, next: Next) -> Result<(), Quit> {
         let words = self.protocol.tasks[next.task].words.clone();
-        self.say(PhaseKind::Ready, Some(next), words, None, None);
+        self.show_phase(PhaseKind::Ready, Some(next), words, None, None);
         self.wait_for_go(Some(next))?;
         while !self.fly(next)? {
             self.wait_for_go(Some(next))?;
@@ -361,7 +361,7 @@ impl Session {
             let words = format!(
                 "another stick than before: a {device}; a fit of both would mix two ways to move the hand"
             );
-            self.board.say(&ToPage::Trouble { words });
+            self.board.send(&ToPage::Trouble { words });
         }
         self.device = Some(device);
     }
@@ -376,7 +376,7 @@ impl Session {
         match pilot.and_then(|pilot| Beside::new(pilot, &self.craft)) {
             Ok(beside) => self.beside = Some(beside),
             Err(error) => {
-                self.board.say(&ToPage::Trouble {
+                self.board.send(&ToPage::Trouble {
                     words: error.to_string(),
                 });
                 return Ok(());
@@ -434,7 +434,7 @@ impl Session {
         });
     }
 
-    fn say(
+    fn show_phase(
         &self,
         phase: PhaseKind,
         next: Option<Next>,
@@ -442,7 +442,7 @@ impl Session {
         seconds: Option<f64>,
         result: Option<ResultMessage>,
     ) {
-        self.board.say(&ToPage::Phase(Phase {
+        self.board.send(&ToPage::Phase(Phase {
             phase,
             task: next.map_or(0, |next| next.task),
             run: next.map_or(1, |next| next.run),
@@ -459,7 +459,7 @@ impl Session {
     fn fly(&mut self, next: Next) -> Result<bool, Quit> {
         let task = self.protocol.tasks[next.task].clone();
         for left in (1..=COUNTDOWN).rev() {
-            self.say(
+            self.show_phase(
                 PhaseKind::Countdown,
                 Some(next),
                 task.words.clone(),
@@ -470,7 +470,7 @@ impl Session {
             while Instant::now() < end {
                 let is_stopped = matches!(self.next(Some(next))?, Some(FromPage::Stop));
                 if is_stopped || self.hand.is_without_device() {
-                    self.say(PhaseKind::Ready, Some(next), task.words.clone(), None, None);
+                    self.show_phase(PhaseKind::Ready, Some(next), task.words.clone(), None, None);
                     self.wait_for_go(Some(next))?;
                     return self.fly(next);
                 }
@@ -495,7 +495,7 @@ impl Session {
                 return Ok(self.failed(next, format!("{folder} cannot be written: {error}")));
             }
         };
-        self.say(PhaseKind::Fly, Some(next), task.words.clone(), None, None);
+        self.show_phase(PhaseKind::Fly, Some(next), task.words.clone(), None, None);
         let mut beside = self.beside.take();
         let mut watch = Watch {
             board: &self.board,
@@ -571,7 +571,7 @@ impl Session {
             valid: is_valid,
             why: why.clone(),
         });
-        self.board.say(&ToPage::Can {
+        self.board.send(&ToPage::Can {
             can: self.works.can(&self.subject),
         });
         let training_done = self.protocol.training.is_over(&self.trained[next.task]);
@@ -606,7 +606,7 @@ impl Session {
             best: best.is_finite().then_some(best),
             training_done,
         };
-        self.say(PhaseKind::After, Some(next), words, None, Some(result));
+        self.show_phase(PhaseKind::After, Some(next), words, None, Some(result));
         is_valid
     }
 
@@ -634,10 +634,10 @@ impl Session {
 
     /// Reports a failed run.
     fn failed(&self, next: Next, words: String) -> bool {
-        self.board.say(&ToPage::Trouble {
+        self.board.send(&ToPage::Trouble {
             words: words.clone(),
         });
-        self.say(PhaseKind::Ready, Some(next), words, None, None);
+        self.show_phase(PhaseKind::Ready, Some(next), words, None, None);
         false
     }
 

@@ -109,7 +109,7 @@ async fn hear(socket: &mut Socket) -> Option<Value> {
     }
 }
 
-async fn say(socket: &mut Socket, message: Value) {
+async fn send(socket: &mut Socket, message: Value) {
     // A server that has hung up is seen by who listens.
     let _ = socket.send(Message::text(message.to_string())).await;
 }
@@ -152,10 +152,10 @@ async fn fly(socket: &mut Socket, runs: usize) -> Vec<Value> {
                         }
                         state = message;
                     }
-                    ("phase", Some("ready")) => say(socket, json!({ "type": "go" })).await,
+                    ("phase", Some("ready")) => send(socket, json!({ "type": "go" })).await,
                     ("phase", Some("after")) => {
                         results.push(message["result"].clone());
-                        say(socket, json!({ "type": "go" })).await;
+                        send(socket, json!({ "type": "go" })).await;
                     }
                     _ => {}
                 }
@@ -169,8 +169,8 @@ async fn fly(socket: &mut Socket, runs: usize) -> Vec<Value> {
                 let t = 1e3 * begun.elapsed().as_secs_f64();
                 let input = json!({ "type": "input", "n": n, "t": t, "stick": [stick], "device": "gamepad", "name": "script",
                     "frame": 16.0, "seen": true });
-                say(socket, input).await;
-                say(socket, json!({ "type": "shown", "t": state["t"], "seen": t - 20.0, "at": t })).await;
+                send(socket, input).await;
+                send(socket, json!({ "type": "shown", "t": state["t"], "seen": t - 20.0, "at": t })).await;
             }
         }
     }
@@ -186,7 +186,7 @@ async fn a_hand_flies_a_session_and_its_runs_are_kept() {
     let hello = until(&mut socket, "hello", |_| true).await;
     assert_eq!(hello["vehicle"]["axes"][0]["unit"], "m");
     assert_eq!(hello["protocol"]["tasks"][0]["title"], "4 m");
-    say(&mut socket, begin()).await;
+    send(&mut socket, begin()).await;
     let mut results = fly(&mut socket, 2).await;
     // On a busy machine frames come late, and a run is flown again.
     while !results.iter().any(|result| result["valid"] == true) {
@@ -244,9 +244,9 @@ async fn a_socket_that_breaks_costs_one_run() {
     let folder = tempfile::tempdir().unwrap();
     let (address, token) = session(folder.path()).await;
     let mut socket = open(&address, &token).await;
-    say(&mut socket, begin()).await;
+    send(&mut socket, begin()).await;
     until(&mut socket, "phase", |phase| phase["phase"] == "ready").await;
-    say(&mut socket, json!({ "type": "go" })).await;
+    send(&mut socket, json!({ "type": "go" })).await;
     until(&mut socket, "phase", |phase| phase["phase"] == "fly").await;
     drop(socket);
     let mut socket = open(&address, &token).await;
@@ -259,7 +259,7 @@ async fn a_socket_that_breaks_costs_one_run() {
             .starts_with("invalid"),
         "{after}"
     );
-    say(&mut socket, json!({ "type": "go" })).await;
+    send(&mut socket, json!({ "type": "go" })).await;
     let again = until(&mut socket, "phase", |phase| phase["phase"] == "countdown").await;
     assert_eq!(again["run"], 1, "the same run once more");
 }
@@ -272,7 +272,7 @@ async fn a_stick_that_was_not_chosen_costs_the_run() {
     let mut socket = open(&address, &token).await;
     let mut chosen = begin();
     chosen["device"] = "keyboard".into();
-    say(&mut socket, chosen).await;
+    send(&mut socket, chosen).await;
     let results = fly(&mut socket, 1).await;
     let why = results[0]["why"].as_str().unwrap();
     // On a busy machine another fault may come first.
@@ -307,9 +307,9 @@ async fn the_page_calibrates_a_joystick_of_the_server() {
     begin["calibration"] = reading;
     begin["calibration"]["centre"] = json!([0.02]);
     begin["calibration"]["range"] = json!([[0.5, 0.5]]);
-    say(&mut socket, begin.clone()).await;
+    send(&mut socket, begin.clone()).await;
     until(&mut socket, "phase", |phase| phase["phase"] == "ready").await;
-    say(&mut socket, json!({ "type": "go" })).await;
+    send(&mut socket, json!({ "type": "go" })).await;
     let mut stick = [f64::NAN];
     hand.read(&mut stick);
     assert_eq!(stick, [0.0]);
@@ -318,9 +318,9 @@ async fn the_page_calibrates_a_joystick_of_the_server() {
     assert_eq!(stick, [-0.5]);
     // What is no calibration changes nothing.
     begin["calibration"]["range"] = json!([[0.0, 0.5]]);
-    say(&mut socket, begin.clone()).await;
+    send(&mut socket, begin.clone()).await;
     begin["calibration"] = Value::Null;
-    say(&mut socket, begin).await;
+    send(&mut socket, begin).await;
     hand.moved(&[0.7, 0.02], Instant::now());
     let results = fly(&mut socket, 1).await;
     let file = folder.path().join(results[0]["file"].as_str().unwrap());
@@ -393,14 +393,14 @@ async fn strangers_and_nonsense_are_sent_away() {
     }
     // One that is too large, and too many: the connection ends.
     let mut socket = open(&address, &token).await;
-    say(&mut socket, json!({ "type": "x".repeat(10_000) })).await;
+    send(&mut socket, json!({ "type": "x".repeat(10_000) })).await;
     let ended = async { while hear(&mut socket).await.is_some() {} };
     tokio::time::timeout(Duration::from_secs(10), ended)
         .await
         .expect("an end");
     let mut socket = open(&address, &token).await;
     for _ in 0..2000 {
-        say(&mut socket, json!({ "type": "go" })).await;
+        send(&mut socket, json!({ "type": "go" })).await;
     }
     let ended = async { while hear(&mut socket).await.is_some() {} };
     tokio::time::timeout(Duration::from_secs(10), ended)
@@ -410,7 +410,7 @@ async fn strangers_and_nonsense_are_sent_away() {
     let mut socket = open(&address, &token).await;
     let phase = until(&mut socket, "phase", |_| true).await;
     assert_eq!(phase["phase"], "welcome");
-    say(
+    send(
         &mut socket,
         json!({ "type": "begin", "subject": "../x", "consent": true, "device": "mouse" }),
     )
@@ -422,7 +422,7 @@ async fn strangers_and_nonsense_are_sent_away() {
             .unwrap()
             .contains("letters, digits")
     );
-    say(
+    send(
         &mut socket,
         json!({ "type": "begin", "subject": "T1", "consent": false, "device": "mouse" }),
     )
@@ -441,10 +441,10 @@ async fn one_page_has_the_stick() {
     let mut second = open(&address, &token).await;
     until(&mut second, "taken", |_| true).await;
     // What it says is not heard.
-    say(&mut second, begin()).await;
-    say(&mut second, json!({ "type": "take" })).await;
+    send(&mut second, begin()).await;
+    send(&mut second, json!({ "type": "take" })).await;
     until(&mut first, "taken", |_| true).await;
-    say(&mut second, begin()).await;
+    send(&mut second, begin()).await;
     let ready = until(&mut second, "phase", |phase| phase["phase"] == "ready").await;
     assert_eq!(ready["of"], 2);
     drop(second);

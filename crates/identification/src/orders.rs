@@ -1,7 +1,8 @@
 //! Choice of the order of the linear pilot: each order is fitted to all trials, and once without each trial.
 
+use super::problem::free_initial_states;
 use super::solve::Observer;
-use super::{FitError, FitOptions, Identification, InitialPosition, Trial, TrialSet, fit};
+use super::{FitError, FitOptions, Identification, Trial, TrialSet, fit};
 use pilotage_inference::choice::Contender;
 use pilotage_models::Pilot;
 use std::f64::consts::TAU;
@@ -43,14 +44,11 @@ pub fn ordered(
             false => vec![f64::NAN; trials.fit.len()],
         };
         let (noise, samples) = noise(&whole);
-        let begins = match options.initial_position {
-            InitialPosition::Estimated => trials.fit.len(),
-            InitialPosition::Known => 0,
-        };
+        let states = free_initial_states(&trials.fit, &options);
         all.push(Ordered {
             order,
             figures: Contender {
-                unknowns: 2 * order + begins + 1,
+                unknowns: 2 * order + states + 1,
                 samples,
                 surprise: samples as f64 * (1.0 + (TAU * noise).ln()),
                 held_out,

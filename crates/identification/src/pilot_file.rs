@@ -141,12 +141,12 @@ impl PilotFile {
         if let Some(diagnostic) = self.diagnostics.iter().find(|diagnostic| diagnostic.fatal) {
             return Some(format!("is no answer: {}", diagnostic.words));
         }
-        let told = self
+        let is_reported = self
             .diagnostics
             .iter()
             .any(|diagnostic| diagnostic.code == UNSTABLE);
         let unstable = self.is_stable_loop() == Some(false);
-        (unstable && !told).then(|| {
+        (unstable && !is_reported).then(|| {
             "is no answer: the closed loop of [theta] with [vehicle] is unstable, and the file does not say so; it \
              may have been edited"
                 .into()
@@ -280,7 +280,7 @@ fn uncertainty(own: &Uncertainty) -> String {
         "\n[uncertainty]                      # 95 % intervals\nmethod = {}\n",
         quoted(own.spread.method.as_str())
     );
-    text += &own.told().map_or_else(String::new, Spread::to_toml);
+    text += &own.determined().map_or_else(String::new, Spread::to_toml);
     for (i, own) in own.intervals.iter().enumerate() {
         text += &format!(
             "theta{} = {{ sd = {}, low = {}, high = {} }}\n",
@@ -549,7 +549,7 @@ mod tests {
 
     #[test]
     fn what_is_no_covariance_is_told() {
-        for (old, new, said) in [
+        for (old, new, message) in [
             (
                 "[[4, 1.9], [1.9, 1]]",
                 "[[4, 2.1], [2.1, 1]]",
@@ -606,7 +606,7 @@ mod tests {
             let error = PilotFile::parse(&text, "pilot.toml")
                 .unwrap_err()
                 .to_string();
-            assert!(error.contains(said), "{new}: {error}");
+            assert!(error.contains(message), "{new}: {error}");
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::closed_loop::LinearVehicle;
 use super::constraints::{RouthHurwitz, Stability};
 use super::joint::{Joint, open_loop};
-use super::{FitOptions, InitialPosition, InitialState, Mesh, Trial};
+use super::{FitOptions, InitialPosition, InitialState, Mesh, Objective, Trial};
 use pilotage_collocation::{Bound, Collocation, Differentiated, ParameterConstraints};
 use pilotage_collocation::{Loss, Recording, Run, Scales};
 use pilotage_expression::System;
@@ -110,18 +110,31 @@ fn recording(trial: &Trial, values: Vec<f64>) -> Vec<Recording> {
 fn known_states(trial: &Trial, options: &FitOptions) -> Vec<Option<f64>> {
     let vehicle = Quadcopter::hover(trial.origin());
     let vehicle_known = options.initial_state != InitialState::Free;
-    let pilot_known = options.initial_state == InitialState::AtRest;
-    let pilot = std::iter::repeat_n(pilot_known.then_some(0.0), options.pilot.order);
     let mut known: Vec<Option<f64>> = vehicle.map(|x| vehicle_known.then_some(x)).to_vec();
     if options.initial_position == InitialPosition::Estimated {
         known[0] = None;
     }
-    known.into_iter().chain(pilot).collect()
+    known.into_iter().chain(known_pilot(options)).collect()
+}
+
+/// Known states of the pilot at the first sample.
+fn known_pilot(options: &FitOptions) -> Vec<Option<f64>> {
+    let known = (options.initial_state == InitialState::AtRest).then_some(0.0);
+    vec![known; options.pilot.order]
+}
+
+/// Number of unknown initial states of all trials.
+pub fn free_initial_states(trials: &[Trial], options: &FitOptions) -> usize {
+    let known = |trial: &Trial| match options.objective {
+        Objective::Response => known_states(trial, options),
+        Objective::Stick => known_pilot(options),
+    };
+    let unknown = |trial: &Trial| known(trial).iter().filter(|state| state.is_none()).count();
+    trials.iter().map(unknown).sum()
 }
 
 /// The stick problem.
 pub fn pose_stick(trials: &[Trial], options: &FitOptions) -> Posed {
-    let known = (options.initial_state == InitialState::AtRest).then_some(0.0);
     let runs = trials.iter().map(|trial| Run {
         mesh: options.mesh.boundaries(&trial.time),
         time: trial.time.clone(),
@@ -130,7 +143,7 @@ pub fn pose_stick(trials: &[Trial], options: &FitOptions) -> Posed {
             trial,
             (trial.stick.clone()).unwrap_or_else(|| vec![f64::NAN; trial.time.len()]),
         ),
-        initial: vec![known; options.pilot.order],
+        initial: known_pilot(options),
     });
     let stability = Stability {
         pilot: RouthHurwitz {

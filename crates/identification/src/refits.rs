@@ -42,7 +42,7 @@ pub fn study(fit: &Fit, trials: &[Trial], options: &FitOptions) -> Option<Study<
             },
             f64::INFINITY,
         ],
-        told: vec![true; trials.len()],
+        informed_by: vec![true; trials.len()],
     };
     let degrees = inference.degrees();
     let conditions = problem.constraints.count();

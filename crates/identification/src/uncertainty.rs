@@ -76,7 +76,7 @@ impl Uncertainty {
     }
 
     /// The covariance for derived quantities; `None` if the data leave a direction undetermined.
-    pub fn told(&self) -> Option<&Spread> {
+    pub fn determined(&self) -> Option<&Spread> {
         self.open.is_empty().then_some(&self.spread)
     }
 

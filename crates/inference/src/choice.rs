@@ -77,8 +77,8 @@ pub fn choose(all: &[Contender]) -> Option<(usize, Vec<Comparison>)> {
         let both = || all[taken].held_out.iter().zip(&all[*after].held_out);
         let gains = both().map(|(before, after)| before - after);
         let gains: Vec<f64> = gains.filter(|gain| gain.is_finite()).collect();
-        let is_told = gains.len() >= FEWEST_RUNS;
-        let (gain, mut p) = match is_told {
+        let has_enough_runs = gains.len() >= FEWEST_RUNS;
+        let (gain, mut p) = match has_enough_runs {
             true => one_sided(&gains),
             false => (f64::NAN, 1.0),
         };

@@ -10,7 +10,7 @@ use std::sync::OnceLock;
 /// Number of runs from which on the jackknife is more reliable than a model of the noise.
 pub const ENOUGH_RUNS: usize = 4;
 /// A run informs about a parameter if its effect exceeds this part of the largest one on any run.
-const TELLS: f64 = 1e-6;
+const INFORMS: f64 = 1e-6;
 
 /// How the covariance is computed from the residuals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -180,20 +180,20 @@ impl Inference<'_> {
     /// few runs for the rank of the sandwich.
     fn mend(&self, matrix: &mut DMatrix<f64>, found: &mut Covariance) {
         let (p, all) = (matrix.nrows(), self.data.runs.len());
-        let told: Vec<usize> = (0..p).map(|i| self.told_by(i)).collect();
-        let is_told = |i: usize| told[i] >= ENOUGH_RUNS.min(all);
-        found.degrees = told
+        let informing: Vec<usize> = (0..p).map(|i| self.informing_runs(i)).collect();
+        let is_informed = |i: usize| informing[i] >= ENOUGH_RUNS.min(all);
+        found.degrees = informing
             .iter()
             .map(|runs| (*runs as f64 - 1.0).max(1.0))
             .collect();
-        if (0..p).all(is_told) && all > self.hessian.nrows() {
+        if (0..p).all(is_informed) && all > self.hessian.nrows() {
             return;
         }
         let model = found.model.get_or_init(|| self.model(Method::Ar));
         let (other, degrees) = (self.modelled(model), self.degrees_left(model));
         let mut scale = vec![1.0; p];
         for i in 0..p {
-            if !is_told(i) {
+            if !is_informed(i) {
                 (found.methods[i], found.degrees[i]) = (Method::Ar, degrees[i]);
             } else if other[(i, i)] > 0.0 {
                 scale[i] = (matrix[(i, i)] / other[(i, i)]).sqrt();
@@ -204,7 +204,7 @@ impl Inference<'_> {
     }
 
     /// Number of runs that inform about a parameter.
-    fn told_by(&self, parameter: usize) -> usize {
+    fn informing_runs(&self, parameter: usize) -> usize {
         let effects = self
             .data
             .runs
@@ -212,7 +212,7 @@ impl Inference<'_> {
             .map(|run| run.shared.column(parameter).norm());
         let effects: Vec<f64> = effects.collect();
         let most = effects.iter().copied().fold(0.0, f64::max);
-        effects.iter().filter(|own| **own > TELLS * most).count()
+        effects.iter().filter(|own| **own > INFORMS * most).count()
     }
 
     /// Covariance of the shared parameters and a run's own unknowns.
@@ -242,7 +242,7 @@ impl Inference<'_> {
     ) -> DMatrix<f64> {
         let own = &self.all.runs[run];
         // Effect of the run's residuals on the shared coordinates, and of these on its own unknowns.
-        let told = &self.inverse * own.projected.transpose();
+        let effect = &self.inverse * own.projected.transpose();
         let follows = &own.follows - &own.inverse * &own.shared;
         let stacked = |above: DMatrix<f64>, below: DMatrix<f64>| {
             let (p, m) = (above.nrows(), below.nrows());
@@ -250,7 +250,7 @@ impl Inference<'_> {
             all.rows_mut(p, m).copy_from(&below);
             all
         };
-        let by_run = stacked(&self.all.free * &told, &own.inverse + &follows * &told);
+        let by_run = stacked(&self.all.free * &effect, &own.inverse + &follows * &effect);
         let by_shared = stacked(self.all.free.clone(), follows);
         let coloured = self.coloured_rows(run, &by_run.transpose(), processes);
         let others = self.sandwiched(&(meat - self.run_meat(run, processes)));

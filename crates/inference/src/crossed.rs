@@ -157,9 +157,9 @@ fn explained_before(gram: &DMatrix<f64>, most: usize) -> (f64, usize) {
     let score = gram.column(2 * most + 1).rows(most, most + 1).into_owned();
     let own = normal.symmetric_eigen();
     let least = DIRECTION * own.eigenvalues.max();
-    let told = own.eigenvalues.iter().zip(own.eigenvectors.column_iter());
-    let told = told.filter(|(value, _)| **value > least);
-    let squares: Vec<f64> = told
+    let directions = own.eigenvalues.iter().zip(own.eigenvectors.column_iter());
+    let directions = directions.filter(|(value, _)| **value > least);
+    let squares: Vec<f64> = directions
         .map(|(value, vector)| vector.dot(&score).powi(2) / value)
         .collect();
     (squares.iter().sum(), squares.len())

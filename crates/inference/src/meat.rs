@@ -11,7 +11,7 @@ const LAGS: usize = 5;
 /// Part of a column that counts as rounding.
 const ROUNDING: f64 = 1e-8;
 /// Minimum eigenvalue of the information without one run, relative to that of all runs.
-const TOLD_BY_OTHERS: f64 = 1e-8;
+const LEAST_EIGENVALUE: f64 = 1e-8;
 
 /// The noise of each signal.
 pub type Processes = Vec<Autoregression>;
@@ -149,7 +149,7 @@ impl Inference<'_> {
                 .iter()
                 .copied()
                 .fold(1.0, f64::min);
-            let factor = rest.cholesky().filter(|_| least > TOLD_BY_OTHERS);
+            let factor = rest.cholesky().filter(|_| least > LEAST_EIGENVALUE);
             let factor = factor.ok_or(Obstacle::FewRuns)?;
             let moved = factor.solve(&own.projected.tr_mul(&run.residuals));
             sum += &moved * moved.transpose();

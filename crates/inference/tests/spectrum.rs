@@ -226,7 +226,7 @@ fn lines_tell_how_much_can_be_found() {
         "{least}"
     );
     assert_eq!(own.starved(16, 1), None);
-    assert_eq!(own.starved(17, 1).map(|own| own.told), Some(16));
+    assert_eq!(own.starved(17, 1).map(|own| own.determined), Some(16));
     assert!(own.advice().is_none());
     // A hand that does what it likes.
     let noisy = [0, 1, 2].map(|_| run(&mut random, 30.0, 0.0));

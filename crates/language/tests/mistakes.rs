@@ -202,14 +202,14 @@ fn the_file_without_a_mistake_is_taken() {
 
 #[test]
 fn each_mistake_is_named_with_its_place() {
-    let mut told = String::new();
+    let mut messages = String::new();
     for (line, mistake) in MISTAKES {
         let text = with(line, mistake);
         let error = parse(&text, "model.toml", &table);
         let error = error.expect_err(mistake).to_string();
-        let _ = writeln!(told, "{mistake}\n    {error}");
+        let _ = writeln!(messages, "{mistake}\n    {error}");
     }
-    insta::assert_snapshot!(told);
+    insta::assert_snapshot!(messages);
 }
 
 #[test]

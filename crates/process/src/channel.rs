@@ -14,8 +14,9 @@ use std::time::{Duration, Instant};
 
 /// Capacity for one part [words of 8 bytes].
 const WORDS: usize = 8192;
-/// Maximum length of a message \[bytes\]: more than any instance of an FMU sends at once.
-const LONGEST: usize = 1 << 30;
+/// Maximum length of a message \[bytes\]: a serialized state of the largest size that `pilotage-fmi` accepts, 2 GiB,
+/// and what is said of it.
+const LONGEST: usize = (1 << 31) + (1 << 20);
 /// How long the memory is polled before sleeping.
 const LOOKING: Duration = Duration::from_micros(200);
 /// Maximum sleep: after it the other side is checked.
@@ -240,7 +241,7 @@ mod tests {
     #[derive(Debug, PartialEq)]
     enum Why {
         Spoiled,
-        Told(&'static str),
+        Stopped(&'static str),
     }
 
     impl From<Spoiled> for Why {
@@ -283,17 +284,17 @@ mod tests {
         let mut watch = || {
             asked += 1;
             if asked == 3 {
-                Err(Why::Told("enough"))
+                Err(Why::Stopped("enough"))
             } else {
                 Ok(())
             }
         };
         let received = first.receive(&mut Vec::new(), &mut watch);
-        assert_eq!(received, Err(Why::Told("enough")));
+        assert_eq!(received, Err(Why::Stopped("enough")));
         // There is room for one message that is not yet received.
-        let waited = || Err(Why::Told("waited"));
+        let waited = || Err(Why::Stopped("waited"));
         first.send(b"one", waited).unwrap();
-        assert_eq!(first.send(b"two", waited), Err(Why::Told("waited")));
+        assert_eq!(first.send(b"two", waited), Err(Why::Stopped("waited")));
     }
 
     /// An impossible length, part of another message, or unknown state is an error, permanently for this channel.

@@ -354,9 +354,9 @@ pub(crate) fn is_alive(number: u32) -> bool {
 /// Whether a process has ended and is not yet reaped.
 #[cfg(unix)]
 fn is_zombie(number: u32) -> bool {
-    let told = std::fs::read_to_string(format!("/proc/{number}/stat")).unwrap_or_default();
+    let stat = std::fs::read_to_string(format!("/proc/{number}/stat")).unwrap_or_default();
     // The name, in parentheses, may contain anything.
-    let state = told
+    let state = stat
         .rsplit_once(") ")
         .and_then(|(_, rest)| rest.chars().next());
     matches!(state, Some('Z' | 'X'))

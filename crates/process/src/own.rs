@@ -44,8 +44,8 @@ mod unix {
     }
 
     fn identity(stream: BorrowedFd<'_>) -> Identity {
-        let told = rustix::fs::fstat(stream).ok()?;
-        Some((told.st_dev, told.st_ino))
+        let stat = rustix::fs::fstat(stream).ok()?;
+        Some((stat.st_dev, stat.st_ino))
     }
 
     /// Restores the initial umask. Returns whether it had changed.

@@ -97,8 +97,8 @@ impl Page {
 
     /// The exit code that the other process has [reported](finished).
     pub fn outcome(&self) -> Option<u8> {
-        let told = self.layout().outcome.load(Ordering::Acquire);
-        u8::try_from(told.checked_sub(1)?).ok()
+        let outcome = self.layout().outcome.load(Ordering::Acquire);
+        u8::try_from(outcome.checked_sub(1)?).ok()
     }
 
     /// The calls in progress, or those that were when the other process ended.

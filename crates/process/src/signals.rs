@@ -84,14 +84,14 @@ mod tests {
     #[test]
     fn each_signal_is_heard_with_its_number() {
         use signal_hook::consts::{SIGUSR1, SIGUSR2};
-        let (tell, told) = mpsc::channel();
+        let (sender, receiver) = mpsc::channel();
         listen(&[SIGUSR1, SIGUSR2], move |signal| {
-            let _ = tell.send(signal);
+            let _ = sender.send(signal);
         })
         .unwrap();
         for signal in [SIGUSR2, SIGUSR1, SIGUSR2] {
             signal_hook::low_level::raise(signal).unwrap();
-            assert_eq!(told.recv_timeout(Duration::from_secs(60)), Ok(signal));
+            assert_eq!(receiver.recv_timeout(Duration::from_secs(60)), Ok(signal));
         }
     }
 }

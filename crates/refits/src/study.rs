@@ -30,7 +30,7 @@ pub struct Unknown {
     /// Its range.
     pub range: [f64; 2],
     /// For each run, whether it informs about the unknown.
-    pub told: Vec<bool>,
+    pub informed_by: Vec<bool>,
 }
 
 /// Derived quantities as a function of the shared parameters, in units.
@@ -186,9 +186,11 @@ impl Study<'_> {
         };
         let values = |found: &Found| {
             let is_drawn = |run: usize| found.initial[run].is_some();
-            let is_told = |own: &Unknown| (0..own.told.len()).any(|j| own.told[j] && is_drawn(j));
+            let is_informed = |own: &Unknown| {
+                (0..own.informed_by.len()).any(|j| own.informed_by[j] && is_drawn(j))
+            };
             let initial = |own: &Unknown| kind == Kind::Runs && own.at.is_initial();
-            let of = |own: &Unknown| match is_told(own) && !initial(own) {
+            let of = |own: &Unknown| match is_informed(own) && !initial(own) {
                 // Clamped to the range, which the solver fulfils only within its tolerance.
                 true => own
                     .found(found.value(own.at))

@@ -233,7 +233,7 @@ fn study(runs: usize) -> Study<'static> {
         is_log: false,
         half: 0.2,
         range: OPEN,
-        told: vec![true; runs],
+        informed_by: vec![true; runs],
     };
     Study {
         unknowns: (0..2).map(unknown).collect(),

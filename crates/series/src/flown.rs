@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 /// The value of a key in the comments of a series.
-pub fn said<'c>(comments: &'c [String], key: &str) -> Option<&'c str> {
+pub fn comment_value<'c>(comments: &'c [String], key: &str) -> Option<&'c str> {
     let value = |line: &'c String| line.strip_prefix(key)?.strip_prefix(':');
     let mut values = comments.iter().filter_map(value);
     values
@@ -14,7 +14,7 @@ pub fn said<'c>(comments: &'c [String], key: &str) -> Option<&'c str> {
 
 /// The first digits of the hash of the flown vehicle, which follows its name.
 pub fn vehicle(comments: &[String]) -> Option<&str> {
-    let (_, hash) = said(comments, "vehicle")?.split_once("sha256 ")?;
+    let (_, hash) = comment_value(comments, "vehicle")?.split_once("sha256 ")?;
     hash.get(..DIGITS)
 }
 
@@ -28,23 +28,26 @@ pub fn mixed<'c>(flights: impl IntoIterator<Item = (&'c str, &'c [String])>) -> 
     let (mut sticks, mut vehicles, mut people) =
         (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
     for (name, comments) in flights {
-        if let Some(why) = said(comments, "valid").and_then(|valid| valid.strip_prefix("no")) {
+        if let Some(why) =
+            comment_value(comments, "valid").and_then(|valid| valid.strip_prefix("no"))
+        {
             let why = why.trim_start_matches(':').trim();
             notes.push(format!(
                 "{name} says of itself that it does not count: {why}"
             ));
         }
-        if said(comments, "unfinished").is_some() {
+        if comment_value(comments, "unfinished").is_some() {
             notes.push(format!(
                 "{name} says of itself that it did not come to its end"
             ));
         }
         // `mouse (its name)`
-        let device = said(comments, "device").and_then(|told| told.split_whitespace().next());
+        let device =
+            comment_value(comments, "device").and_then(|text| text.split_whitespace().next());
         for (all, value) in [
             (&mut sticks, device),
             (&mut vehicles, vehicle(comments)),
-            (&mut people, said(comments, "subject")),
+            (&mut people, comment_value(comments, "subject")),
         ] {
             let of: &mut Vec<&str> = all.entry(value.unwrap_or("")).or_default();
             of.push(name);

@@ -8,7 +8,7 @@ mod watch;
 
 use self::coupling::CouplingArgs;
 use self::summary::Summary;
-use self::watch::{Told, Watch};
+use self::watch::{ProgressFormat, Watch};
 use super::number::{number, positive};
 use super::overwrite::{self, OutputKind, Overwrite};
 use super::system::flags::Wiring;
@@ -101,7 +101,7 @@ pub struct Args {
     allow_nan: bool,
     /// How progress is told on stderr.
     #[arg(long, value_enum, default_value_t)]
-    progress: Told,
+    progress: ProgressFormat,
     /// Print one JSON object instead of text.
     #[arg(long)]
     json: bool,
@@ -184,14 +184,14 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         false => summary.to_text(),
     })?;
     if let Some(message) = &ending.message {
-        terminal::tell(&format!("{}: {message}\n", ending.severity));
+        terminal::eprint(&format!("{}: {message}\n", ending.severity));
     }
     let is_taken = args.allow_nan || not_finite.is_none();
     if !is_taken {
         for words in not_finite.words() {
-            terminal::tell(&format!("error: {words}\n"));
+            terminal::eprint(&format!("error: {words}\n"));
         }
-        terminal::tell("hint: look for what computes it; --allow-nan takes such results\n");
+        terminal::eprint("hint: look for what computes it; --allow-nan takes such results\n");
     }
     let outcome = match run.ending {
         Ending::Completed | Ending::EndRequested { .. } if is_taken => Outcome::Done,
@@ -213,7 +213,7 @@ pub fn end(mut components: Components, outcome: Outcome) {
     }) = components.terminate()
     {
         let why = error_chain(source.as_ref());
-        terminal::tell(&format!(
+        terminal::eprint(&format!(
             "warning: `{instance}` failed to {stage}, after the run: {why}\n"
         ));
     }

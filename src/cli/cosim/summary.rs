@@ -119,7 +119,7 @@ impl Summary<'_> {
             (status, "error") => ("bad", status),
             (status, _) => ("doubtful", status),
         };
-        let told = self.ending.message.iter().cloned();
+        let message = self.ending.message.iter().cloned();
         let notes = self.notes().into_iter();
         let notes = notes.chain(report::notes(&run.report));
         let duration = format!("{} to {} s", self.args.start_time, run.time);
@@ -133,7 +133,7 @@ impl Summary<'_> {
         ];
         Ok(simulation_page(&Simulation {
             ending,
-            warnings: &told
+            warnings: &message
                 .chain(self.not_finite.words())
                 .chain(report::warnings(&run.report))
                 .collect::<Vec<_>>(),

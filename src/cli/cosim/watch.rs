@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 /// How progress is told, on stderr.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub enum Told {
+pub enum ProgressFormat {
     /// A bar, on a terminal and if the run takes long.
     #[default]
     Bar,
@@ -29,13 +29,13 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// A recorder that reports progress and ends the run on Ctrl-C.
 pub struct Watch<'r> {
     inner: &'r mut dyn Recorder,
-    told: Told,
+    format: ProgressFormat,
     bar: ProgressBar,
     begin: f64,
     duration: f64,
     rows: u64,
     started: Instant,
-    last_told: Instant,
+    last_report: Instant,
     pace: Pace,
 }
 
@@ -76,17 +76,17 @@ impl Pace {
 
 impl<'r> Watch<'r> {
     /// Creates the recorder and starts its clock.
-    pub fn new(inner: &'r mut dyn Recorder, told: Told, clock: &Clock) -> Self {
+    pub fn new(inner: &'r mut dyn Recorder, format: ProgressFormat, clock: &Clock) -> Self {
         let now = Instant::now();
         Self {
             inner,
-            told,
+            format,
             bar: ProgressBar::hidden(),
             begin: clock.start(),
             duration: clock.stop() - clock.start(),
             rows: 0,
             started: now,
-            last_told: now,
+            last_report: now,
             pace: Pace::new(now),
         }
     }
@@ -99,22 +99,22 @@ impl<'r> Watch<'r> {
     /// Clears the bar, or reports as JSON how the run ended, with the report if the run has begun.
     pub fn end(&mut self, status: &str, time: f64, report: Option<Value>) {
         self.bar.finish_and_clear();
-        self.tell_json(status, time, report);
+        self.print_json(status, time, report);
     }
 
-    fn tell(&mut self, time: f64, now: Instant) {
-        if now - self.last_told < BETWEEN {
+    fn report_progress(&mut self, time: f64, now: Instant) {
+        if now - self.last_report < BETWEEN {
             return;
         }
-        self.last_told = now;
-        self.tell_json("running", time, None);
-        if self.told == Told::Bar && now - self.started > PATIENCE {
+        self.last_report = now;
+        self.print_json("running", time, None);
+        if self.format == ProgressFormat::Bar && now - self.started > PATIENCE {
             self.show_bar(time);
         }
     }
 
-    fn tell_json(&self, status: &str, time: f64, report: Option<Value>) {
-        if self.told == Told::Json {
+    fn print_json(&self, status: &str, time: f64, report: Option<Value>) {
+        if self.format == ProgressFormat::Json {
             let mut line = json!({
                 "status": status,
                 "time": time,
@@ -125,7 +125,7 @@ impl<'r> Watch<'r> {
             if let Some(report) = report {
                 line["report"] = report;
             }
-            terminal::tell(&format!("{line}\n"));
+            terminal::eprint(&format!("{line}\n"));
         }
     }
 
@@ -146,16 +146,16 @@ impl<'r> Watch<'r> {
 
 impl Recorder for Watch<'_> {
     fn begin(&mut self, signals: &[Signal]) -> io::Result<()> {
-        self.tell_json("begin", self.begin, None);
+        self.print_json("begin", self.begin, None);
         self.inner.begin(signals)
     }
 
     fn row(&mut self, time: f64, values: &[f64]) -> io::Result<()> {
         self.rows += 1;
-        if self.told != Told::None
+        if self.format != ProgressFormat::None
             && let Some(now) = self.pace.look()
         {
-            self.tell(time, now);
+            self.report_progress(time, now);
         }
         self.inner.row(time, values)
     }

@@ -3,6 +3,7 @@
 use super::summary::{to_json, verdict};
 use super::watch::Watch;
 use super::{Args, open, save};
+use crate::cli::deadline::Deadline;
 use crate::cli::format::aligned;
 use crate::cli::made::made;
 use crate::cli::{Failure, Outcome, terminal};
@@ -37,7 +38,12 @@ pub fn stick_file(args: &Args) -> PathBuf {
 }
 
 /// Computes and reports both fits.
-pub fn run(args: &Args, set: TrialSet, options: &FitOptions) -> Result<Outcome, Failure> {
+pub fn run(
+    args: &Args,
+    set: TrialSet,
+    options: &FitOptions,
+    deadline: Deadline,
+) -> Result<Outcome, Failure> {
     let stick_path = stick_file(args);
     let outputs = [open(args.output())?, open(&stick_path)?];
     let page = args
@@ -46,7 +52,7 @@ pub fn run(args: &Args, set: TrialSet, options: &FitOptions) -> Result<Outcome, 
         .map(|path| Ok::<_, Failure>((path, open(path)?)));
     let page = page.transpose()?;
     let fitted = |objective: Objective, set: TrialSet| {
-        let mut watch = Watch::new(args.time_limit, None, args.verbose);
+        let mut watch = Watch::new(deadline, None, args.verbose);
         // `--objective both` compares flights, so the default vehicle is accepted if no other is given.
         let options = FitOptions {
             objective,

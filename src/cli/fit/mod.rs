@@ -17,6 +17,7 @@ use super::overwrite::{OutputKind, Overwrite};
 use super::trials::Columns;
 use super::{Failure, Outcome, excitation, interrupt, terminal, vehicle};
 use crate::atomic_file::AtomicFile;
+use crate::cli::deadline::Deadline;
 use crate::identification::frequency::flights;
 use crate::identification::solve::MAX_ORDER;
 use crate::identification::{
@@ -36,7 +37,6 @@ pub use refits::HEAD as REFITS;
 use refits::{Refits, Refitted};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 use summary::{to_json, to_text};
 use watch::Watch;
 
@@ -270,10 +270,10 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     if let (Some(Method::Cr3), 0..=1) = (args.covariance, set.fit.len()) {
         return Err(impossible(Method::Cr3));
     }
-    let begin = Instant::now();
+    let deadline = Deadline::after(args.time_limit);
     if args.objective == Compared::Both {
         interrupt::listen("stopping at the next iteration")?;
-        return both::run(&args, set, &options);
+        return both::run(&args, set, &options, deadline);
     }
     let pilot_output = open(args.output())?;
     let report_output = args.report.as_deref().map(open).transpose()?;
@@ -281,23 +281,23 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     interrupt::listen("stopping at the next iteration")?;
     let chosen = args.orders.as_ref();
     let chosen = chosen
-        .map(|own| own.flights(&args, &set, &options))
+        .map(|own| own.flights(&args, &set, &options, deadline))
         .transpose()?;
     if let Some(chosen) = &chosen {
-        orders::tell(&args, chosen)?;
+        orders::print_choice(&args, chosen)?;
         match chosen.taken {
             Some(pilot) => options.pilot = pilot,
             None => return args.without_order(&chosen.json),
         }
     }
     let log = args.log.as_deref().map(Log::open).transpose()?;
-    let mut watch = Watch::new(args.time_limit, log, args.verbose);
+    let mut watch = Watch::new(deadline, log, args.verbose);
     let found = Identification::new(set, options, &mut |iteration| watch.see(iteration));
     let log = watch.end();
     let found = found?;
     args.check_covariance(&found)?;
     let refitted = match &plan {
-        Some(plan) => args.refitted(plan, &found, begin)?,
+        Some(plan) => args.refitted(plan, &found, deadline)?,
         None => None,
     };
 
@@ -305,7 +305,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     if let (Some(output), Some(path)) = (report_output, &args.report) {
         save(output, path, &page(&found, refitted.as_ref()))?;
     }
-    args.tell(&found, refitted.as_ref(), chosen.map(|own| own.json))?;
+    args.print_summary(&found, refitted.as_ref(), chosen.map(|own| own.json))?;
     if let Some(log) = log {
         log.close(&found.fit)?;
     }
@@ -414,11 +414,11 @@ impl Args {
         &self,
         plan: &refits::Plan,
         found: &Identification,
-        begin: Instant,
+        deadline: Deadline,
     ) -> Result<Option<Refitted>, Failure> {
         let study = identification::refits::study(&found.fit, &found.trials.fit, &found.options);
         match study {
-            Some(study) => Ok(Some(plan.run(&study, (begin, self.time_limit))?)),
+            Some(study) => Ok(Some(plan.run(&study, deadline)?)),
             None => {
                 terminal::note(refits::NOTHING);
                 Ok(None)
@@ -435,7 +435,7 @@ impl Args {
     }
 
     /// Prints the summary, to stderr if the log goes to stdout.
-    fn tell(
+    fn print_summary(
         &self,
         found: &Identification,
         refitted: Option<&Refitted>,
@@ -443,11 +443,11 @@ impl Args {
     ) -> Result<(), Failure> {
         let text = match self.json {
             true => {
-                let mut told = to_json(found, refitted);
+                let mut object = to_json(found, refitted);
                 if let Some(orders) = orders {
-                    told["orders"] = orders;
+                    object["orders"] = orders;
                 }
-                format!("{told:#}\n")
+                format!("{object:#}\n")
             }
             false => {
                 let refits = refitted.map_or(String::new(), Refitted::to_text);
@@ -455,7 +455,7 @@ impl Args {
             }
         };
         match self.logs_to_stdout() {
-            true => terminal::tell(&text),
+            true => terminal::eprint(&text),
             false => terminal::print(&text)?,
         }
         Ok(())

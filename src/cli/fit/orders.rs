@@ -3,6 +3,7 @@
 use super::watch::Watch;
 use super::{Args, MAX_ORDER};
 use crate::cli::compare::{self, Line, coloured, comparisons_json, figures_json, table, words};
+use crate::cli::deadline::Deadline;
 use crate::cli::folds::Folds;
 use crate::cli::{Failure, terminal};
 use crate::estimation::comparison::compare;
@@ -15,7 +16,6 @@ use crate::models::Pilot;
 use pilotage_text::counted;
 use serde_json::{Value, json};
 use std::ops::RangeInclusive;
-use std::time::Instant;
 
 /// Orders to compare.
 #[derive(Debug, Clone)]
@@ -46,9 +46,9 @@ impl Orders {
     pub fn problem(
         &self,
         file: &ProblemFile,
-        limits: (Instant, Option<f64>),
+        deadline: Deadline,
     ) -> Result<Chosen<ProblemFile>, Failure> {
-        let folds = Folds::since(limits.0, limits.1);
+        let folds = Folds::until(deadline);
         let range = u32::from(*self.0.start())..=u32::from(*self.0.end());
         let all = ordered(file, range, &part::open, &|| folds.ask(0, 1))?;
         let (mut known, last): (Vec<_>, Vec<_>) =
@@ -82,9 +82,10 @@ impl Orders {
         args: &Args,
         set: &TrialSet,
         options: &FitOptions,
+        deadline: Deadline,
     ) -> Result<Chosen<Pilot>, Failure> {
         check(options)?;
-        let mut watch = Watch::new(args.time_limit, None, args.verbose);
+        let mut watch = Watch::new(deadline, None, args.verbose);
         let range = usize::from(*self.0.start())..=usize::from(*self.0.end());
         let all = orders::ordered(set, options, range, &mut |progress| watch.see(progress));
         watch.end();
@@ -95,10 +96,10 @@ impl Orders {
         }
         let figures: Vec<Contender> = known.iter().map(|own| own.figures.clone()).collect();
         let choice = choose(&figures);
-        let told = Told::new(&known, set);
+        let compared = ComparedOrders::new(&known, set);
         Ok(Chosen {
-            text: told.text(choice.as_ref()) + &last,
-            json: told.json(choice.as_ref()),
+            text: compared.text(choice.as_ref()) + &last,
+            json: compared.json(choice.as_ref()),
             taken: choice.map(|(taken, _)| Pilot {
                 order: known[taken].order,
             }),
@@ -143,13 +144,13 @@ fn check(options: &FitOptions) -> Result<(), Failure> {
 }
 
 /// The compared orders of recorded flights.
-struct Told<'a> {
+struct ComparedOrders<'a> {
     all: &'a [Ordered],
     set: &'a TrialSet,
     names: Vec<String>,
 }
 
-impl<'a> Told<'a> {
+impl<'a> ComparedOrders<'a> {
     fn new(all: &'a [Ordered], set: &'a TrialSet) -> Self {
         let names = all
             .iter()
@@ -178,7 +179,7 @@ impl<'a> Told<'a> {
             counted(self.set.fit.len(), "run"),
             figures[0].samples
         );
-        let told = match choice {
+        let text = match choice {
             None => format!("{}\n", compare::few()),
             Some(choice) => {
                 let runs = self.all[choice.0].fit.runs.iter();
@@ -190,21 +191,21 @@ impl<'a> Told<'a> {
                 )
             }
         };
-        head + &table("pilot", &self.lines()) + "\n" + &told
+        head + &table("pilot", &self.lines()) + "\n" + &text
     }
 
     fn json(&self, choice: Option<&(usize, Vec<Comparison>)>) -> Value {
         let names: Vec<&str> = self.names.iter().map(String::as_str).collect();
-        let told = self.lines().into_iter().map(|line| {
+        let problems = self.lines().into_iter().map(|line| {
             let runs = self.set.fit.iter().zip(&line.figures.held_out);
-            let mut told = figures_json(&line, true);
-            told["held_out"] = runs
+            let mut object = figures_json(&line, true);
+            object["held_out"] = runs
                 .map(|(run, own)| (run.name.clone(), json!(own)))
                 .collect();
-            told
+            object
         });
         json!({
-            "problems": told.collect::<Vec<_>>(),
+            "problems": problems.collect::<Vec<_>>(),
             "comparisons": comparisons_json(&names, choice),
             "taken": choice.map(|(taken, _)| names[*taken]),
         })
@@ -212,10 +213,10 @@ impl<'a> Told<'a> {
 }
 
 /// Prints the choice before the fit continues; with `--json` it is part of the fit's object.
-pub fn tell<T>(args: &Args, chosen: &Chosen<T>) -> Result<(), Failure> {
+pub fn print_choice<T>(args: &Args, chosen: &Chosen<T>) -> Result<(), Failure> {
     match (args.json, args.logs_to_stdout()) {
         (true, _) => {}
-        (false, true) => terminal::tell(&chosen.text),
+        (false, true) => terminal::eprint(&chosen.text),
         (false, false) => terminal::print(&format!("{}\n", chosen.text))?,
     }
     Ok(())

@@ -123,7 +123,7 @@ fn figures(found: &Identification) -> String {
             figure.name.replace('_', " "),
             significant(figure.value, 4),
             figure.unit,
-            told(own)
+            interval_words(own)
         )
     };
     let text: String = all.map(line).collect();
@@ -134,7 +134,7 @@ fn figures(found: &Identification) -> String {
 }
 
 fn uncertainty(own: &Uncertainty, refitted: Option<&Refitted>) -> Value {
-    let mut told = json!({
+    let mut object = json!({
         "method": own.spread.method.as_str(),
         "level": LEVEL,
         "degrees_of_freedom": own.spread.degrees,
@@ -146,18 +146,18 @@ fn uncertainty(own: &Uncertainty, refitted: Option<&Refitted>) -> Value {
         "notes": own.notes(),
     });
     if let Some(refitted) = refitted {
-        refitted.add_methods(&mut told);
+        refitted.add_methods(&mut object);
     }
-    told
+    object
 }
 
 /// The interval of a component of θ; empty if not known.
 fn interval(fit: &Fit, component: usize) -> String {
     let own = fit.uncertainty.as_ref().map(|own| own.intervals[component]);
-    own.map_or_else(String::new, |own| told(&own))
+    own.map_or_else(String::new, |own| interval_words(&own))
 }
 
-fn told(own: &Interval) -> String {
+fn interval_words(own: &Interval) -> String {
     match own.sd.is_finite() {
         true => format!(
             "  sd {:<9} {:>10} to {}",

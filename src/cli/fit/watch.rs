@@ -2,18 +2,15 @@
 
 use super::log::Log;
 use super::table::IterationTable;
-use crate::cli::interrupt;
+use crate::cli::deadline::Deadline;
 use crate::cli::progress::Progress;
 use crate::identification;
 use crate::sqp::Status;
 use std::ops::ControlFlow;
-use std::time::Instant;
 
 /// The observer of a fit.
 pub struct Watch {
-    begin: Instant,
-    /// Wall-clock time [s].
-    time_limit: Option<f64>,
+    deadline: Deadline,
     log: Option<Log>,
     shown: Shown,
 }
@@ -25,11 +22,10 @@ enum Shown {
 }
 
 impl Watch {
-    /// Creates the observer and starts its clock.
-    pub fn new(time_limit: Option<f64>, log: Option<Log>, verbose: bool) -> Self {
+    /// Creates the observer.
+    pub fn new(deadline: Deadline, log: Option<Log>, verbose: bool) -> Self {
         Self {
-            begin: Instant::now(),
-            time_limit,
+            deadline,
             log,
             shown: match verbose {
                 true => Shown::Table(IterationTable::default()),
@@ -51,14 +47,7 @@ impl Watch {
         if let Shown::Bar(bar) = &mut self.shown {
             bar.show(progress);
         }
-        let seconds = self.begin.elapsed().as_secs_f64();
-        if interrupt::is_asked() {
-            ControlFlow::Break(Status::Interrupted)
-        } else if self.time_limit.is_some_and(|limit| seconds > limit) {
-            ControlFlow::Break(Status::TimeLimit)
-        } else {
-            ControlFlow::Continue(())
-        }
+        self.deadline.ask()
     }
 
     /// Clears the bar and returns the log.

@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Flags with which a fit prints its progress and result.
-const TOLD: [&str; 2] = ["--json", "--verbose"];
+const OUTPUT_FLAGS: [&str; 2] = ["--json", "--verbose"];
 
 /// Number of flights of a person below which a comparison notes that there are few.
 const FEW: usize = 3;
@@ -90,7 +90,7 @@ impl Jobs {
         let mut counts = BTreeMap::<String, usize>::new();
         for path in entries(&self.folder) {
             let comments = comments(&path);
-            let subject = flown::said(&comments, "subject");
+            let subject = flown::comment_value(&comments, "subject");
             let subject = subject.filter(|own| is_of(&path, own) && self.is_ours(&comments));
             if let Some(subject) = subject.filter(|_| !is_disturbed(&path)) {
                 *counts.entry(subject.to_owned()).or_default() += 1;
@@ -104,12 +104,12 @@ impl Jobs {
         &self,
         kind: JobKind,
         subject: &str,
-        say: &dyn Fn(String),
+        progress: &dyn Fn(String),
     ) -> Result<(Came, Option<String>), String> {
         std::fs::create_dir_all(&self.made).map_err(|error| error.to_string())?;
         match kind {
             JobKind::Identify => {
-                let came = self.identify(subject, say)?;
+                let came = self.identify(subject, progress)?;
                 Ok((came, Some(format!("{subject}.html"))))
             }
             JobKind::Export => {
@@ -120,10 +120,10 @@ impl Jobs {
                 let file = format!("{subject}-pilot.fmu");
                 let mut words = vec![os("export"), pilot.into(), os("-o")];
                 words.extend([self.made.join(&file).into(), os("--force")]);
-                let ended = one(&words, &self.folder, say)?;
-                Ok((Came::says(ended.text), Some(file)))
+                let ended = one(&words, &self.folder, progress)?;
+                Ok((Came::from_words(ended.text), Some(file)))
             }
-            JobKind::Compare => Ok((self.compare(say)?, Some("compare.html".to_owned()))),
+            JobKind::Compare => Ok((self.compare(progress)?, Some("compare.html".to_owned()))),
             JobKind::Against => Ok((Came::default(), None)),
         }
     }
@@ -132,7 +132,7 @@ impl Jobs {
     /// otherwise a pursuit pilot, who sees marker and vehicle (docs/guidance.md, sections 1 and 2). If the stick
     /// reached its stops, the fit continues with a saturating stick: a limit as a constraint would make the pilot
     /// slower than the person.
-    fn identify(&self, subject: &str, say: &dyn Fn(String)) -> Result<Came, String> {
+    fn identify(&self, subject: &str, progress: &dyn Fn(String)) -> Result<Came, String> {
         let (flights, others) = self.flights(subject);
         if flights.is_empty() {
             return Err(match others {
@@ -164,10 +164,10 @@ impl Jobs {
             true => (moving, still.len()),
             false => (still, 0),
         };
-        let mut ended = self.fit(subject, &flights, &pilot, false, say)?;
+        let mut ended = self.fit(subject, &flights, &pilot, false, progress)?;
         if ended.doubts().any(|(code, _)| code == "on-limit") {
             std::fs::rename(self.pilot(subject), &start).map_err(|error| error.to_string())?;
-            ended = self.fit(subject, &flights, start.as_os_str(), true, say)?;
+            ended = self.fit(subject, &flights, start.as_os_str(), true, progress)?;
         }
         if ended.json["status"] != "converged" {
             // A pilot that is no result must not be flown against or exported.
@@ -193,7 +193,7 @@ impl Jobs {
         flights: &[PathBuf],
         pilot: &OsStr,
         saturates: bool,
-        say: &dyn Fn(String),
+        progress: &dyn Fn(String),
     ) -> Result<Ended, String> {
         let problem = self.made.join(format!("{subject}-problem.toml"));
         let mut init = vec![os("init")];
@@ -201,7 +201,7 @@ impl Jobs {
         init.extend([os("--pilot"), pilot.to_owned()]);
         init.extend([os("--vehicle"), self.flown.vehicle.clone()]);
         init.extend([os("-o"), problem.clone().into(), os("--force")]);
-        one(&init, &self.folder, say)?;
+        one(&init, &self.folder, progress)?;
         let text = std::fs::read_to_string(&problem).map_err(|error| error.to_string())?;
         let text = match saturates {
             true => text.replace("[fit]\n", "[fit]\nlimits = \"saturate\"\nstarts = 1\n"),
@@ -214,8 +214,8 @@ impl Jobs {
         fit.extend([os("-o"), self.pilot(subject).into()]);
         let page = self.made.join(format!("{subject}.html"));
         fit.extend([os("--report"), page.into()]);
-        fit.extend(TOLD.map(os));
-        one(&fit, &self.folder, say)
+        fit.extend(OUTPUT_FLAGS.map(os));
+        one(&fit, &self.folder, progress)
     }
 
     /// Sets the signs of the initial gains such that the vehicle moves forward.
@@ -231,7 +231,7 @@ impl Jobs {
     }
 
     /// Fits all persons and writes a page that shows the results side by side.
-    fn compare(&self, say: &dyn Fn(String)) -> Result<Came, String> {
+    fn compare(&self, progress: &dyn Fn(String)) -> Result<Came, String> {
         let subjects = self.subjects();
         if subjects.len() < 2 {
             return Err(
@@ -240,7 +240,7 @@ impl Jobs {
         }
         let mut lines = Vec::new();
         for (subject, count) in &subjects {
-            let came = self.identify(subject, say)?;
+            let came = self.identify(subject, progress)?;
             let few = match count < &FEW {
                 true => format!(" Of {} alone.", counted(*count, "flight")),
                 false => String::new(),
@@ -350,10 +350,10 @@ impl Works for Jobs {
     }
 
     fn begin(&mut self, kind: JobKind, subject: &str, board: &Arc<Board>) {
-        let say = {
+        let send = {
             let board = board.clone();
             move |state, came: Came, link| {
-                board.say(&ToPage::Job {
+                board.send(&ToPage::Job {
                     kind,
                     state,
                     words: came.words,
@@ -364,27 +364,31 @@ impl Works for Jobs {
         };
         if self.is_busy.swap(true, Ordering::SeqCst) {
             let words = "another job goes on; wait a moment".to_owned();
-            return say(JobState::Failed, Came::says(words), None);
+            return send(JobState::Failed, Came::from_words(words), None);
         }
-        say(JobState::Running, Came::says("begun".to_owned()), None);
+        send(
+            JobState::Running,
+            Came::from_words("begun".to_owned()),
+            None,
+        );
         let (is_busy, board) = (self.is_busy.clone(), board.clone());
         let (own, subject) = (self.clone(), subject.to_owned());
         std::thread::spawn(move || {
-            let progress = |words| say(JobState::Running, Came::says(words), None);
-            let told = own.done(kind, &subject, &progress);
+            let progress = |words| send(JobState::Running, Came::from_words(words), None);
+            let result = own.done(kind, &subject, &progress);
             is_busy.store(false, Ordering::SeqCst);
-            match told {
+            match result {
                 Ok((came, page)) => {
-                    say(
+                    send(
                         JobState::Done,
                         came,
                         page.map(|page| format!("/made/{page}")),
                     );
-                    board.say(&ToPage::Can {
+                    board.send(&ToPage::Can {
                         can: own.can(&subject),
                     });
                 }
-                Err(words) => say(JobState::Failed, Came::says(words), None),
+                Err(words) => send(JobState::Failed, Came::from_words(words), None),
             }
         });
     }
@@ -422,7 +426,7 @@ impl Ended {
 
 /// Runs a command and reports the last line of its progress. Exit code 1 (fit not converged) is no error, since its
 /// page explains it.
-fn one(words: &[OsString], folder: &Path, say: &dyn Fn(String)) -> Result<Ended, String> {
+fn one(words: &[OsString], folder: &Path, progress: &dyn Fn(String)) -> Result<Ended, String> {
     let program = std::env::current_exe().map_err(|error| error.to_string())?;
     let mut child = Command::new(program)
         .args(words)
@@ -439,7 +443,7 @@ fn one(words: &[OsString], folder: &Path, say: &dyn Fn(String)) -> Result<Ended,
         text
     });
     let errors = BufReader::new(child.stderr.take().ok_or("no output")?);
-    let (mut told, mut lines) = (Instant::now(), Vec::new());
+    let (mut last_report, mut lines) = (Instant::now(), Vec::new());
     for line in errors.lines().map_while(Result::ok) {
         if ["note: ", "warning: ", "error: ", "hint: "]
             .iter()
@@ -447,11 +451,11 @@ fn one(words: &[OsString], folder: &Path, say: &dyn Fn(String)) -> Result<Ended,
         {
             lines.push(line.clone());
         }
-        if told.elapsed() > BETWEEN {
-            told = Instant::now();
+        if last_report.elapsed() > BETWEEN {
+            last_report = Instant::now();
             // The solver's numbers are only for the terminal.
             let words = line.split(':').next().unwrap_or_default();
-            say(words.trim().chars().take(LINE).collect());
+            progress(words.trim().chars().take(LINE).collect());
         }
     }
     let status = child.wait().map_err(|error| error.to_string())?;
@@ -466,7 +470,7 @@ fn one(words: &[OsString], folder: &Path, say: &dyn Fn(String)) -> Result<Ended,
             })
         }
         _ => {
-            terminal::tell(&format!("{}\n", lines.join("\n")));
+            terminal::eprint(&format!("{}\n", lines.join("\n")));
             let error = lines.iter().find(|line| line.starts_with("error: "));
             Err(error.or(lines.first()).map_or_else(
                 || "it failed".to_owned(),
@@ -489,7 +493,7 @@ struct Came {
 }
 
 impl Came {
-    fn says(words: String) -> Self {
+    fn from_words(words: String) -> Self {
         Self {
             verdict: None,
             words,
@@ -500,8 +504,8 @@ impl Came {
     fn of(fit: &Ended) -> Self {
         let doubts: Vec<&str> = fit.doubts().map(|(_, words)| words).collect();
         let status = fit.json["status"].as_str().unwrap_or("without an answer");
-        let (figures, is_told) = figures(&fit.json);
-        let verdict = match (status, is_told, doubts.is_empty()) {
+        let (figures, is_determined) = figures(&fit.json);
+        let verdict = match (status, is_determined, doubts.is_empty()) {
             ("converged", true, true) => "A model of you is found.".to_owned(),
             ("converged", true, false) => "A model of you is found, with doubts.".to_owned(),
             ("converged", false, _) => {
@@ -511,7 +515,7 @@ impl Came {
         };
         let mut words: String = figures.iter().map(|own| format!("{own}\n")).collect();
         words += &match doubts.is_empty() {
-            true if is_told => "Nothing speaks against it.".to_owned(),
+            true if is_determined => "Nothing speaks against it.".to_owned(),
             true => String::new(),
             false => format!("What speaks against it:\n– {}.", doubts.join("\n– ")),
         };
@@ -535,7 +539,7 @@ fn figures(fit: &Value) -> (Vec<String>, bool) {
         ("pilot.lead", "lead"),
         ("pilot.delay", "your own delay"),
     ];
-    let mut is_told = true;
+    let mut is_determined = true;
     let mut all = Vec::new();
     let tables = [&fit["derived"], &fit["parameters"]];
     let values = tables
@@ -555,15 +559,15 @@ fn figures(fit: &Value) -> (Vec<String>, bool) {
             } else {
                 ""
             };
-            let mut told = format!("{axis}{words} {} {unit}", significant(value, 3));
+            let mut line = format!("{axis}{words} {} {unit}", significant(value, 3));
             if let (Some(low), Some(high)) = (number("low"), number("high")) {
-                told += &format!(" ({} to {})", significant(low, 3), significant(high, 3));
-                is_told &= high - low < 2.0 * value.abs() || !name.contains('_');
+                line += &format!(" ({} to {})", significant(low, 3), significant(high, 3));
+                is_determined &= high - low < 2.0 * value.abs() || !name.contains('_');
             } else {
-                is_told &= !name.contains('_');
+                is_determined &= !name.contains('_');
             }
-            all.push(told);
+            all.push(line);
         }
     }
-    (all, is_told)
+    (all, is_determined)
 }

@@ -120,11 +120,11 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         .map_err(|error| Failure::cannot_write(&args.output, &error))?;
     let unfinished =
         record::unfinished(&folder).map_err(|error| Failure::cannot_write(&args.output, &error))?;
-    let told = |part: PathBuf| {
+    let unfinished_note = |part: PathBuf| {
         let name = part.strip_prefix(&folder).unwrap_or(&part).display();
         format!("{name} is a flight that did not come to its end; it does not count")
     };
-    let mut notes: Vec<String> = unfinished.into_iter().map(told).collect();
+    let mut notes: Vec<String> = unfinished.into_iter().map(unfinished_note).collect();
     let made = folder.join("made");
     let flown = Flown {
         vehicle: args.vehicle_from_anywhere(),
@@ -188,7 +188,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             made,
         };
         let address = server.address()?;
-        args.tell(&address);
+        args.print_address(&address);
         let session = std::thread::spawn(move || session.run());
         if let Some(picture) = picture {
             tokio::spawn(show(picture, board.clone()));
@@ -285,9 +285,9 @@ impl Args {
             return Ok(());
         };
         let usual = if axes == 1 { &["0"][..] } else { &["-1", "0"] };
-        let said: Vec<&str> = match self.stick_axes.as_slice() {
+        let words: Vec<&str> = match self.stick_axes.as_slice() {
             [] => usual.to_vec(),
-            said => said.iter().map(String::as_str).collect(),
+            words => words.iter().map(String::as_str).collect(),
         };
         let number = |word: &&str| {
             let number = word.strip_prefix('-').unwrap_or(word).parse::<u8>();
@@ -297,15 +297,15 @@ impl Args {
                     .hint("from 0 to 255, with a minus for one that is turned round: 0,-1")
             })
         };
-        let numbers: Vec<usize> = said.iter().map(number).collect::<Result<_, _>>()?;
+        let numbers: Vec<usize> = words.iter().map(number).collect::<Result<_, _>>()?;
         if numbers.len() != axes {
             let message = format!(
                 "--stick-axes {}: the vehicle wants {axes} of them",
-                said.join(",")
+                words.join(",")
             );
             return Err(Failure::new(message).hint("numbers from 0, with commas between them"));
         }
-        let inverted = said.iter().map(|word| word.starts_with('-')).collect();
+        let inverted = words.iter().map(|word| word.starts_with('-')).collect();
         let listened = joystick::listen(path, Reading::new(numbers, inverted), hand.clone());
         let (_, note) = listened.map_err(|error| {
             let message = format!("cannot read the joystick {}: {error}", path.display());
@@ -324,21 +324,21 @@ impl Args {
 
     /// The sender of FlightGear packets, if requested.
     fn picture(&self) -> Result<Option<flightgear::Sender>, Failure> {
-        let Some(said) = &self.flightgear else {
+        let Some(destination) = &self.flightgear else {
             return Ok(None);
         };
         let wrong = |why: String| {
-            Failure::new(format!("--flightgear {said}: {why}"))
+            Failure::new(format!("--flightgear {destination}: {why}"))
                 .hint("such as --flightgear localhost:5500")
         };
-        if said.ends_with(":0") {
+        if destination.ends_with(":0") {
             return Err(wrong("port 0 is none".to_owned()));
         }
-        if said.ends_with(":65535") {
+        if destination.ends_with(":65535") {
             let why = "the marker's place goes to the port after this one, and there is none";
             return Err(wrong(why.to_owned()));
         }
-        let mut found = said
+        let mut found = destination
             .to_socket_addrs()
             .map_err(|error| wrong(error.to_string()))?;
         let address = found
@@ -378,7 +378,7 @@ impl Args {
             .map_err(|error| wrong(error.to_string()))
     }
 
-    fn tell(&self, address: &str) {
+    fn print_address(&self, address: &str) {
         let opened = !self.no_browser && open(address);
         // The unspecified address cannot be opened from another computer.
         let every = self.bind.filter(IpAddr::is_unspecified);
@@ -396,7 +396,7 @@ impl Args {
                 "other computers may open the page: anyone who has this address may fly and read the recordings, and nothing is encrypted",
             );
         }
-        terminal::tell(&format!(
+        terminal::eprint(&format!(
             "{words} {address}\nflights go to {}; Ctrl-C ends\n",
             self.output.display()
         ));

@@ -26,19 +26,19 @@ pub fn json(
         "notes": linearization.notes,
     });
     for view in views {
-        let told = json!({
+        let properties = json!({
             "stability": view.verdict().word(),
             "poles": view.modes.iter().map(mode).collect::<Vec<_>>(),
             "loops": view.loops.iter().map(looped).collect::<Vec<_>>(),
         });
         match view.step {
             None => {
-                object["stability"] = told["stability"].clone();
-                object["poles"] = told["poles"].clone();
-                object["loops"] = told["loops"].clone();
+                object["stability"] = properties["stability"].clone();
+                object["poles"] = properties["poles"].clone();
+                object["loops"] = properties["loops"].clone();
             }
             Some(step) => {
-                object["inSteps"] = told;
+                object["inSteps"] = properties;
                 object["inSteps"]["step"] = json!(step);
             }
         }

@@ -146,7 +146,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let Some(linearization) = linearization else {
         let ending = ending::Words::of(&run);
         let message = ending.message.unwrap_or_default();
-        terminal::tell(&format!("{}: {message}\n", ending.severity));
+        terminal::eprint(&format!("{}: {message}\n", ending.severity));
         return Ok(Outcome::No);
     };
     let coupled = linearization.coupled()?;

@@ -163,11 +163,11 @@ impl Wiring {
 
     /// The values given by arguments.
     fn settings(&self, system: &System) -> Result<Vec<Setting>, Failure> {
-        let said = self.set.iter().map(|(name, value)| Setting {
+        let given = self.set.iter().map(|(name, value)| Setting {
             name: name.clone().into(),
             value: value.clone(),
         });
-        let mut settings: Vec<Setting> = said.collect();
+        let mut settings: Vec<Setting> = given.collect();
         for file in &self.parameters {
             let is_new =
                 |setting: &Setting| !self.set.iter().any(|(name, _)| *name == setting.name.value);

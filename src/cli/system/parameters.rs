@@ -1,7 +1,7 @@
 //! Reads start values from a file.
 
 use super::super::Failure;
-use crate::cosim::description::{Said, Setting};
+use crate::cosim::description::{Setting, Spanned};
 use crate::cosim::{System, Unit};
 use crate::document::{self, Document, DocumentError, Place, TomlTable};
 use crate::series::Lines;
@@ -36,7 +36,7 @@ pub fn read(system: &System, file: &Path) -> Result<Vec<Setting>, Failure> {
         });
         let value = in_its_unit(system, &entry);
         let value = value.map_err(|why| Failure::new(why).at(place.as_ref()))?;
-        let name = Said {
+        let name = Spanned {
             value: entry.name,
             place,
         };

@@ -154,12 +154,12 @@ impl Synth {
             self.save(&file, &to_csv(flight, &command, vehicle.unit()))?;
         }
         self.save("trials.toml", &manifest)?;
-        terminal::print(&self.told(&vehicle, flights.len()))?;
+        terminal::print(&self.summary(&vehicle, flights.len()))?;
         Ok(Outcome::Done)
     }
 
     /// Written files and the suggested next command.
-    fn told(&self, vehicle: &Flown, count: usize) -> String {
+    fn summary(&self, vehicle: &Flown, count: usize) -> String {
         let (folder, list) = (self.output.display(), self.output.join("trials.toml"));
         let (program, typed) = (program(), quoted(&list.to_string_lossy()));
         let flights = if count == 1 { "flight" } else { "flights" };

@@ -8,7 +8,7 @@ use crate::fmi::archive::{ArchiveError, Unpacked};
 use crate::fmi::description::{ModelDescription, Severity};
 use crate::fmi::{Fmu, FmuError};
 use crate::fmi_check::Finding;
-use crate::fmi_check::behaviour::{self, BehaviourCheck, Told, What};
+use crate::fmi_check::behaviour::{self, BehaviourCheck, Report, What};
 use pilotage_process::{Child, Ended};
 use serde_json::{Value, json};
 use std::io::Read;
@@ -38,20 +38,20 @@ const MANY: usize = 1000;
 /// Runs the hidden command: records each stage before it begins, since a binary may end the process, and each finding.
 /// Records are JSON objects in shared memory, which an FMU cannot close or print into.
 pub fn probe(args: ProbeArgs) -> Result<Outcome, Failure> {
-    let ours = behaviour::run(&args.fmu, args.unpacked, args.check, &mut |told| {
-        tell(&match told {
-            Told::Stage(stage) => json!({ "stage": stage }),
-            Told::Finding(finding) => json!({ "finding": finding_to_json(&finding) }),
+    let ours = behaviour::run(&args.fmu, args.unpacked, args.check, &mut |report| {
+        write_record(&match report {
+            Report::Stage(stage) => json!({ "stage": stage }),
+            Report::Finding(finding) => json!({ "finding": finding_to_json(&finding) }),
         });
     });
     if let Err(trouble) = ours {
-        tell(&json!({ "trouble": error_chain(&trouble) }));
+        write_record(&json!({ "trouble": error_chain(&trouble) }));
     }
     Ok(Outcome::Done)
 }
 
 /// Passes a line to the supervising process, or prints it if there is none (manual use, as under a debugger).
-fn tell(line: &Value) {
+fn write_record(line: &Value) {
     match pilotage_process::is_attached() {
         true => pilotage_process::record(&line.to_string()),
         false => drop(terminal::print(&format!("{line}\n"))),
@@ -224,11 +224,11 @@ impl Tail {
 /// Why the process ended, if it did not end normally.
 fn ended_badly(ended: Ended, limit: Duration, noise: Option<Tail>) -> Option<String> {
     let early = |status: ExitStatus| {
-        let said = noise.and_then(Tail::line);
-        let said = said.map(|line| format!(", saying {line:?},"));
+        let last_line = noise.and_then(Tail::line);
+        let last_line = last_line.map(|line| format!(", saying {line:?},"));
         format!(
             "it ended the process ({status}){}",
-            said.unwrap_or_default()
+            last_line.unwrap_or_default()
         )
     };
     match ended {

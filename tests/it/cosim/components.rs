@@ -324,7 +324,7 @@ pub struct Signal {
     time: f64,
     saved: [f64; 3],
     pub can_vary: bool,
-    pub tells_slope: bool,
+    pub gives_slope: bool,
     pub variables: Vec<Variable>,
 }
 
@@ -335,7 +335,7 @@ impl Signal {
             time: 0.0,
             saved: [0.0; 3],
             can_vary: true,
-            tells_slope: true,
+            gives_slope: true,
             variables: vec![Variable::new("y", 0, ValueKind::Real, Role::Output)],
         }
     }
@@ -365,7 +365,7 @@ impl Component for Signal {
         Abilities {
             rollback: true,
             variable_steps: self.can_vary,
-            output_derivatives: self.tells_slope,
+            output_derivatives: self.gives_slope,
             ..Abilities::default()
         }
     }

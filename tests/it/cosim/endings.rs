@@ -53,7 +53,7 @@ fn failed_discarded_or_asked_to_end() {
         assert_eq!(recorder.series.columns[0].values.len(), rows, "{behaviour}");
         assert_eq!(run.time, (rows - 1) as f64 * 0.125, "{behaviour}");
         assert_eq!(run.steps, rows as u64 - 1, "{behaviour}");
-        let said = match run.ending {
+        let words = match run.ending {
             Ending::Completed => "completed".to_owned(),
             Ending::Stopped { time } => format!("stopped at {time}"),
             Ending::EndRequested { instance, time } => {
@@ -86,7 +86,7 @@ fn failed_discarded_or_asked_to_end() {
             "discard@0.5" => "f discarded at 0.5, reached 0.5",
             _ => "f wants the end at 0.5",
         };
-        assert_eq!(said, expected);
+        assert_eq!(words, expected);
     }
 }
 

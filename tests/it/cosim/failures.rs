@@ -118,7 +118,7 @@ fn system(fault: Fault) -> System {
     system
 }
 
-fn said(ending: &Ending) -> String {
+fn describe(ending: &Ending) -> String {
     match ending {
         Ending::EndRequested { instance, time } => format!("{instance} wants the end at {time}"),
         Ending::Discarded {
@@ -172,7 +172,7 @@ fn rows_are_kept_and_the_culprit_is_named() {
         let has_come_further = [Fault::End, Fault::Discard].contains(&fault);
         for algorithm in [Algorithm::Jacobi, Algorithm::GaussSeidel, Algorithm::Strong] {
             let (run, recorder) = simulate(system(fault), 1.0, 0.125, algorithm);
-            assert_eq!(said(&run.ending), expected, "{algorithm}");
+            assert_eq!(describe(&run.ending), expected, "{algorithm}");
             let mut times = vec![0.0, 0.125, 0.25, 0.375, 0.5];
             if has_come_further {
                 times.push(0.53125);
@@ -188,7 +188,7 @@ fn rows_are_kept_and_the_culprit_is_named() {
         }
         // Steps of other lengths; a discarded one is tried again until it is the shortest allowed.
         let (run, recorder) = simulate(system(fault), 1.0, 0.125, controlled);
-        let words = said(&run.ending);
+        let words = describe(&run.ending);
         assert!(words.starts_with("bad "), "{words}");
         let rows = 5 + usize::from(has_come_further);
         assert_eq!(
@@ -207,12 +207,12 @@ fn rows_are_kept_and_the_culprit_is_named() {
     // These show one step later, or with rollback only.
     let (run, _) = simulate(system(Fault::CannotSet), 1.0, 0.125, Algorithm::Jacobi);
     assert_eq!(
-        said(&run.ending),
+        describe(&run.ending),
         "bad failed to take its inputs at 0.625: out of order"
     );
     let (run, _) = simulate(system(Fault::CannotRestore), 1.0, 0.125, Algorithm::Strong);
     let words = "bad failed to go back to a saved state at 0.5: out of order";
-    assert_eq!((said(&run.ending).as_str(), run.steps), (words, 4));
+    assert_eq!((describe(&run.ending).as_str(), run.steps), (words, 4));
 }
 
 /// A component that discards steps longer than it can do is stepped in shorter ones under control.

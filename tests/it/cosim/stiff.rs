@@ -79,7 +79,7 @@ fn strong_coupling_of_fast_pilots_is_better_than_gauss_seidel() {
 /// wrong: on average and at most, as reported and in truth. What an input was given in the mean is seen by an
 /// integrator; what it should have been, the joint equations make of the states at the begin of each step.
 struct LocalErrors {
-    said: [CouplingError; 2],
+    reported: [CouplingError; 2],
     truth: [CouplingError; 2],
 }
 
@@ -132,12 +132,12 @@ fn local_errors(theta: &[f64], limit: f64, target: f64, stop: f64) -> LocalError
             truth.max = truth.max.max(error);
         }
     }
-    let said = fed.map(|(from, to)| {
+    let reported = fed.map(|(from, to)| {
         let mut connections = run.report.connections.iter();
         let found = connections.find(|c| c.from == from && c.to == to);
         found.unwrap().error.unwrap()
     });
-    LocalErrors { said, truth }
+    LocalErrors { reported, truth }
 }
 
 /// `-a b (k + d s) / ((s + a) (s + b))`: after a step of the target the stick is a pulse as high as `d a b / (a + b)`,
@@ -168,8 +168,8 @@ fn local_errors_of_fast_pilots_are_true() {
         for theta in &pilots {
             let found = local_errors(theta, limit, target, 5.0);
             let [z, stick] = [0, 1].map(|i| {
-                let (said, truth) = (found.said[i], found.truth[i]);
-                [said.mean / truth.mean, said.max / truth.max]
+                let (reported, truth) = (found.reported[i], found.truth[i]);
+                [reported.mean / truth.mean, reported.max / truth.max]
             });
             // What a wrong stick does to the position within the step is no error of the position's course.
             let is_limited = limit == 1.0;

@@ -276,7 +276,7 @@ fn no_set_is_followed_by_a_get_without_a_step() {
 #[test]
 fn jumps_are_found_by_the_error() {
     let mut surprise = Signal::new(|t| [f64::from(u8::from(t > 0.55)), 0.0]);
-    surprise.tells_slope = false;
+    surprise.gives_slope = false;
     let mut system = System::new();
     let follower = Linear::new(-1.0, 1.0, 1.0, 0.0).revocable().following();
     system.add("table", Box::new(surprise)).unwrap();

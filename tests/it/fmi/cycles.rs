@@ -45,8 +45,11 @@ fn five_thousand_cycles_leave_nothing_behind() {
             .env("TMPDIR", temporary.path())
             .output()
             .unwrap();
-        let said = String::from_utf8_lossy(&done.stdout);
-        assert!(done.status.success() && said.contains("1 passed"), "{said}");
+        let output = String::from_utf8_lossy(&done.stdout);
+        assert!(
+            done.status.success() && output.contains("1 passed"),
+            "{output}"
+        );
         return;
     }
     let folder = tempdir().unwrap();

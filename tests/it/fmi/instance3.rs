@@ -397,12 +397,12 @@ fn what_the_version_the_kind_or_the_state_does_not_have_is_refused() {
         source.to_string(),
         "fmi3InstantiateCoSimulation refused: 100 %s of the tokens are wrong"
     );
-    let said = made(
+    let messages = made(
         "log",
         InterfaceType::ModelExchange,
         InstanceOptions::default(),
     )
     .unwrap()
     .take_messages();
-    assert_eq!(said[0].text, "plain %d text");
+    assert_eq!(messages[0].text, "plain %d text");
 }

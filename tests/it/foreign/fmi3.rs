@@ -68,7 +68,7 @@ fn text(p: *const c_char) -> String {
 }
 
 impl Fmu {
-    fn say(&self, status: c_int, category: &CStr, message: &str) {
+    fn log_message(&self, status: c_int, category: &CStr, message: &str) {
         let message = CString::new(message).unwrap();
         unsafe { self.log.unwrap()(self.environment, status, category.as_ptr(), message.as_ptr()) }
     }
@@ -92,11 +92,11 @@ fn make(name: *const c_char, token: *const c_char, resources: *const c_char, env
 
 fn hand_out(fmu: Box<Fmu>) -> *mut c_void {
     if fmu.behaviour == "refuse" {
-        fmu.say(ERROR, c"logStatusError", "100 %s of the tokens are wrong\n");
+        fmu.log_message(ERROR, c"logStatusError", "100 %s of the tokens are wrong\n");
         return std::ptr::null_mut();
     }
     if fmu.behaviour == "log" {
-        fmu.say(WARNING, c"a", "plain %d text");
+        fmu.log_message(WARNING, c"a", "plain %d text");
     }
     Box::into_raw(fmu).cast()
 }
@@ -116,7 +116,7 @@ extern "C" fn fmi3InstantiateCoSimulation(
     fmu.update = update;
     fmu.uses_events = events;
     if fmu.behaviour == "clocked" && !events {
-        fmu.say(ERROR, c"logStatusError", "clocks tick in event mode alone");
+        fmu.log_message(ERROR, c"logStatusError", "clocks tick in event mode alone");
         return std::ptr::null_mut();
     }
     fmu.may_return = early;

@@ -146,8 +146,8 @@ fn hostile_binary() -> &'static [u8] {
             .args(["-lm", "-lpthread", "-ldl"])
             .output()
             .unwrap();
-        let said = String::from_utf8_lossy(&done.stderr).into_owned();
-        assert!(done.status.success(), "{said}");
+        let errors = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(done.status.success(), "{errors}");
         std::fs::read(library).unwrap()
     })
 }

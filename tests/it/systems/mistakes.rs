@@ -59,10 +59,10 @@ fn what_each_mistake_is_told() {
         assert!(!ended.stderr.contains("panicked"), "{}", ended.stderr);
     }
     assert!(found.len() >= 50, "{}", found.len());
-    let told = found
+    let refused = found
         .iter()
-        .filter(|told| told.contains("\n[2]\nerror: system.toml"));
-    assert!(told.count() >= 45);
+        .filter(|refused| refused.contains("\n[2]\nerror: system.toml"));
+    assert!(refused.count() >= 45);
     for (found, expected) in found.iter().zip(expected.split("\n\n")) {
         assert_eq!(found, expected.trim_end());
     }
@@ -91,8 +91,8 @@ fn every_command_tells_of_a_mistake() {
             &["validate", "system.toml"],
         ] {
             let ended = folder.pilotage(command);
-            let told = (ended.code, ended.stderr.as_str());
-            assert_eq!(told, (2, message), "{command:?}");
+            let outcome = (ended.code, ended.stderr.as_str());
+            assert_eq!(outcome, (2, message), "{command:?}");
         }
     }
 }

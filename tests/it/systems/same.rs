@@ -33,8 +33,11 @@ fn a_file_says_what_arguments_say() {
     let folder = exported();
     folder.write("flight.toml", FLIGHT);
     let models = ["pilot.fmu", "quadcopter.fmu"];
-    let said = [&models[..], &CONNECTIONS, &["--set", "pilot.target=10"]].concat();
-    assert_eq!(result(&folder, &["flight.toml"]), result(&folder, &said));
+    let arguments = [&models[..], &CONNECTIONS, &["--set", "pilot.target=10"]].concat();
+    assert_eq!(
+        result(&folder, &["flight.toml"]),
+        result(&folder, &arguments)
+    );
     // From elsewhere too: files are beside the system file.
     folder.write("below/empty", "");
     folder.write(
@@ -43,16 +46,16 @@ fn a_file_says_what_arguments_say() {
     );
     assert_eq!(
         result(&folder, &["below/flight.toml"]),
-        result(&folder, &said)
+        result(&folder, &arguments)
     );
     // A file of any length.
     folder.write(
         "long.toml",
         format!("{FLIGHT}{}", "# nothing\n".repeat(10_000)),
     );
-    assert_eq!(result(&folder, &["long.toml"]), result(&folder, &said));
+    assert_eq!(result(&folder, &["long.toml"]), result(&folder, &arguments));
     let linear = ["--loop", "pilot.stick=quadcopter.stick", "--json"];
-    let [of_file, of_flags] = [&["flight.toml"][..], &said]
+    let [of_file, of_flags] = [&["flight.toml"][..], &arguments]
         .map(|system| folder.pilotage(&[&["linearize"], system, &linear].concat()));
     assert_eq!(of_file.stdout, of_flags.stdout);
     assert_eq!(of_file.json()["loops"].as_array().unwrap().len(), 1);
@@ -69,7 +72,7 @@ fn what_is_saved_is_the_same_system() {
     );
     folder.write("theta.toml", "[theta]\ntheta1 = 0.3\n");
     folder.write("deep/empty", "");
-    let said = [
+    let arguments = [
         "pilot.fmu",
         "quadcopter.fmu",
         "other=./foreign.fmu",
@@ -91,10 +94,10 @@ fn what_is_saved_is_the_same_system() {
         "other.flag_in=1",
     ];
     folder.write("course.csv", "time [s],altitude [ft]\n0,0\n1,30\n");
-    let said = [&said[..], &["--input", "course.csv"]].concat();
+    let arguments = [&arguments[..], &["--input", "course.csv"]].concat();
     let of_flags = result(
         &folder,
-        &[&said[..], &["--save-system", "deep/saved.toml"]].concat(),
+        &[&arguments[..], &["--save-system", "deep/saved.toml"]].concat(),
     );
     assert_eq!(
         folder.read("deep/saved.toml"),
@@ -146,13 +149,13 @@ fn arguments_go_before_the_file() {
     let other = ["--connect", "pilot.error=pilot.position"];
     let moved = result(&folder, &[&["flight.toml"][..], &other].concat());
     let wires = ["--connect", "pilot.stick=quadcopter.stick"];
-    let said = [&models[..], &wires, &other, &["--set", "pilot.target=10"]].concat();
-    assert_eq!(moved, result(&folder, &said));
+    let arguments = [&models[..], &wires, &other, &["--set", "pilot.target=10"]].concat();
+    assert_eq!(moved, result(&folder, &arguments));
     // An instance in the place of another, and one more.
     let heavy = good(folder.pilotage(&["vehicle", "show"])).stdout;
     folder.write("heavy.toml", heavy.replace("mass = 1.2", "mass = 1.5"));
     let replaced = result(&folder, &["flight.toml", "quadcopter=heavy.toml"]);
-    let said = [
+    let arguments = [
         "pilot.fmu",
         "quadcopter=heavy.toml",
         "--set",
@@ -160,7 +163,7 @@ fn arguments_go_before_the_file() {
     ];
     assert_eq!(
         replaced,
-        result(&folder, &[&said[..], &CONNECTIONS].concat())
+        result(&folder, &[&arguments[..], &CONNECTIONS].concat())
     );
     let header = |text: String| text.lines().next().unwrap().to_owned();
     let more = header(result(&folder, &["flight.toml", "second=pilot.fmu"]));
@@ -256,7 +259,7 @@ fn info_tells_what_a_system_is_made_of() {
         "flight.toml",
         flight.replace("quadcopter.z = \"pilot.position\"\n", ""),
     );
-    let told = good(folder.pilotage(&["info", "flight.toml"])).stdout;
+    let shown = good(folder.pilotage(&["info", "flight.toml"])).stdout;
     let expected = "\
 flight.toml
 
@@ -283,7 +286,7 @@ quadcopter.omega_f  Real  krad/s
 quadcopter.omega_b  Real  krad/s
 course.altitude     Real  ft
 ";
-    assert_eq!(told, expected);
+    assert_eq!(shown, expected);
     let json: Value = good(folder.pilotage(&["info", "flight.toml", "--json"])).json();
     assert_eq!(json["instances"][0]["set"]["theta1"], "0.5");
     assert_eq!(json["instances"][2]["table"], "course.csv");

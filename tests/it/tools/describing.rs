@@ -13,11 +13,11 @@ fn describing_functions_are_those_of_numpy() {
         let ended = folder.pilotage(&[&["fit"], runs, &flags].concat());
         folder.write("fit.json", ended.stdout);
         let files = std::iter::once("fit.json").chain(runs.iter().copied());
-        let told = python::run("describing.py", files.map(|name| folder.path(name)));
-        let told: Value = serde_json::from_str(&told).unwrap();
-        for (key, error) in told.as_object().unwrap() {
+        let errors = python::run("describing.py", files.map(|name| folder.path(name)));
+        let errors: Value = serde_json::from_str(&errors).unwrap();
+        for (key, error) in errors.as_object().unwrap() {
             assert!(error.as_f64().unwrap() < 1e-8, "{key}: {error}");
         }
-        assert_eq!(told.as_object().unwrap().len(), 8);
+        assert_eq!(errors.as_object().unwrap().len(), 8);
     }
 }

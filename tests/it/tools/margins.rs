@@ -31,8 +31,8 @@ fn margins_of_fits_are_those_of_python_control() {
     let linearize = ["linearize", "pilot=pilot.toml", "quadcopter=vehicle.toml"];
     write("loop.json", &[&linearize[..], &CONNECTIONS, &cut].concat());
     let names = ["vehicle.toml", "short.json", "problem.json", "loop.json"];
-    let told = python::run("margins.py", names.map(|name| folder.path(name)));
-    let told: Value = serde_json::from_str(&told).unwrap();
+    let errors = python::run("margins.py", names.map(|name| folder.path(name)));
+    let errors: Value = serde_json::from_str(&errors).unwrap();
     for (what, figure, tolerance) in [
         ("short", "value", 1e-6),
         ("short", "sd", 1e-4),
@@ -44,7 +44,7 @@ fn margins_of_fits_are_those_of_python_control() {
         ("bode", "gain", 1e-8),
         ("bode", "phase", 1e-8),
     ] {
-        let found = told[what][figure].as_f64().unwrap();
+        let found = errors[what][figure].as_f64().unwrap();
         assert!(found < tolerance, "{what} {figure}: {found}");
     }
 }

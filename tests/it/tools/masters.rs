@@ -46,10 +46,10 @@ fn theirs(folder: &Folder, script: &str) -> (Vec<f64>, String) {
     let [pilot, quadcopter] =
         ["pilot.fmu", "quadcopter.fmu"].map(|name| folder.path(name).display().to_string());
     let arguments = [&pilot, &quadcopter, "10", "15", "0.05"];
-    let (printed, said) = python::run_and_listen(script, arguments);
+    let (printed, log) = python::run_and_listen(script, arguments);
     let line = printed.lines().find(|line| line.starts_with("outputs"));
     let outputs = numbers(line.unwrap_or_else(|| panic!("{printed}")), ' ');
-    (outputs, said)
+    (outputs, log)
 }
 
 /// FMI rule 30: a master with FMI Library takes the FMUs without a complaint.
@@ -57,8 +57,8 @@ fn theirs(folder: &Folder, script: &str) -> (Vec<f64>, String) {
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn libcosim_flies_as_our_master_does() {
     let folder = exported();
-    let (theirs, said) = theirs(&folder, "libcosim.py");
-    assert!(!said.contains("[error]"), "{said}");
+    let (theirs, log) = theirs(&folder, "libcosim.py");
+    assert!(!log.contains("[error]"), "{log}");
     assert_same(&theirs, &ours(&folder));
 }
 

@@ -79,10 +79,10 @@ fn a_mode_is_set_before_the_start_alone() {
                 instance.get_real(&[height], &mut found).unwrap();
                 assert_eq!(found, [1.0], "{version}: it does not fall");
             }
-            let told = instance.set_boolean(landed, false).unwrap_err().to_string();
+            let error = instance.set_boolean(landed, false).unwrap_err().to_string();
             assert!(
-                told.contains("landed is changed by events alone and cannot be set"),
-                "{told}"
+                error.contains("landed is changed by events alone and cannot be set"),
+                "{error}"
             );
         }
     }
@@ -117,8 +117,8 @@ fn functions_of_the_other_type_refuse() {
         for kind in KINDS {
             for (call, message) in wrong {
                 let mut instance = begun(&library, kind);
-                let told = call(&mut instance, landed, start).unwrap_err().to_string();
-                assert!(told.contains(message), "{version} {kind:?}: {told}");
+                let error = call(&mut instance, landed, start).unwrap_err().to_string();
+                assert!(error.contains(message), "{version} {kind:?}: {error}");
             }
         }
     }

@@ -54,10 +54,10 @@ fn statistics_are_those_of_statsmodels() {
         names.push(name);
     }
     names.extend((0..RUNS).map(|g| format!("run{g}.csv")));
-    let told = python::run("regression.py", names.iter().map(|name| folder.path(name)));
-    let told: Value = serde_json::from_str(&told).unwrap();
-    for (key, error) in told.as_object().unwrap() {
+    let errors = python::run("regression.py", names.iter().map(|name| folder.path(name)));
+    let errors: Value = serde_json::from_str(&errors).unwrap();
+    for (key, error) in errors.as_object().unwrap() {
         assert!(error.as_f64().unwrap() < 1e-6, "{key}: {error}");
     }
-    assert_eq!(told.as_object().unwrap().len(), 8);
+    assert_eq!(errors.as_object().unwrap().len(), 8);
 }

@@ -23,8 +23,8 @@ fn the_likelihood_is_that_of_a_textbook_filter() {
     assert_eq!(ended.code, 0, "{ended:?}");
     let own: Value = serde_json::from_str(&ended.stdout).unwrap();
     let runs = ["run1.csv", "run2.csv"].map(|name| folder.path(name));
-    let told: Value = serde_json::from_str(&python::run("remnant.py", runs)).unwrap();
-    let [found, expected] = [&own, &told].map(|all| all["objective"].as_f64().unwrap());
+    let reference: Value = serde_json::from_str(&python::run("remnant.py", runs)).unwrap();
+    let [found, expected] = [&own, &reference].map(|all| all["objective"].as_f64().unwrap());
     assert!(
         (found - expected).abs() < 1e-8 * expected.abs(),
         "{found} {expected}"
@@ -33,7 +33,7 @@ fn the_likelihood_is_that_of_a_textbook_filter() {
     for run in 0..2 {
         for (k, name) in ["position", "stick"].into_iter().enumerate() {
             let found = own["runs"][run]["residuals"][name].as_array().unwrap();
-            let expected = told["runs"][run][k].as_array().unwrap();
+            let expected = reference["runs"][run][k].as_array().unwrap();
             assert_eq!(found.len(), expected.len());
             for (found, expected) in found.iter().zip(expected) {
                 assert_eq!(found.is_null(), expected.is_null());

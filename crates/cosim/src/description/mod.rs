@@ -38,14 +38,14 @@ use thiserror::Error;
 
 /// A value with its place in a file; values from the command line have no place.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Said<T> {
+pub struct Spanned<T> {
     /// The value.
     pub value: T,
     /// Its place, if from a file.
     pub place: Option<Place>,
 }
 
-impl<T> From<T> for Said<T> {
+impl<T> From<T> for Spanned<T> {
     /// A value from the command line.
     fn from(value: T) -> Self {
         Self { value, place: None }
@@ -69,9 +69,9 @@ pub struct InstanceDescription {
     /// Its name.
     pub name: String,
     /// Where its model comes from.
-    pub source: Said<InstanceSource>,
+    pub source: Spanned<InstanceSource>,
     /// Order, for built-in models that have one.
-    pub order: Option<Said<u32>>,
+    pub order: Option<Spanned<u32>>,
     /// Interface to use for an FMU that supports both.
     pub interface: Option<Interface>,
 }
@@ -123,16 +123,16 @@ impl Interface {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wire {
     /// The output.
-    pub from: Said<String>,
+    pub from: Spanned<String>,
     /// The input.
-    pub to: Said<String>,
+    pub to: Spanned<String>,
 }
 
 /// A start value.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setting {
     /// `instance.variable`.
-    pub name: Said<String>,
+    pub name: Spanned<String>,
     /// The value as text, in the variable's unit.
     pub value: String,
 }
@@ -225,8 +225,8 @@ impl SystemDescription {
         let wires = self.connections.iter();
         let wired = wires.flat_map(|wire| [&wire.from, &wire.to]);
         let set = self.settings.iter().map(|setting| &setting.name);
-        let said = wired.chain(set).find(|said| said.value == variable)?;
-        said.place.as_ref()
+        let name = wired.chain(set).find(|name| name.value == variable)?;
+        name.place.as_ref()
     }
 }
 

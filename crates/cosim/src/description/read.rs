@@ -1,7 +1,7 @@
 //! Reads a description from a system file.
 
 use super::{
-    InstanceDescription, InstanceSource, Interface, Said, Setting, SystemDescription, Wire,
+    InstanceDescription, InstanceSource, Interface, Setting, Spanned, SystemDescription, Wire,
 };
 use pilotage_text::document::{self, Document, DocumentError, Place, TomlTable};
 use pilotage_text::is_identifier;
@@ -155,15 +155,18 @@ fn key_place(table: TomlTable, name: &str) -> Place {
 }
 
 /// Source of an instance. With `table`, no other fields are allowed.
-fn source(table: TomlTable, folder: &Path) -> Result<Option<Said<InstanceSource>>, DocumentError> {
-    let said = |key: &str, value| Said {
+fn source(
+    table: TomlTable,
+    folder: &Path,
+) -> Result<Option<Spanned<InstanceSource>>, DocumentError> {
+    let spanned = |key: &str, value| Spanned {
         value,
         place: table.place(key),
     };
     if let Some(file) = table.string("table")? {
         table.only(&["table"])?;
         let source = InstanceSource::Table(folder.join(file));
-        return Ok(Some(said("table", source)));
+        return Ok(Some(spanned("table", source)));
     }
     table.only(&["model", "set", "order", "kind", "table"])?;
     let source = |model: &str| match is_identifier(model) {
@@ -171,10 +174,10 @@ fn source(table: TomlTable, folder: &Path) -> Result<Option<Said<InstanceSource>
         false => InstanceSource::Model(folder.join(model)),
     };
     let model = table.string("model")?.filter(|model| !model.is_empty());
-    Ok(model.map(|model| said("model", source(model))))
+    Ok(model.map(|model| spanned("model", source(model))))
 }
 
-fn order(table: TomlTable, name: &str) -> Result<Option<Said<u32>>, DescriptionError> {
+fn order(table: TomlTable, name: &str) -> Result<Option<Spanned<u32>>, DescriptionError> {
     let Some(found) = table.number("order")? else {
         return Ok(None);
     };
@@ -184,7 +187,7 @@ fn order(table: TomlTable, name: &str) -> Result<Option<Said<u32>>, DescriptionE
         return Err(DescriptionError::Order { place, name, found });
     }
     let (value, place) = (found as u32, table.place("order"));
-    Ok(Some(Said { value, place }))
+    Ok(Some(Spanned { value, place }))
 }
 
 fn interface(table: TomlTable) -> Result<Option<Interface>, DescriptionError> {
@@ -212,7 +215,7 @@ fn settings(table: TomlTable, prefix: &str, found: &mut Vec<Setting>) -> Result<
         } else if let Some(value) = table.text(name)? {
             let place = table.key_place(name);
             found.push(Setting {
-                name: Said { value: full, place },
+                name: Spanned { value: full, place },
                 value,
             });
         }
@@ -232,11 +235,11 @@ fn wires(table: TomlTable, prefix: &str, found: &mut Vec<Wire>) -> Result<(), Do
         }
         for (to, place) in table.strings(name)?.unwrap_or_default() {
             found.push(Wire {
-                from: Said {
+                from: Spanned {
                     value: from.clone(),
                     place: table.key_place(name),
                 },
-                to: Said {
+                to: Spanned {
                     value: to.to_owned(),
                     place: Some(place),
                 },

@@ -30,11 +30,11 @@ pub(super) fn predicted(
 ) -> Fit {
     let see = |k: usize, own: &pilotage_sqp::Iteration| {
         // The observer divides by the factor of the response.
-        let told = pilotage_sqp::Iteration {
+        let unscaled = pilotage_sqp::Iteration {
             objective: own.objective * posed.factor,
             ..*own
         };
-        watch.see(k, 0, &told)
+        watch.see(k, 0, &unscaled)
     };
     let all = searched(posed, &response, others, &see);
     let best = all.first().expect("there is a begin");

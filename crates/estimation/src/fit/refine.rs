@@ -30,31 +30,32 @@ pub(super) fn refine(
         Mesh::Tolerance(tolerance) => tolerance,
         Mesh::Step(_) | Mesh::Samples => f64::INFINITY,
     };
-    let mut told = Refinement::new(&solved);
+    let mut refinement = Refinement::new(&solved);
     loop {
         let errors = known.take().unwrap_or_else(|| errors(&solved, watch));
-        told.is_done = watch.over().is_none();
-        told.take(&solved, &errors);
-        let is_end = told.rounds == MOST_REFINEMENTS || solved.solution.status != Status::Converged;
-        if !told.is_done || is_end || told.error <= tolerance {
-            return (solved, told);
+        refinement.is_done = watch.over().is_none();
+        refinement.take(&solved, &errors);
+        let is_end =
+            refinement.rounds == MOST_REFINEMENTS || solved.solution.status != Status::Converged;
+        if !refinement.is_done || is_end || refinement.error <= tolerance {
+            return (solved, refinement);
         }
         let mut solve_from = |from: (Collocation, Vec<f64>)| {
-            let see = |iteration: &_| watch.see(start, told.rounds + 1, iteration);
+            let see = |iteration: &_| watch.see(start, refinement.rounds + 1, iteration);
             let next = solve(posed, from, posed.file.options.max_iterations, &see);
-            told.iterations += next.solution.work.iterations;
-            told.is_limited |= next.solution.status == Status::IterationLimit;
+            refinement.iterations += next.solution.work.iterations;
+            refinement.is_limited |= next.solution.status == Status::IterationLimit;
             (next.solution.status == Status::Converged).then_some(next)
         };
         let next = finer(&solved, &errors, tolerance).and_then(&mut solve_from);
         let next = next.or_else(|| solve_from(simulated(posed, &solved, watch)));
-        told.is_done = watch.over().is_none();
+        refinement.is_done = watch.over().is_none();
         let Some(next) = next else {
-            return (solved, told);
+            return (solved, refinement);
         };
-        told.is_limited = false;
-        told.changes = changes(&solved, &next);
-        told.rounds += 1;
+        refinement.is_limited = false;
+        refinement.changes = changes(&solved, &next);
+        refinement.rounds += 1;
         solved = next;
     }
 }

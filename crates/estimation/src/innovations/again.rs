@@ -158,7 +158,7 @@ impl<'p> Again<'p> {
     fn simulated(&self, gauss: &mut dyn FnMut() -> f64) -> Vec<Vec<Vec<f64>>> {
         let unknowns = self.unknowns();
         let theta = &unknowns[..self.posed.shared];
-        let mut all = vec![Vec::new(); self.posed.told.recorded.len()];
+        let mut all = vec![Vec::new(); self.posed.quantities.recorded.len()];
         for j in 0..self.posed.runs.len() {
             let initial = self.likelihood.initial(j, &unknowns);
             let drawn = self.likelihood.simulated(j, &initial, theta, gauss);

@@ -109,7 +109,7 @@ impl<'p> Likelihood<'p> {
 
     /// Recorded values of a run, by signals.
     fn measured(&self, j: usize) -> Vec<Vec<f64>> {
-        let all = self.recorded.unwrap_or(&self.posed.told.recorded);
+        let all = self.recorded.unwrap_or(&self.posed.quantities.recorded);
         all.iter().map(|own| own[j].clone()).collect()
     }
 

@@ -21,7 +21,7 @@ pub(crate) fn linearised(posed: &Posed<'_>, at: &Predicted<'_>) -> Linearised {
         let width = posed.shared + own[j].len();
         let mut all = Rows::new(width);
         let weight = likelihood.weight(j).sqrt();
-        let signals = all.add_signals(&rows, posed.told.predicted.len(), weight);
+        let signals = all.add_signals(&rows, posed.quantities.predicted.len(), weight);
         let first = all.residuals.len();
         for term in likelihood.priors(&unknowns) {
             let mut row = RowDVector::zeros(width);

@@ -189,11 +189,11 @@ fn searched<'p>(
         program.is_exact = is_exact;
         let z = program.scaled(&unknowns);
         let qp = &mut SparseQp::default();
-        let told = |own: &Iteration| Iteration {
+        let unscaled = |own: &Iteration| Iteration {
             objective: own.objective / program.factor,
             ..*own
         };
-        let solution = solve(&program, qp, z, &options, &mut |own| see(&told(own)));
+        let solution = solve(&program, qp, z, &options, &mut |own| see(&unscaled(own)));
         iterations += solution.work.iterations;
         round += 1;
         let z = &solution.iterate.z;

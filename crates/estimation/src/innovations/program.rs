@@ -57,7 +57,7 @@ impl<'p> Program<'p> {
         about: &[f64],
     ) -> Self {
         let limits = Limits::of(posed, &likelihood);
-        let recorded = posed.told.recorded.iter().flatten().flatten();
+        let recorded = posed.quantities.recorded.iter().flatten().flatten();
         let samples = recorded.filter(|y| y.is_finite()).count();
         let slopes = limits.slopes(about);
         let effect = |i: usize| {

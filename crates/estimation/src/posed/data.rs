@@ -3,7 +3,7 @@
 use crate::problem::error::ProblemError;
 use crate::problem::file::{Change, Hold, ProblemFile, RunLine};
 use crate::system::joint::{Joint, unknown};
-use pilotage_cosim::description::Said;
+use pilotage_cosim::description::Spanned;
 use pilotage_series::{Series, SeriesError};
 use pilotage_units::Unit;
 
@@ -16,7 +16,7 @@ pub enum Source {
     /// A column of each run.
     Column {
         /// Its name.
-        name: Said<String>,
+        name: Spanned<String>,
         /// Unit of the input, if it has one.
         unit: Option<String>,
         /// Interpolation between samples.
@@ -25,7 +25,7 @@ pub enum Source {
         missing: Option<f64>,
     },
     /// 1 where a column of each run has a number, else 0.
-    Presence(Said<String>),
+    Presence(Spanned<String>),
     /// For each run, values and the times from which they hold. The first holds from the start.
     Given(Vec<Vec<(f64, f64)>>),
 }
@@ -182,7 +182,7 @@ impl<'f> RunData<'f> {
     /// When it does not exist, or its unit is incompatible.
     pub fn column(
         &self,
-        name: &Said<String>,
+        name: &Spanned<String>,
         unit: Option<&str>,
     ) -> Result<Vec<f64>, ProblemError> {
         let fault = |text: String| ProblemError::maybe_at(name.place.as_ref(), text);

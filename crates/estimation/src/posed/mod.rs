@@ -14,7 +14,7 @@ pub(crate) mod stability;
 pub mod unknowns;
 
 use crate::posed::assembly::Assembly;
-pub use crate::posed::assembly::made::{Names, Stands, State, Told};
+pub use crate::posed::assembly::made::{Names, Quantities, Stands, State};
 use crate::posed::data::{RunData, check_times};
 use crate::posed::followed::{Followed, Recorded};
 use crate::posed::names::Named;
@@ -59,7 +59,7 @@ pub struct Posed<'f> {
     /// The states. Those for the runs' own parameters come last.
     pub states: Vec<State>,
     /// Expressions to evaluate at a solution.
-    pub told: Told,
+    pub quantities: Quantities,
     /// The solver's objective divided by that of the problem.
     pub factor: f64,
     /// The filter that predicts a sample from earlier ones, if noise drives the system.
@@ -140,7 +140,7 @@ impl<'f> Posed<'f> {
         )?
         .finish()?;
         let recorded = made.followed.iter();
-        let recorded = recorded.map(|(state, k)| (*state, &made.told.recorded[*k][..]));
+        let recorded = recorded.map(|(state, k)| (*state, &made.quantities.recorded[*k][..]));
         let recorded: Vec<Recorded<'_>> = recorded.collect();
         Ok(Self {
             model: Arc::new(Differentiated::new(&made.system)),
@@ -154,7 +154,7 @@ impl<'f> Posed<'f> {
             unknowns: made.unknowns,
             shared: made.shared,
             states: made.states,
-            told: made.told,
+            quantities: made.quantities,
             file,
             joint,
             unlimited,

@@ -5,7 +5,7 @@ use crate::posed::unknowns::{Meaning, Parameters, no_parameter};
 use crate::problem::error::ProblemError;
 use crate::problem::file::{Calibration, Deviation, Initial, ProblemFile, Quantity, matching};
 use crate::system::joint::{Joint, unknown};
-use pilotage_cosim::description::Said;
+use pilotage_cosim::description::Spanned;
 use pilotage_language::Expressions;
 use pilotage_language::expressions::CompiledExpressions;
 use pilotage_language::file::Formula;
@@ -23,7 +23,7 @@ pub struct Named {
     pub signals: Vec<String>,
     /// Names of recorded columns, which come after the signals, each with the place where it is first named. The
     /// predicted value follows.
-    pub columns: Vec<Said<String>>,
+    pub columns: Vec<Spanned<String>>,
     /// Names of the parameters that are not tied, which come next.
     pub parameters: Vec<String>,
     /// The expressions.
@@ -112,7 +112,7 @@ impl Named {
 struct Builder {
     expressions: Expressions,
     places: HashMap<Of, usize>,
-    columns: Vec<Said<String>>,
+    columns: Vec<Spanned<String>>,
     /// Inputs that are not driven.
     free_inputs: Vec<String>,
 }
@@ -138,7 +138,7 @@ impl Builder {
                 .and_then(|rest| rest.strip_suffix("\")"));
             let is_known = |quoted: &&str| self.columns.iter().any(|own| own.value == *quoted);
             if let Some(quoted) = quoted.filter(|quoted| !is_known(quoted)) {
-                self.columns.push(Said {
+                self.columns.push(Spanned {
                     value: quoted.to_owned(),
                     place: Some(file.place(formula)),
                 });

@@ -5,7 +5,7 @@ use crate::problem::error::ProblemError;
 use crate::problem::file::{Calibration, Measured, Per, Prior, ProblemFile, Quantity, Sought};
 use crate::system::joint::{Joint, unknown};
 use crate::system::part::About;
-use pilotage_cosim::description::Said;
+use pilotage_cosim::description::Spanned;
 use pilotage_language::file::Formula;
 use pilotage_text::document::Place;
 use pilotage_text::is_identifier;
@@ -283,9 +283,9 @@ impl Parameters {
             ("offset", &measured.offset, 0.0, unit),
         ];
         for (what, calibrated, start, unit) in sensors {
-            let Calibration::Sought(per) = calibrated else {
+            if let Calibration::Formula(_) = calibrated {
                 continue;
-            };
+            }
             let name = calibration(what, &measured.column.value);
             if self.own_units.insert(name.clone(), unit.clone()).is_some() {
                 let fault = format!(
@@ -295,18 +295,24 @@ impl Parameters {
                 return Err(ProblemError::at(&measured.place, fault));
             }
             self.names.push(name.clone());
-            self.add(Unknown {
-                name,
-                unit,
-                start,
-                min: None,
-                max: None,
-                nominal: None,
-                log: false,
-                prior: None,
-                per: *per,
-                place: Some(measured.place.clone()),
-            });
+            match calibrated {
+                Calibration::Formula(_) => {}
+                Calibration::Found(value) => {
+                    self.meanings.insert(name, Meaning::Number(*value));
+                }
+                Calibration::Sought(per) => self.add(Unknown {
+                    name,
+                    unit,
+                    start,
+                    min: None,
+                    max: None,
+                    nominal: None,
+                    log: false,
+                    prior: None,
+                    per: *per,
+                    place: Some(measured.place.clone()),
+                }),
+            }
         }
         Ok(())
     }
@@ -321,33 +327,33 @@ impl Parameters {
 
 /// Why a name is not one of the parameters with these names.
 pub fn no_parameter(
-    name: &Said<String>,
+    name: &Spanned<String>,
     file: &ProblemFile,
     joint: &Joint,
     names: &[String],
 ) -> ProblemError {
-    let said = &name.value;
-    let fed = file.inputs.iter().find(|fed| fed.signal.value == *said);
+    let full = &name.value;
+    let fed = file.inputs.iter().find(|fed| fed.signal.value == *full);
     let fault = match fed {
         Some(fed) => format!(
-            "`{said}` is driven by the column `{}`; leave one of them out",
+            "`{full}` is driven by the column `{}`; leave one of them out",
             fed.column.value
         ),
-        None if joint.driven.contains_key(said) => {
-            format!("`{said}` is driven by a wire; leave one of them out")
+        None if joint.driven.contains_key(full) => {
+            format!("`{full}` is driven by a wire; leave one of them out")
         }
-        None if joint.model.states.contains(said) => {
-            format!("`{said}` is a state; how it begins stands in [initial]")
+        None if joint.model.states.contains(full) => {
+            format!("`{full}` is a state; how it begins stands in [initial]")
         }
-        None if joint.signals().contains(said) => {
-            format!("`{said}` follows from others; bound it by a [[constraint]]")
+        None if joint.signals().contains(full) => {
+            format!("`{full}` follows from others; bound it by a [[constraint]]")
         }
-        None => match joint.parameter_of_other_type(said) {
+        None => match joint.parameter_of_other_type(full) {
             Some(kind) => format!(
-                "`{said}` is a parameter of type {kind} of its FMU; a fit takes single reals of double precision (Real, \
+                "`{full}` is a parameter of type {kind} of its FMU; a fit takes single reals of double precision (Real, \
                  Float64) alone, and leaves the others as the FMU has them"
             ),
-            None => unknown("parameter or free input", said, names),
+            None => unknown("parameter or free input", full, names),
         },
     };
     ProblemError::maybe_at(name.place.as_ref(), fault)

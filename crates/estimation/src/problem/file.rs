@@ -2,7 +2,7 @@
 
 use pilotage_collocation::Scheme;
 use pilotage_cosim::SystemDescription;
-use pilotage_cosim::description::Said;
+use pilotage_cosim::description::Spanned;
 use pilotage_inference::Method;
 use pilotage_language::file::Formula;
 use pilotage_text::document::Place;
@@ -29,11 +29,11 @@ pub struct ProblemFile {
     /// Sought parameters, in the order of the file.
     pub parameters: Vec<Sought>,
     /// Initial states, in the order of the file. Later lines take precedence.
-    pub initial: Vec<(Said<String>, Initial)>,
+    pub initial: Vec<(Spanned<String>, Initial)>,
     /// Constraints on signals and parameters.
     pub constraints: Vec<Constraint>,
     /// Derived quantities: expressions of parameters that are reported beside them.
-    pub derived: Vec<(Said<String>, Formula)>,
+    pub derived: Vec<(Spanned<String>, Formula)>,
     /// What must be stable.
     pub stability: Stability,
     /// The runs.
@@ -91,9 +91,9 @@ impl ProblemFile {
 #[derive(Debug, Clone)]
 pub struct Fed {
     /// `instance.input`.
-    pub signal: Said<String>,
+    pub signal: Spanned<String>,
     /// Name of the column.
-    pub column: Said<String>,
+    pub column: Spanned<String>,
     /// Interpolation between samples.
     pub hold: Hold,
 }
@@ -115,7 +115,7 @@ pub struct Measured {
     /// The measured quantity: a signal or an expression.
     pub of: Quantity,
     /// Name of the column.
-    pub column: Said<String>,
+    pub column: Spanned<String>,
     /// Standard deviation of its noise.
     pub sd: Deviation,
     /// Gain of the sensor.
@@ -139,7 +139,7 @@ pub enum Quantity {
 #[derive(Debug, Clone)]
 pub struct ProcessNoise {
     /// `instance.input`, or `instance.state`.
-    pub signal: Said<String>,
+    pub signal: Spanned<String>,
     /// Power spectral density: a number or an expression of parameters. Its unit is the square of the signal's unit
     /// (for a state, of its derivative's unit) times seconds.
     pub density: Formula,
@@ -151,7 +151,7 @@ pub enum Deviation {
     /// A number or an expression of parameters.
     Formula(Formula),
     /// A column with one value per sample.
-    Column(Said<String>),
+    Column(Spanned<String>),
 }
 
 /// Gain or offset of a sensor.
@@ -161,6 +161,8 @@ pub enum Calibration {
     Formula(Formula),
     /// Sought, with one value for all runs or one per run or subject.
     Sought(Per),
+    /// Was sought in other runs; runs may set it.
+    Found(f64),
 }
 
 /// Distribution of the noise.
@@ -193,7 +195,7 @@ pub enum Per {
 #[derive(Debug, Clone)]
 pub struct Sought {
     /// Its name, or `instance.*` for all parameters of an instance.
-    pub name: Said<String>,
+    pub name: Spanned<String>,
     /// Where the search starts.
     pub start: Option<f64>,
     /// Minimum value.
@@ -272,7 +274,7 @@ pub enum Holds {
 #[derive(Debug, Clone, Default)]
 pub struct Stability {
     /// Instances.
-    pub models: Vec<Said<String>>,
+    pub models: Vec<Spanned<String>>,
     /// The closed loop of all connected instances.
     pub closed_loop: Option<Place>,
 }
@@ -293,7 +295,7 @@ pub struct RunLine {
     /// The subject who flew the run.
     pub subject: Option<String>,
     /// Start time, in the unit of the run's times. If missing, the time of the first row.
-    pub start_time: Option<Said<f64>>,
+    pub start_time: Option<Spanned<f64>>,
     /// Values that apply to this run.
     pub set: Vec<Set>,
     /// Changes within the run, in order of time.
@@ -323,7 +325,7 @@ impl RunLine {
 #[derive(Debug, Clone)]
 pub struct Set {
     /// Name of the variable.
-    pub name: Said<String>,
+    pub name: Spanned<String>,
     /// The value.
     pub value: Formula,
 }

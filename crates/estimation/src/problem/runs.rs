@@ -62,7 +62,7 @@ fn is_alike(a: &RunLine, b: &RunLine) -> bool {
     let start = |run: &RunLine| run.start_time.as_ref().map(|time| time.value);
     a.subject == b.subject
         && start(a) == start(b)
-        && told(&a.set) == told(&b.set)
+        && settings(&a.set) == settings(&b.set)
         && changed(a) == changed(b)
 }
 
@@ -70,12 +70,12 @@ fn is_alike(a: &RunLine, b: &RunLine) -> bool {
 fn changed(run: &RunLine) -> Vec<(f64, Vec<(&str, &str)>)> {
     let changes = run.changes.iter();
     changes
-        .map(|change| (change.time, told(&change.set)))
+        .map(|change| (change.time, settings(&change.set)))
         .collect()
 }
 
 /// Names and values that are set, sorted: their order in the file does not matter.
-fn told(set: &[Set]) -> Vec<(&str, &str)> {
+fn settings(set: &[Set]) -> Vec<(&str, &str)> {
     let pairs = set
         .iter()
         .map(|own| (own.name.value.as_str(), own.value.expression.text.as_str()));

@@ -172,7 +172,7 @@ fn weak(posed: &Posed<'_>, names: &[String], deviations: &[f64], data: &Data) ->
     if posed.file.measured.iter().any(|own| is_missing(&own.sd)) {
         return Vec::new();
     }
-    let told = (names.iter().zip(deviations)).zip(data.scales.iter());
+    let candidates = (names.iter().zip(deviations)).zip(data.scales.iter());
     let is_weak =
         |((_, sd), size): &((&String, &f64), &f64)| sd.is_finite() && **sd > WEAK * **size;
     let words = |((name, sd), size): ((&String, &f64), &f64)| {
@@ -180,5 +180,5 @@ fn weak(posed: &Posed<'_>, names: &[String], deviations: &[f64], data: &Data) ->
             "`{name}` is poorly determined: with noise as large as `sd` says its standard deviation is {sd:.1e}, and its size {size:.1e}"
         )
     };
-    told.filter(is_weak).map(words).collect()
+    candidates.filter(is_weak).map(words).collect()
 }

@@ -217,8 +217,8 @@ fn linear(posed: &Posed<'_>, solved: &Solved, theta: &[f64]) -> Option<StateSpac
     let inputs: Vec<usize> = (posed.file.inputs.iter())
         .map(|own| input(posed, &own.signal.value))
         .collect::<Option<_>>()?;
-    let (n, m) = (system.states, posed.told.predicted.len());
-    let of = [&system.derivatives[..], &posed.told.predicted].concat();
+    let (n, m) = (system.states, posed.quantities.predicted.len());
+    let of = [&system.derivatives[..], &posed.quantities.predicted].concat();
     let mut graph = system.graph.clone();
     let columns: Vec<Vec<Node>> = (0..n)
         .map(|k| system.state(k))
@@ -244,7 +244,7 @@ fn linear(posed: &Posed<'_>, solved: &Solved, theta: &[f64]) -> Option<StateSpac
 fn input(posed: &Posed<'_>, name: &str) -> Option<usize> {
     let (model, system) = (&posed.joint.model, &posed.model.system);
     let place = model.inputs.iter().position(|own| own == name)?;
-    let node = posed.told.joint[1 + model.states.len() + place];
+    let node = posed.quantities.joint[1 + model.states.len() + place];
     let mut all = (0..system.inputs).map(|k| system.input(k));
     all.find(|variable| system.graph.known_variable(*variable) == Some(node))
 }

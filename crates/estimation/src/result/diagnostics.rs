@@ -98,7 +98,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     all.extend(of_inputs(fit));
     let measured = 0..posed.file.measured.len();
     all.extend(measured.filter_map(|k| unbounded(posed, fit, k)));
-    if is_said(fit) {
+    if has_residuals(fit) {
         for k in 0..posed.file.measured.len() {
             all.extend(poor(posed, fit, k));
             all.extend(coloured(posed, fit, k));
@@ -220,12 +220,12 @@ fn of_inputs(fit: &Fit) -> Vec<Diagnostic> {
             correlation: own.crossed.correlations[lag],
         })
     };
-    let pairs = fit.beside.iter().filter(|_| is_said(fit));
+    let pairs = fit.beside.iter().filter(|_| has_residuals(fit));
     pairs.filter_map(doubt).collect()
 }
 
 /// Whether residuals belong to a solution and exceed the accuracy of the solver.
-fn is_said(fit: &Fit) -> bool {
+fn has_residuals(fit: &Fit) -> bool {
     fit.is_answer() && fit.chi2 > fit.resolution
 }
 

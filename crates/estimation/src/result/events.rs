@@ -107,7 +107,7 @@ fn see_run(
         }
         let at = [&[time], &states[..], &inputs, &theta].concat();
         let all = posed.model.system.graph.values(&at);
-        let own: Vec<f64> = (posed.told.joint.iter())
+        let own: Vec<f64> = (posed.quantities.joint.iter())
             .map(|node| all[node.index()])
             .collect();
         let values = posed.joint.model.system.graph.values(&own);

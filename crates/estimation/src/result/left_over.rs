@@ -23,8 +23,8 @@ pub fn processes(posed: &Posed<'_>, fit: &Fit) -> Vec<Option<Autoregression>> {
     let process = |(k, own): (usize, &Measured)| {
         let series = fit.runs.iter().map(|run| known(run, k, own.noise));
         let series: Vec<_> = series.filter(|(values, _)| !values.is_empty()).collect();
-        let is_told = fit.is_met() && posed.filter.is_none() && !series.is_empty();
-        is_told.then(|| Autoregression::of_series(&series))
+        let is_defined = fit.is_met() && posed.filter.is_none() && !series.is_empty();
+        is_defined.then(|| Autoregression::of_series(&series))
     };
     measured.map(process).collect()
 }

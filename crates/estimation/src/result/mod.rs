@@ -256,7 +256,7 @@ impl Fit {
             nllh: 0.5 * surprise,
             samples,
             parameters: parameters(posed, &states, &theta),
-            derived: expressed(posed, &states, &theta, &posed.told.derived),
+            derived: expressed(posed, &states, &theta, &posed.quantities.derived),
             iterations: solution.work.iterations,
             kkt: solution.kkt,
             poles: states[0].last().map_or_else(Vec::new, |x| {
@@ -357,7 +357,7 @@ fn run_fit(
     states: &[Vec<f64>],
     theta: &[f64],
 ) -> RunFit {
-    let told = &posed.told;
+    let quantities = &posed.quantities;
     let graph = &posed.model.system.graph;
     let count = posed.joint.model.states.len();
     let mut run = RunFit {
@@ -365,20 +365,24 @@ fn run_fit(
         time: problem.runs[j].time.clone(),
         begin: Vec::new(),
         states: vec![Vec::new(); count],
-        predicted: vec![Vec::new(); told.predicted.len()],
-        recorded: told.recorded.iter().map(|all| all[j].clone()).collect(),
-        deviations: vec![Vec::new(); told.predicted.len()],
+        predicted: vec![Vec::new(); quantities.predicted.len()],
+        recorded: quantities
+            .recorded
+            .iter()
+            .map(|all| all[j].clone())
+            .collect(),
+        deviations: vec![Vec::new(); quantities.predicted.len()],
         ahead: ahead(posed, j, &states[0], theta),
     };
     for (sample, x) in states.iter().enumerate() {
         let values = graph.values(&variables(posed, j, sample, x, theta));
         if sample == 0 {
-            let joint = told.joint.iter().skip(1);
+            let joint = quantities.joint.iter().skip(1);
             run.begin = joint.map(|node| values[node.index()]).collect();
         }
-        for k in 0..told.predicted.len() {
-            run.predicted[k].push(values[told.predicted[k].index()]);
-            run.deviations[k].push(values[told.deviations[k].index()]);
+        for k in 0..quantities.predicted.len() {
+            run.predicted[k].push(values[quantities.predicted[k].index()]);
+            run.deviations[k].push(values[quantities.deviations[k].index()]);
         }
         for (k, own) in run.states.iter_mut().enumerate() {
             let shift = posed.states[k]
@@ -417,7 +421,7 @@ fn parameters(posed: &Posed<'_>, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec
             is_tied: false,
         });
     }
-    all.extend(expressed(posed, states, theta, &posed.told.tied));
+    all.extend(expressed(posed, states, theta, &posed.quantities.tied));
     all
 }
 

@@ -46,17 +46,17 @@ impl<'p> Opened<'p> {
         let joint = posed.unlimited.as_ref().unwrap_or(&posed.joint);
         let joint = Joint::new(&open, joint.parts.clone()).ok()?;
         let (closed, own) = (&posed.joint.model, &joint.model);
-        let told: HashMap<&String, Node> = [&closed.states, &closed.inputs, &closed.parameters]
+        let nodes: HashMap<&String, Node> = [&closed.states, &closed.inputs, &closed.parameters]
             .into_iter()
             .flatten()
-            .zip(posed.told.joint[1..].iter().copied())
+            .zip(posed.quantities.joint[1..].iter().copied())
             .collect();
         let names: Vec<&String> = [&own.states, &own.inputs, &own.parameters]
             .into_iter()
             .flatten()
             .collect();
-        let known = names.iter().map(|name| told.get(name).copied());
-        let variables: Vec<Option<Node>> = std::iter::once(Some(posed.told.joint[0]))
+        let known = names.iter().map(|name| nodes.get(name).copied());
+        let variables: Vec<Option<Node>> = std::iter::once(Some(posed.quantities.joint[0]))
             .chain(known)
             .collect();
         let place = |name: &str| names.iter().position(|own| own.as_str() == name);
@@ -107,9 +107,9 @@ impl<'p> Opened<'p> {
     pub fn linear(&self, x: &[f64], theta: &[f64]) -> Option<StateSpace> {
         let last = self.posed.runs[0].time.len() - 1;
         let system = &self.posed.model.system.graph;
-        let told = system.values(&variables(self.posed, 0, last, x, theta));
+        let closed_values = system.values(&variables(self.posed, 0, last, x, theta));
         let mut point: Vec<f64> = (self.variables.iter())
-            .map(|node| node.map_or(0.0, |node| told[node.index()]))
+            .map(|node| node.map_or(0.0, |node| closed_values[node.index()]))
             .collect();
         // The value of a freed input is the signal at its wire's source, which may depend on another freed input.
         for _ in &self.freed {

@@ -98,15 +98,16 @@ fn course(posed: &Posed<'_>, run: &Run, theta: &[f64], initial: &[f64], stop: &S
             .model
             .course(run, theta, initial, &quality(magnitudes.to_vec()), stop)
     };
-    let told = sizes(posed, initial);
-    let course = simulated(&told);
+    let assumed = sizes(posed, initial);
+    let course = simulated(&assumed);
     let seen = course.sizes();
-    let is_tiny =
-        |k: usize| posed.states[k].nominal.is_none() && seen[k] > 0.0 && seen[k] < TINY * told[k];
-    let own: Vec<f64> = (0..told.len())
-        .map(|k| if is_tiny(k) { seen[k] } else { told[k] })
+    let is_tiny = |k: usize| {
+        posed.states[k].nominal.is_none() && seen[k] > 0.0 && seen[k] < TINY * assumed[k]
+    };
+    let own: Vec<f64> = (0..assumed.len())
+        .map(|k| if is_tiny(k) { seen[k] } else { assumed[k] })
         .collect();
-    match own == told {
+    match own == assumed {
         true => course,
         false => simulated(&own),
     }

@@ -28,12 +28,12 @@ pub fn at_start(posed: &Posed<'_>, start: &Start) -> Option<String> {
 
 /// The measured signal at a sample (run and number) whose term of the objective is not finite.
 fn of_residuals(posed: &Posed<'_>, (j, sample): (usize, usize), at: &[f64]) -> Option<String> {
-    let (told, values) = (&posed.told, posed.model.system.graph.values(at));
+    let (quantities, values) = (&posed.quantities, posed.model.system.graph.values(at));
     let mut measured = posed.file.measured.iter().enumerate();
     measured.find_map(|(k, own)| {
-        let recorded = told.recorded[k][j][sample];
+        let recorded = quantities.recorded[k][j][sample];
         let [predicted, sd] =
-            [told.predicted[k], told.deviations[k]].map(|node| values[node.index()]);
+            [quantities.predicted[k], quantities.deviations[k]].map(|node| values[node.index()]);
         let square = own.noise.residual(recorded, predicted, sd).powi(2);
         let term = square * posed.data[j].line.weight;
         if recorded.is_nan() || term.is_finite() {
@@ -57,7 +57,7 @@ fn of_residuals(posed: &Posed<'_>, (j, sample): (usize, usize), at: &[f64]) -> O
 /// The first expression that is not finite at one point of the equations' variables.
 fn at_sample(posed: &Posed<'_>, at: &[f64]) -> Option<String> {
     let values = posed.model.system.graph.values(at);
-    let own: Vec<f64> = (posed.told.joint.iter())
+    let own: Vec<f64> = (posed.quantities.joint.iter())
         .map(|node| values[node.index()])
         .collect();
     let joint = &posed.joint.model;
@@ -72,13 +72,13 @@ fn at_sample(posed: &Posed<'_>, at: &[f64]) -> Option<String> {
         Some(named("the derivative of", name, node))
     };
     let of_measured = || {
-        let told = &posed.told;
+        let quantities = &posed.quantities;
         let lines = posed
             .file
             .measured
             .iter()
             .map(|line| line.column.value.as_str());
-        let pairs = told.predicted.iter().zip(&told.deviations);
+        let pairs = quantities.predicted.iter().zip(&quantities.deviations);
         lines
             .zip(pairs)
             .find_map(|(column, (predicted, deviation))| match is_bad(predicted) {

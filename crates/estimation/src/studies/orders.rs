@@ -7,7 +7,7 @@ use crate::problem::file::{Calibration, Deviation, Initial, Per, ProblemFile, Qu
 use crate::result::Fit;
 use crate::studies::folds::OpenInParallel;
 use crate::studies::validation::GoesOn;
-use pilotage_cosim::description::{InstanceSource, Said};
+use pilotage_cosim::description::{InstanceSource, Spanned};
 use pilotage_language::file::Formula;
 use pilotage_models::library;
 use std::ops::RangeInclusive;
@@ -143,8 +143,8 @@ fn formulas(file: &ProblemFile) -> Vec<&Formula> {
         if let Quantity::Expression(formula, _) = &own.of {
             all.push(formula);
         }
-        for said in [&own.gain, &own.offset] {
-            if let Calibration::Formula(formula) = said {
+        for calibrated in [&own.gain, &own.offset] {
+            if let Calibration::Formula(formula) = calibrated {
                 all.push(formula);
             }
         }
@@ -188,7 +188,7 @@ fn with_order(
         .filter(|own| own.name == instance)
     {
         is_own = own.order.as_ref().is_some_and(|own| own.value == order);
-        own.order = Some(Said::from(order));
+        own.order = Some(Spanned::from(order));
     }
     if is_own && start.is_none() {
         return file;
@@ -201,7 +201,7 @@ fn with_order(
     file.parameters
         .retain(|line| number(&line.name.value, instance).is_none());
     let lines = (0..2 * order as usize).map(|k| Sought {
-        name: Said::from(format!("{instance}.theta{}", k + 1)),
+        name: Spanned::from(format!("{instance}.theta{}", k + 1)),
         start: start.map(|start| start[k]),
         min: None,
         max: None,

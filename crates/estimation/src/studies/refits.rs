@@ -19,7 +19,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Exp1, StandardNormal, StandardUniform, StudentT};
 
 /// A run determines a parameter if its effect there exceeds this fraction of the largest effect on a run.
-const TELLS: f64 = 1e-6;
+const INFORMS: f64 = 1e-6;
 
 /// Names of the sought parameters, with subjects or runs, in the order of [`Study::unknowns`].
 pub fn sought(posed: &Posed<'_>) -> Vec<(String, Option<String>)> {
@@ -122,7 +122,7 @@ pub fn study<'p>(posed: &'p Posed<'p>, fit: &'p Fit) -> Result<Study<'p>, Unsure
                 is_log: unknown.log,
                 half: quantile(LEVEL, f64::INFINITY) * interval.sd / slope,
                 range: ends(unknown),
-                told: effects.iter().map(|own| *own > TELLS * most).collect(),
+                informed_by: effects.iter().map(|own| *own > INFORMS * most).collect(),
             });
         }
     }
@@ -188,7 +188,7 @@ fn derive<'p>(posed: &'p Posed<'p>, fit: &'p Fit, solved: &Solved) -> Box<Derive
         let graph = &posed.model.system.graph;
         let values = graph.values(&variables(posed, 0, 0, &begin, theta));
         let derived = posed
-            .told
+            .quantities
             .derived
             .iter()
             .map(|(_, node)| values[node.index()]);
@@ -298,7 +298,10 @@ impl Drawn<'_> {
         let samples = (0..is_there.len()).filter(|sample| is_there[*sample]);
         for (sample, residual) in samples.zip(residuals) {
             let (h, sd) = (fitted.predicted[k][sample], fitted.deviations[k][sample]);
-            match (self.posed.told.seen[k], self.posed.file.measured[k].noise) {
+            match (
+                self.posed.quantities.seen[k],
+                self.posed.file.measured[k].noise,
+            ) {
                 (None, _) => run.measured[term].values[sample] = h + residual,
                 (Some(input), Noise::LogNormal) => {
                     run.inputs[sample][input] = h * (sd * residual).exp();

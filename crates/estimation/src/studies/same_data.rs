@@ -78,7 +78,7 @@ fn values(first: &Posed<'_>, other: &Posed<'_>) -> Option<String> {
     let ((column, k), (_, own)) = pairs.find(differ)?;
     let unit = |posed: &Posed<'_>, k: usize| posed.unit_of(k).unwrap_or("no unit").to_owned();
     let (before, unit) = (unit(first, k), unit(other, own));
-    let told = format!(
+    let difference = format!(
         "the column `{column}` is read in {unit}, and in {before} in {}",
         first.file.file
     );
@@ -91,7 +91,7 @@ fn values(first: &Posed<'_>, other: &Posed<'_>) -> Option<String> {
         _ => String::new(),
     };
     Some(format!(
-        "{told}: a density depends on the unit, and likelihoods of different data cannot be compared{advice}"
+        "{difference}: a density depends on the unit, and likelihoods of different data cannot be compared{advice}"
     ))
 }
 
@@ -106,7 +106,7 @@ fn name(quantity: &Quantity) -> String {
 /// The recorded numbers of a measured signal in all runs, in the unit of the signal.
 fn recorded(posed: &Posed<'_>, k: usize) -> Vec<Vec<f64>> {
     let finite = |run: &Vec<f64>| run.iter().copied().filter(|y| y.is_finite()).collect();
-    posed.told.recorded[k].iter().map(finite).collect()
+    posed.quantities.recorded[k].iter().map(finite).collect()
 }
 
 /// Whether numbers are equal up to rounding.

@@ -8,7 +8,7 @@ use crate::problem::file::{Calibration, Noise, Per, ProblemFile, RunLine, Set, S
 use crate::result::{Fit, Found, RunFit};
 use crate::search::begin::begin;
 use crate::search::starts::given;
-use pilotage_cosim::description::Said;
+use pilotage_cosim::description::Spanned;
 use pilotage_language::file::Formula;
 use pilotage_sqp::Status;
 use std::ops::ControlFlow;
@@ -116,14 +116,14 @@ fn fixed(file: &ProblemFile, fit: &Fit) -> ProblemFile {
         .retain(|line| line.fixed || (is_name(line) && line.value.is_some()));
     for found in fit.parameters.iter().filter(|found| !found.is_tied) {
         if let Some((measured, what)) = sensor(&file, &found.name) {
-            let formula = Calibration::Formula(Formula::of_number(found.mean()));
+            let value = Calibration::Found(found.mean());
             match what {
-                "gain" => file.measured[measured].gain = formula,
-                _ => file.measured[measured].offset = formula,
+                "gain" => file.measured[measured].gain = value,
+                _ => file.measured[measured].offset = value,
             }
-            continue;
+        } else {
+            file.parameters.push(line(found));
         }
-        file.parameters.push(line(found));
         for run in &mut file.runs {
             set_subject(run, found);
         }
@@ -148,7 +148,7 @@ fn sensor(file: &ProblemFile, name: &str) -> Option<(usize, &'static str)> {
 fn line(found: &Found) -> Sought {
     let is_own = !found.name.contains('.');
     Sought {
-        name: Said::from(found.name.clone()),
+        name: Spanned::from(found.name.clone()),
         start: Some(found.mean()),
         min: None,
         max: None,
@@ -168,7 +168,7 @@ fn set_subject(run: &mut RunLine, found: &Found) {
     let is_set = run.set.iter().any(|set| set.name.value == found.name);
     if let Some((_, value)) = found.values.iter().find(is_own).filter(|_| !is_set) {
         run.set.push(Set {
-            name: Said::from(found.name.clone()),
+            name: Spanned::from(found.name.clone()),
             value: Formula::of_number(*value),
         });
     }

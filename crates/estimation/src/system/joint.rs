@@ -3,7 +3,7 @@
 use crate::problem::error::ProblemError;
 use crate::system::part::{About, Part};
 use pilotage_cosim::SystemDescription;
-use pilotage_cosim::description::{Said, Wire};
+use pilotage_cosim::description::{Spanned, Wire};
 use pilotage_expression::{Model, Node};
 use pilotage_text::suggestion::{did_you_mean, suggestion};
 use pilotage_units::{Conversion, Unit};
@@ -194,7 +194,11 @@ enum End {
     Input,
 }
 
-fn check_end(parts: &[(String, Part)], name: &Said<String>, end: End) -> Result<(), ProblemError> {
+fn check_end(
+    parts: &[(String, Part)],
+    name: &Spanned<String>,
+    end: End,
+) -> Result<(), ProblemError> {
     let mut known: Vec<String> = Vec::new();
     for (instance, part) in parts {
         let model = &part.model;

@@ -400,10 +400,10 @@ fn constraints() {
     let time = times(21, 0.1);
     let y = scattered(&time, 7);
     let known = || time.iter().zip(&y).filter(|(_, y)| y.is_finite());
-    let solve = |said: &str| {
+    let solve = |lines: &str| {
         fit(
             &folder(&time, &[&[("y", &y)]]),
-            &[&system("line"), X, said, RUN, FINE],
+            &[&system("line"), X, lines, RUN, FINE],
         )
     };
     // 2 s long: the line may not go beyond 3.

@@ -1,7 +1,7 @@
 //! Tests of the input clocks of FMI 3.0: each ticks once, at its first possible time (section 2.2.9).
 
 use super::subject::Subject;
-use super::{Stop, Teller};
+use super::{Reporter, Stop};
 use pilotage_abi::fmi3::IntervalQualifier;
 use pilotage_fmi::InterfaceType;
 use pilotage_fmi::description::{Causality, IntervalVariability, ModelDescription, VariableKind};
@@ -41,7 +41,7 @@ fn of(
     })
 }
 
-impl Teller<'_> {
+impl Reporter<'_> {
     /// Activates each input clock at its time, as far as steps can reach it.
     pub(super) fn clocks(&mut self, library: &Library) -> Result<(), Stop> {
         let mut subject = Subject::instantiate(library, "check", self)?;
@@ -71,20 +71,20 @@ impl Teller<'_> {
 
 impl Subject {
     /// In initialization mode: first tick times of the input clocks, without those that the FMU does not know yet.
-    fn first_ticks(&mut self, teller: &mut Teller) -> Result<Vec<Due>, Stop> {
+    fn first_ticks(&mut self, reporter: &mut Reporter) -> Result<Vec<Due>, Stop> {
         let description = self.description.clone();
         let mut due = Vec::new();
         for (reference, name, variability) in of(&description, Causality::Input) {
-            teller.stage(&format!("asking when the clock {name} ticks"));
+            reporter.stage(&format!("asking when the clock {name} ticks"));
             let after = match variability {
                 IntervalVariability::Triggered => Some(0.0),
                 IntervalVariability::Changing | IntervalVariability::Countdown => {
-                    self.first_interval(reference, name, variability, teller)?
+                    self.first_interval(reference, name, variability, reporter)?
                 }
                 _ => self.instance.get_shifts(&[reference])?.pop(),
             };
             match after {
-                Some(after) if !(after.is_finite() && after >= 0.0) => teller.error(format!(
+                Some(after) if !(after.is_finite() && after >= 0.0) => reporter.error(format!(
                     "the clock {name} first ticks {after} s after the start; it must be a finite time, not negative"
                 )),
                 Some(after) => due.push(Due {
@@ -105,13 +105,13 @@ impl Subject {
         reference: u32,
         name: &str,
         variability: IntervalVariability,
-        teller: &mut Teller,
+        reporter: &mut Reporter,
     ) -> Result<Option<f64>, Stop> {
         let intervals = self.instance.get_intervals(&[reference])?;
         let known = intervals.first();
         let known = known.filter(|i| i.qualifier != IntervalQualifier::NOT_YET_KNOWN);
         if known.is_none() && variability == IntervalVariability::Changing {
-            teller.error(format!(
+            reporter.error(format!(
                 "the interval of the clock {name} is not yet known, which that of a changing clock always is"
             ));
         }
@@ -119,17 +119,17 @@ impl Subject {
     }
 
     /// In event mode: activates these clocks and reads the output clocks.
-    fn tick(&mut self, clocks: &[Due], teller: &mut Teller) -> Result<(), Stop> {
+    fn tick(&mut self, clocks: &[Due], reporter: &mut Reporter) -> Result<(), Stop> {
         if clocks.is_empty() {
             return Ok(());
         }
         let names: Vec<&str> = clocks.iter().map(|due| due.name.as_str()).collect();
         let (names, time) = (names.join(", "), self.time());
-        teller.stage(&format!("ticking {names} at {time} s"));
+        reporter.stage(&format!("ticking {names} at {time} s"));
         let references: Vec<u32> = clocks.iter().map(|due| due.reference).collect();
         let on = vec![true; references.len()];
         self.instance.set_clocks(&references, &on)?;
-        teller.stage(&format!("reading output clocks when {names} ticks"));
+        reporter.stage(&format!("reading output clocks when {names} ticks"));
         let description = self.description.clone();
         let outputs: Vec<u32> = (of(&description, Causality::Output))
             .map(|(reference, ..)| reference)

@@ -4,7 +4,7 @@
 //! FMU; those by states in continuous-time mode.
 
 use super::subject::{Subject, is_double};
-use super::{Stop, Teller};
+use super::{Reporter, Stop};
 use pilotage_abi::fmi2::Status;
 use pilotage_fmi::description::{Causality, ScalarVariable, Severity, Variability, VariableKind};
 use pilotage_fmi::fmu::Library;
@@ -41,7 +41,7 @@ impl Place {
     }
 }
 
-impl Teller<'_> {
+impl Reporter<'_> {
     /// Compares the derivative of each unknown by each known.
     pub(super) fn derivatives(&mut self, library: &Library) -> Result<(), Stop> {
         let mut subject = Subject::instantiate(library, "check", self)?;

@@ -4,7 +4,7 @@
 //! with small steps is sufficient.
 
 use super::subject::Subject;
-use super::{Stop, Teller};
+use super::{Reporter, Stop};
 use pilotage_fmi::instance::{EventUpdate, MAX_EVENT_ROUNDS};
 
 /// Euler steps per step of the plan.
@@ -20,26 +20,26 @@ pub(super) struct Solver {
 
 impl Subject {
     /// First event iteration after initialization. `false` if the end is requested.
-    pub(super) fn enter_continuous_time(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
+    pub(super) fn enter_continuous_time(&mut self, reporter: &mut Reporter) -> Result<bool, Stop> {
         let states = self.instance.number_of_continuous_states()?;
         let indicators = self.instance.number_of_event_indicators()?;
         self.solver.states = vec![0.0; states];
         self.solver.indicators = vec![0.0; indicators];
-        let goes_on = self.iterate(teller)?;
-        teller.stage("reading the nominal values of the states");
+        let goes_on = self.iterate(reporter)?;
+        reporter.stage("reading the nominal values of the states");
         let mut nominals = vec![1.0; states];
         self.instance.get_nominals(&mut nominals)?;
         for (i, nominal) in nominals.iter().enumerate() {
             if nominal.is_nan() || *nominal <= 0.0 {
-                teller.warn(format!("the nominal value of state {} is {nominal}", i + 1));
+                reporter.warn(format!("the nominal value of state {} is {nominal}", i + 1));
             }
         }
         Ok(goes_on)
     }
 
     /// Co-simulation in event mode: iterates and enters step mode. `false` if the end is requested.
-    pub(super) fn enter_steps(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
-        if self.update(teller)?.is_none() {
+    pub(super) fn enter_steps(&mut self, reporter: &mut Reporter) -> Result<bool, Stop> {
+        if self.update(reporter)?.is_none() {
             return Ok(false);
         }
         self.instance.enter_step_mode()?;
@@ -47,24 +47,24 @@ impl Subject {
     }
 
     /// Performs the event iteration; `None` if it does not end, or the end is requested.
-    fn update(&mut self, teller: &mut Teller) -> Result<Option<EventUpdate>, Stop> {
-        teller.stage("iterating at an event");
+    fn update(&mut self, reporter: &mut Reporter) -> Result<Option<EventUpdate>, Stop> {
+        reporter.stage("iterating at an event");
         let update = self.instance.iterate_event()?;
         if update.is_none() {
             let rounds = MAX_EVENT_ROUNDS;
-            teller.error(format!("an event iteration did not end in {rounds} rounds"));
+            reporter.error(format!("an event iteration did not end in {rounds} rounds"));
         }
         Ok(update.filter(|update| !update.is_end_requested))
     }
 
     /// In event mode: iterates and enters continuous-time mode. `false` if the end is requested.
-    pub(super) fn iterate(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
-        let Some(update) = self.update(teller)? else {
+    pub(super) fn iterate(&mut self, reporter: &mut Reporter) -> Result<bool, Stop> {
+        let Some(update) = self.update(reporter)? else {
             return Ok(false);
         };
         self.solver.next_event = update.next_time;
         if let Some(next) = update.next_time.filter(|next| *next < self.time()) {
-            teller.error(format!(
+            reporter.error(format!(
                 "at {} s its next time event is at {next} s, which is past",
                 self.time()
             ));
@@ -78,7 +78,7 @@ impl Subject {
     }
 
     /// Integrates over `h` seconds; `false` if the end is requested.
-    pub(super) fn integrate(&mut self, h: f64, teller: &mut Teller) -> Result<bool, Stop> {
+    pub(super) fn integrate(&mut self, h: f64, reporter: &mut Reporter) -> Result<bool, Stop> {
         let begin = self.time();
         for k in 1..=SUBSTEPS {
             let next = begin + h * f64::from(k) / f64::from(SUBSTEPS);
@@ -86,7 +86,7 @@ impl Subject {
                 // Steps end exactly at time events (FMI 2.0.5, section 3.2.2).
                 let event = self.solver.next_event.filter(|event| *event > self.time());
                 let target = event.map_or(next, |event| event.min(next));
-                if !self.substep(target, teller)? {
+                if !self.substep(target, reporter)? {
                     return Ok(false);
                 }
             }
@@ -94,14 +94,14 @@ impl Subject {
         Ok(true)
     }
 
-    fn substep(&mut self, next: f64, teller: &mut Teller) -> Result<bool, Stop> {
+    fn substep(&mut self, next: f64, reporter: &mut Reporter) -> Result<bool, Stop> {
         let step = next - self.time();
         let mut slopes = vec![0.0; self.solver.states.len()];
         self.instance.get_derivatives(&mut slopes)?;
         for (i, (state, slope)) in self.solver.states.iter_mut().zip(&slopes).enumerate() {
             if !slope.is_finite() {
                 let what = format!("the derivative of state {} is {slope}", i + 1);
-                teller.error(what);
+                reporter.error(what);
                 return Ok(false);
             }
             *state += slope * step;
@@ -123,7 +123,7 @@ impl Subject {
         }
         if done.is_event || crossed || is_due {
             self.instance.enter_event_mode()?;
-            return self.iterate(teller);
+            return self.iterate(reporter);
         }
         Ok(true)
     }

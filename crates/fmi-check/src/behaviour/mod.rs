@@ -191,7 +191,7 @@ impl Facts {
 
 /// A report of a running check.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Told {
+pub enum Report {
     /// It begins this stage.
     Stage(String),
     /// It has this finding.
@@ -215,7 +215,7 @@ enum Stop {
     /// The FMU cannot be loaded or instantiated.
     Fmu(FmuError),
     /// The reason was reported.
-    Told,
+    Reported,
 }
 
 impl From<CallError> for Stop {
@@ -238,19 +238,19 @@ pub fn run(
     path: &Path,
     unpacked: Option<PathBuf>,
     check: BehaviourCheck,
-    tell: &mut dyn FnMut(Told),
+    report: &mut dyn FnMut(Report),
 ) -> Result<(), FmuError> {
-    let mut teller = Teller {
-        tell,
+    let mut reporter = Reporter {
+        report,
         stage: String::new(),
         kind: check.kind,
         description: Arc::default(),
     };
-    if let Err(stop) = teller.run(path, unpacked, check) {
+    if let Err(stop) = reporter.run(path, unpacked, check) {
         let why = match &stop {
             Stop::Call(error) => error_chain(error),
             Stop::Fmu(error) => error_chain(error),
-            Stop::Told => return Ok(()),
+            Stop::Reported => return Ok(()),
         };
         if let Stop::Fmu(
             error @ (FmuError::Read { .. }
@@ -260,25 +260,25 @@ pub fn run(
             return Err(error);
         }
         let severity = match &stop {
-            Stop::Fmu(error) if teller.is_no_fault(error) => Severity::Note,
+            Stop::Fmu(error) if reporter.is_no_fault(error) => Severity::Note,
             _ => Severity::Error,
         };
-        let what = format!("while {}: {why}", teller.stage);
-        teller.find(what, severity, None);
+        let what = format!("while {}: {why}", reporter.stage);
+        reporter.find(what, severity, None);
     }
     Ok(())
 }
 
 /// Reports stages and findings of one check.
-struct Teller<'a> {
-    tell: &'a mut dyn FnMut(Told),
+struct Reporter<'a> {
+    report: &'a mut dyn FnMut(Report),
     stage: String,
     kind: InterfaceType,
     /// Set once the FMU is open.
     description: Arc<ModelDescription>,
 }
 
-impl Teller<'_> {
+impl Reporter<'_> {
     fn run(
         &mut self,
         path: &Path,
@@ -345,7 +345,7 @@ impl Teller<'_> {
 
     fn stage(&mut self, what: &str) {
         self.stage = what.to_owned();
-        (self.tell)(Told::Stage(self.stage.clone()));
+        (self.report)(Report::Stage(self.stage.clone()));
     }
 
     fn error(&mut self, what: String) {
@@ -361,7 +361,7 @@ impl Teller<'_> {
             variable: variable.map(str::to_owned),
             ..Finding::behaviour(&self.description, self.kind, severity, what)
         };
-        (self.tell)(Told::Finding(finding));
+        (self.report)(Report::Finding(finding));
     }
 
     /// A wrong GUID must be rejected (FMI 2.0.5, section 2.1.5; FMI 3.0, section 2.3.1).

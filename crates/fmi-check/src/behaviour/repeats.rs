@@ -1,7 +1,7 @@
 //! Tests of repeatability: after a reset, from a saved state, next to other instances.
 
 use super::subject::{Subject, Trace};
-use super::{Stop, Teller};
+use super::{Reporter, Stop};
 use pilotage_fmi::description::Severity;
 use pilotage_fmi::fmu::Library;
 
@@ -15,7 +15,7 @@ const TOLERANCE: f64 = 1e-4;
 /// other errors.
 const TOLERANCES: f64 = 10.0;
 
-impl Teller<'_> {
+impl Reporter<'_> {
     /// A reset restores the state after instantiation (FMI 2.0.5, section 2.1.6).
     pub(super) fn reset(&mut self, library: &Library) -> Result<(), Stop> {
         let mut subject = Subject::start(library, "check", self)?;

@@ -1,7 +1,7 @@
 //! An instance during a simulation, of either kind.
 
 use super::exchange::Solver;
-use super::{Facts, Stop, Teller};
+use super::{Facts, Reporter, Stop};
 use pilotage_fmi::description::{
     BaseType, Causality, ModelDescription, Precision, ScalarVariable, Severity,
 };
@@ -74,9 +74,13 @@ pub(super) struct Point {
 
 impl Subject {
     /// Instantiates and initializes; compares the start values in between.
-    pub(super) fn start(library: &Library, name: &str, teller: &mut Teller) -> Result<Self, Stop> {
-        let mut subject = Self::instantiate(library, name, teller)?;
-        subject.initialize(teller)?;
+    pub(super) fn start(
+        library: &Library,
+        name: &str,
+        reporter: &mut Reporter,
+    ) -> Result<Self, Stop> {
+        let mut subject = Self::instantiate(library, name, reporter)?;
+        subject.initialize(reporter)?;
         Ok(subject)
     }
 
@@ -84,18 +88,19 @@ impl Subject {
     pub(super) fn instantiate(
         library: &Library,
         name: &str,
-        teller: &mut Teller,
+        reporter: &mut Reporter,
     ) -> Result<Self, Stop> {
-        teller.stage("instantiating");
+        reporter.stage("instantiating");
         let description = library.description().clone();
-        let event_mode_used = needs_event_mode(&description, teller.kind);
+        let event_mode_used = needs_event_mode(&description, reporter.kind);
         let options = InstanceOptions {
             event_mode_used,
             ..InstanceOptions::default()
         };
-        let instance = library.instantiate_with(name, teller.kind, options)?;
-        let facts = Facts::of(&description, teller.kind)
-            .ok_or(CallError::OtherKind { kind: teller.kind })?;
+        let instance = library.instantiate_with(name, reporter.kind, options)?;
+        let facts = Facts::of(&description, reporter.kind).ok_or(CallError::OtherKind {
+            kind: reporter.kind,
+        })?;
         let is_real = |v: &&ScalarVariable| v.causality == Causality::Output && is_double(v);
         let outputs = || description.variables.iter().filter(is_real);
         let plan = Plan::of(&description);
@@ -114,33 +119,33 @@ impl Subject {
     }
 
     /// Initializes an instantiated FMU up to the first step; compares the start values in between.
-    pub(super) fn initialize(&mut self, teller: &mut Teller) -> Result<(), Stop> {
-        self.enter_initialization(teller)?;
-        teller.start_values(self)?;
-        teller.stage("reading all variables");
+    pub(super) fn initialize(&mut self, reporter: &mut Reporter) -> Result<(), Stop> {
+        self.enter_initialization(reporter)?;
+        reporter.start_values(self)?;
+        reporter.stage("reading all variables");
         self.instance.exit_initialization_mode()?;
-        teller.read_all(self)?;
-        match self.begin(teller)? {
+        reporter.read_all(self)?;
+        match self.begin(reporter)? {
             true => Ok(()),
             // Nothing can be tested after the end.
-            false => Err(Stop::Told),
+            false => Err(Stop::Reported),
         }
     }
 
     /// Leaves the first event mode, if there is one. `false` if the end is requested.
-    pub(super) fn begin(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
-        match teller.kind {
-            InterfaceType::ModelExchange => self.enter_continuous_time(teller),
-            _ if self.event_mode_used => self.enter_steps(teller),
+    pub(super) fn begin(&mut self, reporter: &mut Reporter) -> Result<bool, Stop> {
+        match reporter.kind {
+            InterfaceType::ModelExchange => self.enter_continuous_time(reporter),
+            _ if self.event_mode_used => self.enter_steps(reporter),
             _ => Ok(true),
         }
     }
 
     /// Leaves a later event mode. `false` if the end is requested.
-    pub(super) fn leave_event_mode(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
-        match teller.kind {
-            InterfaceType::ModelExchange => self.iterate(teller),
-            _ => self.enter_steps(teller),
+    pub(super) fn leave_event_mode(&mut self, reporter: &mut Reporter) -> Result<bool, Stop> {
+        match reporter.kind {
+            InterfaceType::ModelExchange => self.iterate(reporter),
+            _ => self.enter_steps(reporter),
         }
     }
 
@@ -150,10 +155,10 @@ impl Subject {
     }
 
     /// Steps to that time; `false` if it is not reached.
-    pub(super) fn step_to(&mut self, time: f64, teller: &mut Teller) -> Result<bool, Stop> {
-        teller.stage(&format!("going on to {time} s"));
+    pub(super) fn step_to(&mut self, time: f64, reporter: &mut Reporter) -> Result<bool, Stop> {
+        reporter.stage(&format!("going on to {time} s"));
         let rest = time - self.time;
-        self.step_by(rest / self.plan.step, teller)
+        self.step_by(rest / self.plan.step, reporter)
     }
 
     /// Stop time of the experiment [s].
@@ -162,14 +167,14 @@ impl Subject {
     }
 
     /// Enters initialization mode after instantiation.
-    pub(super) fn enter_initialization(&mut self, teller: &mut Teller) -> Result<(), Stop> {
+    pub(super) fn enter_initialization(&mut self, reporter: &mut Reporter) -> Result<(), Stop> {
         let Plan {
             tolerance,
             start,
             stop,
             ..
         } = self.plan;
-        teller.stage("initializing");
+        reporter.stage("initializing");
         self.time = start;
         self.instance.setup_experiment(tolerance, start, stop)?;
         self.instance.enter_initialization_mode()?;
@@ -177,22 +182,22 @@ impl Subject {
     }
 
     /// Performs one step of the plan; `false` if the FMU requests the end of the simulation or discards the step.
-    pub(super) fn step(&mut self, teller: &mut Teller) -> Result<bool, Stop> {
-        self.step_by(1.0, teller)
+    pub(super) fn step(&mut self, reporter: &mut Reporter) -> Result<bool, Stop> {
+        self.step_by(1.0, reporter)
     }
 
     /// Performs a step whose length is that fraction of the plan's step.
-    pub(super) fn step_by(&mut self, part: f64, teller: &mut Teller) -> Result<bool, Stop> {
+    pub(super) fn step_by(&mut self, part: f64, reporter: &mut Reporter) -> Result<bool, Stop> {
         let h = part * self.plan.step;
-        let went_on = match teller.kind {
-            InterfaceType::ModelExchange => self.integrate(h, teller)?,
-            _ => self.communicate(h, teller)?,
+        let went_on = match reporter.kind {
+            InterfaceType::ModelExchange => self.integrate(h, reporter)?,
+            _ => self.communicate(h, reporter)?,
         };
-        self.check_outputs(teller)?;
+        self.check_outputs(reporter)?;
         Ok(went_on)
     }
 
-    fn communicate(&mut self, h: f64, teller: &mut Teller) -> Result<bool, Stop> {
+    fn communicate(&mut self, h: f64, reporter: &mut Reporter) -> Result<bool, Stop> {
         // Checks of saved states return to earlier times.
         let ended = match self.facts.can_save {
             true => self.instance.do_step_revocably(self.time, h)?,
@@ -208,14 +213,14 @@ impl Subject {
                 last_successful,
             } => {
                 if last_successful.is_none() {
-                    teller.error(format!(
+                    reporter.error(format!(
                         "the step of {h} s from {} s was discarded, and the FMU does not report the time \
                          that it reached",
                         self.time
                     ));
                 }
                 if !is_end_requested {
-                    teller.warn(format!(
+                    reporter.warn(format!(
                         "the step of {h} s from {} s was discarded",
                         self.time
                     ));
@@ -229,7 +234,7 @@ impl Subject {
                 is_event,
             } => {
                 if (reached - self.time - h).abs() > 1e-9 * (h + self.time.abs()) {
-                    teller.error(format!(
+                    reporter.error(format!(
                         "the step of {h} s from {} s ended at {reached} s, though early returns \
                          were not allowed",
                         self.time
@@ -238,9 +243,9 @@ impl Subject {
                 }
                 self.time = reached;
                 if is_event && self.event_mode_used && !is_end_requested {
-                    teller.stage("entering event mode");
+                    reporter.stage("entering event mode");
                     self.instance.enter_event_mode()?;
-                    return self.enter_steps(teller);
+                    return self.enter_steps(reporter);
                 }
                 Ok(!is_end_requested)
             }
@@ -248,12 +253,12 @@ impl Subject {
     }
 
     /// Checks that the outputs are finite.
-    fn check_outputs(&mut self, teller: &mut Teller) -> Result<(), Stop> {
+    fn check_outputs(&mut self, reporter: &mut Reporter) -> Result<(), Stop> {
         let values = self.outputs()?;
         for (name, value) in self.names.iter().zip(values) {
             if !value.is_finite() {
                 let what = format!("`{name}` is {value} at {} s", self.time);
-                teller.find(what, Severity::Warning, Some(name));
+                reporter.find(what, Severity::Warning, Some(name));
             }
         }
         Ok(())
@@ -267,10 +272,10 @@ impl Subject {
     }
 
     /// Takes some steps; returns the outputs after each.
-    pub(super) fn trace(&mut self, steps: u32, teller: &mut Teller) -> Result<Trace, Stop> {
+    pub(super) fn trace(&mut self, steps: u32, reporter: &mut Reporter) -> Result<Trace, Stop> {
         let mut trace = Trace::new();
         for _ in 0..steps {
-            let goes_on = self.step(teller)?;
+            let goes_on = self.step(reporter)?;
             trace.push(self.outputs()?);
             if !goes_on {
                 break;

@@ -1,7 +1,7 @@
 //! Checks of values before the first step: agreement with the description, and readability.
 
 use super::subject::{Subject, is_double};
-use super::{Stop, Teller};
+use super::{Reporter, Stop};
 use crate::validate::shown;
 use pilotage_fmi::description::{
     BaseType, Causality, FmiVersion, Initial, IntegerType, Precision, ScalarVariable, Severity,
@@ -19,7 +19,7 @@ pub(super) const BEYOND: &str = "reading a variable that does not exist";
 /// A value reference that is unlikely to exist in an FMU.
 const UNKNOWN: u32 = 0xffff_fff0;
 
-impl Teller<'_> {
+impl Reporter<'_> {
     /// In initialization mode, parameters, inputs and exact values have the start values of the description.
     pub(super) fn start_values(&mut self, subject: &mut Subject) -> Result<(), Stop> {
         self.stage("reading the start values");
@@ -83,7 +83,7 @@ impl Teller<'_> {
             );
             // After an error the instance cannot be used further; a call that was not made did no harm.
             if matches!(error, CallError::Failed { .. }) {
-                return Err(Stop::Told);
+                return Err(Stop::Reported);
             }
         }
         Ok(())

@@ -16,8 +16,8 @@ pub fn open(path: &Path, limits: Limits) -> Result<File, ArchiveError> {
         path: path.to_owned(),
         source,
     };
-    let told = fs::metadata(path).map_err(failed)?;
-    match (told.is_dir(), told.is_file()) {
+    let metadata = fs::metadata(path).map_err(failed)?;
+    match (metadata.is_dir(), metadata.is_file()) {
         (true, _) => packed(path, &listed(path, limits)?).map_err(failed),
         (false, true) => File::open(path).map_err(failed),
         // Opening a pipe would block, and it cannot be read at random offsets.

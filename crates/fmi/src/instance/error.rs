@@ -10,7 +10,7 @@ use thiserror::Error;
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum CallError {
     /// The function that creates an instance returned NULL.
-    #[error("{} refused{}", function.name(), said(messages))]
+    #[error("{} refused{}", function.name(), last_messages(messages))]
     NotInstantiated {
         /// The function.
         function: Function,
@@ -66,7 +66,7 @@ pub enum CallError {
         what: String,
     },
     /// The call was made and failed.
-    #[error("{} returned {}{}", function.name(), function.name_of(*status), said(messages))]
+    #[error("{} returned {}{}", function.name(), function.name_of(*status), last_messages(messages))]
     Failed {
         /// The function.
         function: Function,
@@ -78,7 +78,7 @@ pub enum CallError {
 }
 
 /// The last messages, to be appended to an error.
-fn said(messages: &[Message]) -> String {
+fn last_messages(messages: &[Message]) -> String {
     const SHOWN: usize = 3;
     let from = messages.len().saturating_sub(SHOWN);
     let texts: Vec<&str> = messages[from..].iter().map(|m| m.text.as_str()).collect();

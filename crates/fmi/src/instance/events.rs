@@ -42,16 +42,16 @@ impl Instance {
     ///
     /// `None` if it does not end within [`MAX_EVENT_ROUNDS`].
     pub fn iterate_event(&mut self) -> Result<Option<EventUpdate>, CallError> {
-        let mut told = EventUpdate::default();
+        let mut combined = EventUpdate::default();
         for _ in 0..MAX_EVENT_ROUNDS {
             let update = self.update_discrete_states()?;
-            told = EventUpdate {
-                nominals_changed: told.nominals_changed || update.nominals_changed,
-                states_changed: told.states_changed || update.states_changed,
+            combined = EventUpdate {
+                nominals_changed: combined.nominals_changed || update.nominals_changed,
+                states_changed: combined.states_changed || update.states_changed,
                 ..update
             };
             if update.is_end_requested || !update.needs_another {
-                return Ok(Some(told));
+                return Ok(Some(combined));
             }
         }
         Ok(None)
@@ -301,14 +301,14 @@ impl Instance {
 
     fn check_number(
         &self,
-        told: usize,
+        reported: usize,
         listed: Option<usize>,
         functions: (fmi2::Function, fmi3::Function),
     ) -> Result<(), CallError> {
         match listed {
-            _ if told > MOST => Err(self.absurd(functions, format!("{told}"))),
-            Some(listed) if listed != told => {
-                let what = format!("{told}, where its description lists {listed}");
+            _ if reported > MOST => Err(self.absurd(functions, format!("{reported}"))),
+            Some(listed) if listed != reported => {
+                let what = format!("{reported}, where its description lists {listed}");
                 Err(self.absurd(functions, what))
             }
             _ => Ok(()),

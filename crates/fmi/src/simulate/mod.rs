@@ -83,7 +83,7 @@ pub struct ModelExchangeRun {
     solver: Solver,
     options: RunOptions,
     /// Whether `completedIntegratorStep` must be called.
-    tells_steps: bool,
+    needs_completed_step: bool,
     next_time: Option<f64>,
     x: Vec<f64>,
     nominals: Vec<f64>,
@@ -103,7 +103,7 @@ impl ModelExchangeRun {
             model: Model::new(instance, description),
             solver: solver(0, &[], options),
             options,
-            tells_steps: !me.is_some_and(|me| me.completed_integrator_step_not_needed),
+            needs_completed_step: !me.is_some_and(|me| me.completed_integrator_step_not_needed),
             next_time: None,
             x: Vec::new(),
             nominals: Vec::new(),
@@ -291,10 +291,10 @@ impl ModelExchangeRun {
             let advance = self.solver.advance(&mut self.model, limit)?;
             is_state_event = advance == Advance::Event;
             self.model.put(self.solver.time(), self.solver.state())?;
-            if self.tells_steps {
-                let said = self.model.instance.completed_integrator_step(true)?;
-                self.is_over |= said.is_end_requested;
-                is_step_event = said.is_event;
+            if self.needs_completed_step {
+                let completed = self.model.instance.completed_integrator_step(true)?;
+                self.is_over |= completed.is_end_requested;
+                is_step_event = completed.is_event;
             }
         }
         let is_time_event = self.next_time.is_some_and(|next| self.time() >= next);

@@ -40,7 +40,7 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions) -> Vec<Diagnostic> {
         is_idle(fit).then_some(Diagnostic::IdlePilot),
         lower(fit),
     ];
-    let untold = [
+    let of_solution = [
         poor(fit, options),
         stopped_early(fit),
         one_start(fit),
@@ -49,8 +49,8 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions) -> Vec<Diagnostic> {
         fast_pole(fit, &poles),
         cancelled(fit, pilot, &poles),
     ];
-    let untold = untold.into_iter().filter(|_| fit.converged);
-    wrong.into_iter().chain(untold).flatten().collect()
+    let of_solution = of_solution.into_iter().filter(|_| fit.converged);
+    wrong.into_iter().chain(of_solution).flatten().collect()
 }
 
 fn closed_loop(fit: &Fit, options: &FitOptions) -> Option<Diagnostic> {

@@ -115,7 +115,7 @@ impl Describing {
     /// error bars.
     pub fn contradicted(&self) -> Option<Contradiction> {
         let both = [("pilot", &self.pilot), ("open loop", &self.open_loop)];
-        let told = |(what, own): (&'static str, &Checked)| {
+        let contradiction = |(what, own): (&'static str, &Checked)| {
             let (frequencies, lines) = (own.contradicted()?, own.points.len());
             Some(Contradiction {
                 what,
@@ -123,7 +123,7 @@ impl Describing {
                 lines,
             })
         };
-        both.into_iter().find_map(told)
+        both.into_iter().find_map(contradiction)
     }
 }
 

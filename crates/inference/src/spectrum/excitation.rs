@@ -11,7 +11,7 @@ const COHERENT: f64 = 0.5;
 /// Probability that any row is coherent by chance.
 const BY_CHANCE: f64 = 0.05;
 /// Number of standard deviations of a delay that can be distinguished from zero.
-const TOLD: f64 = 1.96;
+const DISTINGUISHED: f64 = 1.96;
 
 /// Excitation of flights, at lines or in bands.
 #[derive(Debug, Clone, PartialEq)]
@@ -115,17 +115,17 @@ impl Excitation {
     /// The shortest delay that can be distinguished from zero \[s\] if all else is known: `1.96 / √Σ (ω/σ)²` with the
     /// standard deviations σ of the phases.
     pub fn least_delay(&self) -> Option<f64> {
-        let told = self
+        let weights = self
             .coherent()
             .filter_map(|own| Some((own.frequency / own.sd?).powi(2)));
-        let sum: f64 = told.sum();
-        (sum > 0.0).then(|| TOLD / sum.sqrt())
+        let sum: f64 = weights.sum();
+        (sum > 0.0).then(|| DISTINGUISHED / sum.sqrt())
     }
 
     /// Compares the number of sought parameters with what the lines can determine, for this number of measured signals.
     pub fn starved(&self, asked: usize, signals: usize) -> Option<Starved> {
-        let told = self.most_parameters()? * signals.max(1);
-        (asked > told).then_some(Starved { told, asked })
+        let determined = self.most_parameters()? * signals.max(1);
+        (asked > determined).then_some(Starved { determined, asked })
     }
 
     /// Recommended flights if targets do not move.
@@ -140,12 +140,12 @@ impl Excitation {
 /// More parameters are sought than the lines can determine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the target's lines that come back determine {told} numbers, gain and phase each, and {asked} are sought: fly after more \
+    "the target's lines that come back determine {determined} numbers, gain and phase each, and {asked} are sought: fly after more \
      sines (`pilotage trials synth --target sines --count 8`; docs/guidance.md, section 1), or seek fewer"
 )]
 pub struct Starved {
     /// Number of parameters that the lines can determine.
-    pub told: usize,
+    pub determined: usize,
     /// Number of parameters sought.
     pub asked: usize,
 }

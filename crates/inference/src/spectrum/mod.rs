@@ -189,7 +189,7 @@ fn averaged(seen: &[Seen]) -> Option<Point> {
     });
     // Noise of the output alone: the remnant as the loop shapes it.
     let slope = output / driven;
-    let (noise, told) = noise(seen, Complex::new(0.0, 0.0), |own| {
+    let (noise, noise_degrees) = noise(seen, Complex::new(0.0, 0.0), |own| {
         own.line.values[2] - slope * own.forcing()
     });
     // Variance of the slope by chance.
@@ -203,7 +203,7 @@ fn averaged(seen: &[Seen]) -> Option<Point> {
         response,
         sd: (0.5 * variance).sqrt() / response.norm(),
         coherence: coherent / (coherent + noise),
-        chance: likelihood(slope.norm_sqr() / scatter, told),
+        chance: likelihood(slope.norm_sqr() / scatter, noise_degrees),
         remnant: remnant / (2.0 * seen[0].spacing),
         runs: seen.len(),
         degrees,

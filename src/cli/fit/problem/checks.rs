@@ -1,6 +1,7 @@
 //! `--leave-one-out` and `--per-run`: fits of the same problem to some of its runs.
 
 use crate::cli::Failure;
+use crate::cli::deadline::Deadline;
 use crate::cli::folds::Folds;
 use crate::cli::format::aligned;
 use crate::estimation::file::Noise;
@@ -13,7 +14,6 @@ use crate::inference::choice::SIZE;
 use crate::inference::homogeneity::Homogeneity;
 use crate::report::{Parameters, significant};
 use serde_json::{Map, Value, json};
-use std::time::Instant;
 
 /// Arguments of what fits a problem to some of its runs.
 #[derive(Debug, clap::Args)]
@@ -51,9 +51,9 @@ impl Checks {
     pub fn run(
         &self,
         (file, fit): (&ProblemFile, &Fit),
-        limits: (Instant, Option<f64>),
+        deadline: Deadline,
     ) -> Result<Checked, Failure> {
-        let folds = Folds::since(limits.0, limits.1);
+        let folds = Folds::until(deadline);
         let ask = |done: usize, all: usize| folds.ask(done, all);
         let is_asked = |flag: bool| flag && fit.is_answer();
         let left_out = is_asked(self.leave_one_out)
@@ -88,15 +88,15 @@ pub struct Checked {
 
 impl Checked {
     /// Adds the results to the object of `--json`.
-    pub fn add_to(&self, told: &mut Value) {
+    pub fn add_to(&self, object: &mut Value) {
         if let Some(all) = &self.left_out {
             let runs = all
                 .iter()
                 .map(|(name, own)| self.left_out_json(name, own.as_ref()));
-            told["leave_one_out"] = runs.collect();
+            object["leave_one_out"] = runs.collect();
         }
         if let Some(own) = &self.per_run {
-            told["per_run"] = per_run_json(own);
+            object["per_run"] = per_run_json(own);
         }
     }
 
@@ -285,13 +285,13 @@ fn per_run_json(own: &PerRun) -> Value {
                 .iter()
                 .find(|found| found.name == plain);
             let interval = group.intervals.get(k);
-            let told = json!({
+            let object = json!({
                 "value": found.filter(|_| group.fit.is_answer()).map(|own| own.mean()),
                 "sd": interval.map(|own| own.sd),
                 "low": interval.map(|own| own.low),
                 "high": interval.map(|own| own.high),
             });
-            (plain.to_owned(), told)
+            (plain.to_owned(), object)
         });
         json!({
             "name": group.name,

@@ -8,7 +8,7 @@ use crate::inference::Interval;
 /// The table `[uncertainty]` of the instance whose variables have this prefix; `None` if no uncertainty is known.
 pub fn table(fit: &Fit, prefix: &str) -> Option<String> {
     let own = fit.uncertainty.as_ref().ok()?;
-    let told: Vec<(&str, f64, Interval)> = (fit.parameters.iter().zip(&own.intervals))
+    let intervals: Vec<(&str, f64, Interval)> = (fit.parameters.iter().zip(&own.intervals))
         .filter(|(found, _)| found.values.len() == 1)
         .filter_map(|(found, all)| {
             let name = found.name.strip_prefix(prefix)?;
@@ -17,7 +17,7 @@ pub fn table(fit: &Fit, prefix: &str) -> Option<String> {
         // Parameters held fixed have no interval.
         .filter(|(.., own)| !own.sd.is_nan())
         .collect();
-    if told.is_empty() {
+    if intervals.is_empty() {
         return None;
     }
     let mut text = format!(
@@ -25,9 +25,9 @@ pub fn table(fit: &Fit, prefix: &str) -> Option<String> {
         quoted(own.method.as_str()),
         quoted(own.correlated_by.as_str())
     );
-    text += &covariance(own, prefix, &told);
+    text += &covariance(own, prefix, &intervals);
     text += "\n[uncertainty.intervals]\n";
-    for (name, _, own) in &told {
+    for (name, _, own) in &intervals {
         let [sd, low, high] = [own.sd, own.low, own.high].map(number);
         let name = key(name);
         text += &format!("{name} = {{ sd = {sd}, low = {low}, high = {high} }}\n");
@@ -46,14 +46,14 @@ fn key(name: &str) -> String {
 }
 
 /// The covariance of the parameters that the data determine, in their own units.
-fn covariance(own: &Uncertainty, prefix: &str, told: &[(&str, f64, Interval)]) -> String {
+fn covariance(own: &Uncertainty, prefix: &str, intervals: &[(&str, f64, Interval)]) -> String {
     let mut known: Vec<(&str, usize, f64)> = Vec::new();
     for (k, name) in own.names.iter().enumerate() {
         let plain = name.strip_prefix("ln ");
         let Some(plain) = plain.unwrap_or(name).strip_prefix(prefix) else {
             continue;
         };
-        let found = told.iter().find(|(own, ..)| *own == plain);
+        let found = intervals.iter().find(|(own, ..)| *own == plain);
         if let Some((_, value, _)) = found.filter(|(.., interval)| interval.sd.is_finite()) {
             // d x = x d ln x.
             let slope = if name.starts_with("ln ") { *value } else { 1.0 };

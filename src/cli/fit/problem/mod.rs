@@ -10,6 +10,7 @@ mod sure;
 
 use super::refits::{NOTHING, Plan, Refitted};
 use super::{Args, orders};
+use crate::cli::deadline::Deadline;
 use crate::cli::made::made;
 use crate::cli::overwrite::{self, OutputKind};
 use crate::cli::progress::Spinner;
@@ -27,7 +28,6 @@ pub use models::HEAD as FITTED;
 use serde_json::Value;
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::time::Instant;
 
 /// The problem file among the arguments, if there is one.
 pub fn of(args: &Args) -> Result<Option<&Path>, Failure> {
@@ -52,12 +52,12 @@ pub fn of(args: &Args) -> Result<Option<&Path>, Failure> {
 pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     let mut file = ProblemFile::read(path)?;
     file.options.covariance = args.covariance.or(file.options.covariance);
-    let begin = Instant::now();
+    let deadline = Deadline::after(args.time_limit);
     let mut chosen = None;
     if let Some(orders) = &args.orders {
         interrupt::listen("stopping")?;
-        let found = orders.problem(&file, (begin, args.time_limit))?;
-        orders::tell(args, &found)?;
+        let found = orders.problem(&file, deadline)?;
+        orders::print_choice(args, &found)?;
         match found.taken {
             Some(taken) => file = taken,
             None => return args.without_order(&found.json),
@@ -87,7 +87,7 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         terminal::print(&excitation::first_lines(own))?;
     }
     (before.words().iter()).for_each(|words| terminal::note(words));
-    let mut fit = solved(args, &posed);
+    let mut fit = solved(args, &posed, deadline);
     fit.diagnostics.extend(before.doubts(&fit));
     // A user who stopped the fit still wants to see its validation.
     let was_asked = interrupt::is_asked();
@@ -97,10 +97,10 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     };
     let judged = validated(&file, &fit, &part::open, &goes_on)?;
     let refitted = match &plan {
-        Some(plan) => refitted(args, plan, &posed, &fit, begin)?,
+        Some(plan) => refitted(plan, &posed, &fit, deadline)?,
         None => None,
     };
-    let checked = args.checks.run((&file, &fit), (begin, args.time_limit))?;
+    let checked = args.checks.run((&file, &fit), deadline)?;
     let outcome = summary::Outcomes {
         posed: &posed,
         fit: &fit,
@@ -131,23 +131,22 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
 }
 
 /// Adds the comparison of orders to the JSON object.
-fn with_orders(mut told: Value, orders: Option<Value>) -> Value {
+fn with_orders(mut object: Value, orders: Option<Value>) -> Value {
     if let Some(orders) = orders {
-        told["orders"] = orders;
+        object["orders"] = orders;
     }
-    told
+    object
 }
 
 /// Runs the refits of a fit; `None` if it cannot be refitted.
 fn refitted(
-    args: &Args,
     plan: &Plan,
     posed: &Posed<'_>,
     fit: &Fit,
-    begin: Instant,
+    deadline: Deadline,
 ) -> Result<Option<Refitted>, Failure> {
     match refits::study(posed, fit) {
-        Ok(study) => Ok(Some(plan.run(&study, (begin, args.time_limit))?)),
+        Ok(study) => Ok(Some(plan.run(&study, deadline)?)),
         Err(_) => {
             terminal::note(NOTHING);
             Ok(None)
@@ -194,25 +193,17 @@ fn check_outputs(
 }
 
 /// Computes the fit with progress output, time limit and Ctrl-C.
-fn solved(args: &Args, posed: &Posed<'_>) -> Fit {
-    let begin = Instant::now();
+fn solved(args: &Args, posed: &Posed<'_>, deadline: Deadline) -> Fit {
     let mut spinner = Spinner::new();
     let fit = crate::estimation::fit(posed, &mut |progress| {
         if let Some(iteration) = progress.iteration {
             let line = line(posed, progress, iteration);
             match args.verbose {
-                true => terminal::tell(&line),
+                true => terminal::eprint(&line),
                 false => spinner.show(line.trim_end().to_owned()),
             }
         }
-        let seconds = begin.elapsed().as_secs_f64();
-        if interrupt::is_asked() {
-            ControlFlow::Break(Status::Interrupted)
-        } else if args.time_limit.is_some_and(|limit| seconds > limit) {
-            ControlFlow::Break(Status::TimeLimit)
-        } else {
-            ControlFlow::Continue(())
-        }
+        deadline.ask()
     });
     spinner.clear();
     fit

@@ -30,7 +30,7 @@ pub fn planned(posed: &Posed<'_>, output: Option<&Path>) -> Result<Vec<Fitted>, 
         let prefix = format!("{instance}.");
         let sought = posed.unknowns.iter().map(|(unknown, _)| &unknown.name);
         let names: Vec<&String> = sought
-            .chain(posed.told.tied.iter().map(|(name, _)| name))
+            .chain(posed.quantities.tied.iter().map(|(name, _)| name))
             .collect();
         names.iter().any(|name| name.starts_with(&prefix))
     };

@@ -256,12 +256,12 @@ impl<'a, T> Linearised<'a, T> {
 fn spread(fit: &Fit) -> Option<Spread> {
     let own = fit.uncertainty.as_ref().ok()?;
     let is_known = own.covariance.matrix.iter().all(|value| value.is_finite());
-    let is_told = own
+    let is_determined = own
         .intervals
         .iter()
         .flatten()
         .all(|interval| interval.sd.is_finite());
-    (is_known && is_told).then(|| Spread {
+    (is_known && is_determined).then(|| Spread {
         method: own.method,
         covariance: own.covariance.matrix.clone(),
         degrees: own.covariance.degrees.to_vec(),

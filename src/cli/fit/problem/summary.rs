@@ -104,23 +104,23 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
     let Outcomes { posed, fit, .. } = *outcomes;
     let runs: Vec<Value> = outcomes.runs().map(|own| run(outcomes, own)).collect();
     // An iterate that violates the equations has no objective.
-    let told = |figure: f64| fit.is_met().then_some(figure);
+    let if_met = |figure: f64| fit.is_met().then_some(figure);
     let starts = fit.starts.iter();
     let starts = starts
         .map(|(status, objective)| json!({ "status": status.as_str(), "objective": objective }));
-    let mut told = json!({
+    let mut object = json!({
         "status": fit.ending(),
         "converged": fit.is_answer(),
-        "objective": told(fit.objective),
+        "objective": if_met(fit.objective),
         "simulated_objective": fit.simulated_objective,
-        "chi2": told(fit.chi2),
-        "nllh": told(fit.nllh),
+        "chi2": if_met(fit.chi2),
+        "nllh": if_met(fit.nllh),
         "violation": fit.kkt.primal,
         "samples": fit.samples,
         "parameters": Value::Object(sure::of(fit).map(|own| sought(own, outcomes)).collect()),
         "derived": Value::Object(sure::derived(fit).map(|own| refitted(parameter(own), outcomes)).collect()),
         "loop_cut_at": fit.cuts,
-        "excitation": told_before(outcomes.before),
+        "excitation": beforehand(outcomes.before),
         "describing_function": describing::to_json(&fit.describing),
         "uncertainty": uncertainty(outcomes),
         "initial": initial(posed, fit),
@@ -144,8 +144,8 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
         "cross_correlations": fit.beside.iter().map(beside).collect::<Vec<_>>(),
         "seconds": fit.seconds,
     });
-    outcomes.checked.add_to(&mut told);
-    told
+    outcomes.checked.add_to(&mut object);
+    object
 }
 
 /// Cross-correlation of residuals with an input.
@@ -165,12 +165,12 @@ fn beside(own: &Beside) -> Value {
 }
 
 /// Excitation of the runs, and identifiability at the start values.
-fn told_before(before: Option<&Beforehand>) -> Value {
+fn beforehand(before: Option<&Beforehand>) -> Value {
     let own = before.and_then(|own| own.excitation.as_ref());
-    let told = before.and_then(|own| own.identifiability.as_ref());
+    let identifiability = before.and_then(|own| own.identifiability.as_ref());
     json!({
         "forcing": excitation::to_json(own),
-        "identifiability": told.map(|own| json!({
+        "identifiability": identifiability.map(|own| json!({
             "starts": own.starts,
             "singular_values": own.singular_values,
             "sd": own.deviations.iter().cloned().collect::<BTreeMap<String, f64>>(),
@@ -197,11 +197,11 @@ fn refitted((name, mut entry): (String, Value), outcomes: &Outcomes<'_>) -> (Str
 }
 
 fn uncertainty(outcomes: &Outcomes<'_>) -> Value {
-    let mut told = sure::to_json(outcomes.fit);
+    let mut object = sure::to_json(outcomes.fit);
     if let Some(refitted) = outcomes.refitted {
-        refitted.add_methods(&mut told);
+        refitted.add_methods(&mut object);
     }
-    told
+    object
 }
 
 fn parameter((found, intervals): (&Found, Option<&[Interval]>)) -> (String, Value) {
@@ -238,7 +238,7 @@ fn initial(posed: &Posed<'_>, fit: &Fit) -> Value {
 
 /// The figures of a run; for validation runs also the initial states estimated from it.
 fn run(outcomes: &Outcomes<'_>, own: Used<'_>) -> Value {
-    let mut told = json!({
+    let mut object = json!({
         "name": own.run.name,
         "use": own.usage(),
         "measured": measured(outcomes, own),
@@ -246,10 +246,10 @@ fn run(outcomes: &Outcomes<'_>, own: Used<'_>) -> Value {
     if let Some(judged) = own.judged.filter(|judged| !judged.initial.is_empty()) {
         let initial = judged.initial.iter();
         let initial = initial.map(|own| (own.name.clone(), json!(own.mean())));
-        told["initial"] = Value::Object(initial.collect());
-        told["converged"] = json!(judged.is_answer);
+        object["initial"] = Value::Object(initial.collect());
+        object["converged"] = json!(judged.is_answer);
     }
-    told
+    object
 }
 
 fn measured(outcomes: &Outcomes<'_>, own: Used<'_>) -> Value {
@@ -465,9 +465,8 @@ pub fn run_rows(posed: &Posed<'_>, outcomes: &Outcomes<'_>) -> Vec<Vec<String>> 
     let mut rows = vec![header.collect::<Vec<_>>()];
     for own in outcomes.runs() {
         for (k, measured) in posed.file.measured.iter().enumerate() {
-            let told = own.rms(k, measured.noise);
             let shown = |own: Option<f64>| own.map_or("-".to_owned(), |own| significant(own, 4));
-            let (plain, relative) = told.unzip();
+            let (plain, relative) = own.rms(k, measured.noise).unzip();
             let mut row = vec![
                 own.name(),
                 measured.column.value.clone(),

@@ -1,21 +1,21 @@
 //! `--profile` and `--bootstrap`: refits of a fit.
 
+mod output;
 mod resume;
-mod tell;
 
+use crate::cli::deadline::Deadline;
 use crate::cli::overwrite::OutputKind;
 use crate::cli::progress::Counter;
-use crate::cli::{Failure, interrupt, terminal};
+use crate::cli::{Failure, terminal};
 use crate::inference::LEVEL;
 use crate::refits::study::ENOUGH_RUNS;
 use crate::refits::{Kind, Profile, Replicate, Spread, Study, Watch, spread};
 use crate::suggestion::{did_you_mean, suggestion};
+pub use output::HEAD;
 use pilotage_text::counted;
 use resume::Kept;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::time::Instant;
-pub use tell::HEAD;
 
 /// Arguments of what solves a fit again.
 #[derive(Debug, clap::Args)]
@@ -128,7 +128,7 @@ impl Refits {
         let seed = self.seed.unwrap_or(0);
         Ok(Some(Plan {
             profile: match &self.profile {
-                Some(said) => chosen(said, names)?,
+                Some(list) => chosen(list, names)?,
                 None => Vec::new(),
             },
             bootstrap: self.bootstrap.map(|count| (count, kind, seed)),
@@ -138,14 +138,14 @@ impl Refits {
 }
 
 /// The unknowns in a list of names, with or without label.
-fn chosen(said: &str, names: &[(String, Option<String>)]) -> Result<Vec<usize>, Failure> {
-    if said == "all" {
+fn chosen(list: &str, names: &[(String, Option<String>)]) -> Result<Vec<usize>, Failure> {
+    if list == "all" {
         return Ok((0..names.len()).collect());
     }
     let mut found = Vec::new();
     // Tables write θ.
-    let said = said.replace('θ', "theta");
-    for name in said.split(',').map(str::trim) {
+    let list = list.replace('θ', "theta");
+    for name in list.split(',').map(str::trim) {
         let is_meant = |k: &usize| names[*k].0 == name || full_name(&names[*k]) == name;
         let own: Vec<usize> = (0..names.len()).filter(is_meant).collect();
         if own.is_empty() {
@@ -180,17 +180,12 @@ fn full_name((name, label): &(String, Option<String>)) -> String {
 }
 
 impl Plan {
-    /// Runs the requested refits until they are done, Ctrl-C, or the time limit \[s\], which counts from `begin`.
+    /// Runs the requested refits until they are done or the deadline.
     ///
     /// # Errors
     /// If the file of refits belongs to another fit, or cannot be written.
-    pub fn run(
-        &self,
-        study: &Study<'_>,
-        (begin, limit): (Instant, Option<f64>),
-    ) -> Result<Refitted, Failure> {
-        let is_late = || limit.is_some_and(|limit| begin.elapsed().as_secs_f64() > limit);
-        let stops = || interrupt::is_asked() || is_late();
+    pub fn run(&self, study: &Study<'_>, deadline: Deadline) -> Result<Refitted, Failure> {
+        let stops = || deadline.ask().is_break();
         let names = study.unknowns.iter();
         let names = names.map(|own| (own.name.clone(), own.label.clone()));
         let derived = study.derived.iter().map(|name| (name.clone(), None));

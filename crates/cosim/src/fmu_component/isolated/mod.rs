@@ -114,7 +114,7 @@ pub struct Isolated {
     /// Reals to be set with the next question.
     sets: Vec<Set>,
     /// Handles and values of reals received with the last answer.
-    told: (Vec<u32>, Vec<f64>),
+    received: (Vec<u32>, Vec<f64>),
     /// Handles read first after the last step; they are read after the next step too.
     read: Vec<u32>,
     has_begun: bool,
@@ -172,7 +172,7 @@ impl Isolated {
             is_free: false,
             next_jump: None,
             sets: Vec::new(),
-            told: (Vec::new(), Vec::new()),
+            received: (Vec::new(), Vec::new()),
             read: Vec::new(),
             has_begun: false,
             has_stepped: false,
@@ -200,7 +200,7 @@ impl Isolated {
         let sets = self.sets.as_slice().into();
         wire::write(&Asked { sets, question }, &mut bytes)?;
         self.sets.clear();
-        self.told.0.clear();
+        self.received.0.clear();
         // The FMU's process may end this one too: it may truncate the shared memory or kill its parent.
         let (line, place) = (&mut self.line, &self.place);
         let heard = place.call(ASKING, || {
@@ -264,15 +264,15 @@ impl Isolated {
         };
         let answer = self.ask(question)?;
         self.has_stepped = true;
-        let Answer::Moved(progress, next_jump, told) = answer else {
+        let Answer::Moved(progress, next_jump, reals) = answer else {
             return Err(self.nonsense());
         };
         self.next_jump = next_jump;
         if progress == Progress::Done {
             self.place.at(t + h);
         }
-        if let Some(told) = told.filter(|told| told.len() == outputs.len()) {
-            self.told = (outputs, told);
+        if let Some(reals) = reals.filter(|reals| reals.len() == outputs.len()) {
+            self.received = (outputs, reals);
         }
         Ok(progress)
     }
@@ -425,8 +425,8 @@ impl Component for Isolated {
         if std::mem::take(&mut self.has_stepped) {
             self.read = handles.into();
         }
-        let (told, reals) = &self.told;
-        if self.sets.is_empty() && told == handles && !handles.is_empty() {
+        let (received, reals) = &self.received;
+        if self.sets.is_empty() && received == handles && !handles.is_empty() {
             values.copy_from_slice(reals);
             return Ok(());
         }

@@ -156,18 +156,18 @@ pub fn words(error: &(dyn Error + 'static)) -> Vec<String> {
 
 /// An error reported by another process.
 #[derive(Debug)]
-struct Told {
+struct ReportedError {
     words: String,
-    source: Option<Box<Told>>,
+    source: Option<Box<ReportedError>>,
 }
 
-impl fmt::Display for Told {
+impl fmt::Display for ReportedError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.words)
     }
 }
 
-impl Error for Told {
+impl Error for ReportedError {
     fn source(&self) -> Option<&(dyn Error + 'static)> {
         self.source
             .as_deref()
@@ -177,12 +177,12 @@ impl Error for Told {
 
 /// Rebuilds an error from its chain of messages.
 pub fn error(words: Vec<String>) -> ComponentError {
-    let told = words.into_iter().rev().fold(None, |source, words| {
+    let reported = words.into_iter().rev().fold(None, |source, words| {
         let source = source.map(Box::new);
-        Some(Told { words, source })
+        Some(ReportedError { words, source })
     });
-    match told {
-        Some(told) => Box::new(told),
+    match reported {
+        Some(reported) => Box::new(reported),
         None => "it failed, and does not say why".into(),
     }
 }

@@ -2,13 +2,13 @@
 
 use super::{Assembly, Done, Known, Made};
 use crate::posed::MOST_INTERVALS;
-use crate::posed::assembly::made::Told;
+use crate::posed::assembly::made::Quantities;
 use crate::posed::data::Rows;
 use crate::posed::interval::{Interval, intervals, shared};
 use crate::posed::ranges::check_range;
 use crate::problem::error::ProblemError;
 use crate::problem::file::{Constraint, Deviation, Holds, Mesh};
-use pilotage_cosim::description::Said;
+use pilotage_cosim::description::Spanned;
 use pilotage_expression::{Graph, Node};
 
 /// A constraint violated by less than this, relative to its value, holds up to rounding and the solver's tolerance.
@@ -37,8 +37,8 @@ impl Assembly<'_> {
     }
 
     /// Rejects parameters tied to a value outside their range where the search begins.
-    pub(super) fn check_tied(&self, told: &Told, rows: &[Rows]) -> Done<()> {
-        for (name, node) in &told.tied {
+    pub(super) fn check_tied(&self, quantities: &Quantities, rows: &[Rows]) -> Done<()> {
+        for (name, node) in &quantities.tied {
             let range = self.parameters.range(name, self.joint);
             let mut lines = self.file.parameters.iter();
             let line = lines.find(|line| line.name.value == *name);
@@ -80,7 +80,7 @@ impl Assembly<'_> {
     fn check_deviation_column(
         &self,
         k: usize,
-        name: &Said<String>,
+        name: &Spanned<String>,
         recorded: &[Vec<f64>],
         rows: &[Rows],
     ) -> Done<()> {

@@ -48,9 +48,9 @@ impl Assembly<'_> {
         rows: &[Rows],
     ) -> Done<(State, Vec<Option<f64>>)> {
         let line = self.initial_line(name);
-        let said = line.map(|line| &self.file.initial[line].1);
+        let declared = line.map(|line| &self.file.initial[line].1);
         let place = line.and_then(|line| self.file.initial[line].0.place.as_ref());
-        let node = match (line, said) {
+        let node = match (line, declared) {
             (Some(line), Some(Initial::Formula(_))) => {
                 let values = self.values[1].clone();
                 self.expressions(&[Of::Initial(line, name.to_owned())], None, &values)[0]
@@ -67,7 +67,7 @@ impl Assembly<'_> {
         }
         let begin = numbers[0];
         let all_known = |values: &[f64]| values.iter().copied().map(Some).collect();
-        let (guesses, known, shift) = match said {
+        let (guesses, known, shift) = match declared {
             None | Some(Initial::Formula(_)) if self.depends_on_sought(node) => {
                 (vec![0.0; runs], vec![Some(0.0); runs], Some(node))
             }

@@ -6,7 +6,7 @@ use crate::posed::unknowns::Meaning;
 use crate::problem::error::ProblemError;
 use crate::problem::file::{Deviation, Hold, Noise, Set};
 use crate::system::joint::unknown;
-use pilotage_cosim::description::Said;
+use pilotage_cosim::description::Spanned;
 use pilotage_expression::Node;
 use pilotage_language::file::Formula;
 
@@ -70,7 +70,7 @@ impl Assembly<'_> {
     }
 
     /// Rejects columns for signals that are not free inputs.
-    fn check_fed(&self, signal: &Said<String>) -> Done<()> {
+    fn check_fed(&self, signal: &Spanned<String>) -> Done<()> {
         let name = &signal.value;
         let inputs = &self.joint.model.inputs;
         if inputs.contains(name) {
@@ -87,7 +87,7 @@ impl Assembly<'_> {
     fn find_measured(&mut self, k: usize) {
         let measured = &self.file.measured[k];
         let unit = measured.unit(self.joint);
-        let source = |name: &Said<String>| Source::Column {
+        let source = |name: &Spanned<String>| Source::Column {
             name: name.clone(),
             unit: unit.map(str::to_owned),
             hold: Hold::Linear,

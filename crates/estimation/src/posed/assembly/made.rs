@@ -63,7 +63,7 @@ impl Stands {
 
 /// Expressions to evaluate at a solution, in the graph of the equations.
 #[derive(Debug, Clone)]
-pub struct Told {
+pub struct Quantities {
     /// Model output for each sensor, in the unit of its signal.
     pub predicted: Vec<Node>,
     /// Standard deviation of the noise of each sensor.

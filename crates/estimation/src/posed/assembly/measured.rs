@@ -2,7 +2,7 @@
 
 use super::inputs::Key;
 use super::{Assembly, Done};
-use crate::posed::assembly::made::{Stands, Told};
+use crate::posed::assembly::made::{Quantities, Stands};
 use crate::posed::data::Rows;
 use crate::posed::names::Of;
 use crate::posed::unknowns::{Meaning, calibration};
@@ -33,8 +33,8 @@ impl Assembly<'_> {
         signals: &[Node],
         joint: Vec<Node>,
         rows: &[Rows],
-    ) -> Done<Told> {
-        let mut told = Told {
+    ) -> Done<Quantities> {
+        let mut quantities = Quantities {
             predicted: Vec::new(),
             deviations: Vec::new(),
             joint,
@@ -49,22 +49,22 @@ impl Assembly<'_> {
             let recorded = self.recorded(k, rows)?;
             self.check_deviation(k, deviation, &recorded, rows)?;
             let seen = self.add_residual(k, predicted, deviation, &recorded);
-            told.seen.push(seen);
-            told.predicted.push(predicted);
-            told.deviations.push(deviation);
-            told.recorded.push(recorded);
+            quantities.seen.push(seen);
+            quantities.predicted.push(predicted);
+            quantities.deviations.push(deviation);
+            quantities.recorded.push(recorded);
         }
         for name in &self.parameters.names {
             if let Meaning::Tied(_) = self.parameters.meanings[name] {
-                told.tied.push((name.clone(), self.values[0][name]));
+                quantities.tied.push((name.clone(), self.values[0][name]));
             }
         }
         let names = self.file.derived.iter().map(|(name, _)| &name.value);
         let of: Vec<Of> = names.clone().cloned().map(Of::Derived).collect();
         let values = self.values[0].clone();
         let nodes = self.expressions(&of, None, &values);
-        told.derived = names.cloned().zip(nodes).collect();
-        Ok(told)
+        quantities.derived = names.cloned().zip(nodes).collect();
+        Ok(quantities)
     }
 
     /// Model output for a sensor.
@@ -82,9 +82,11 @@ impl Assembly<'_> {
             }
             Quantity::Expression(..) => self.of_signals(&[Of::Measured(k)], signals, zero)[0],
         };
-        let mut sensor = |what: &str, of: Of, said: &Calibration| match said {
+        let mut sensor = |what: &str, of: Of, calibrated: &Calibration| match calibrated {
             Calibration::Formula(_) => self.of_signals(&[of], signals, zero)[0],
-            Calibration::Sought(_) => self.values[0][&calibration(what, &measured.column.value)],
+            Calibration::Sought(_) | Calibration::Found(_) => {
+                self.values[0][&calibration(what, &measured.column.value)]
+            }
         };
         let gain = sensor("gain", Of::Gain(k), &measured.gain);
         let offset = sensor("offset", Of::Offset(k), &measured.offset);
@@ -244,7 +246,7 @@ fn loss(noise: Noise) -> Loss {
 impl Measured {
     /// Whether the sensor has neither gain nor offset.
     pub(super) fn is_plain(&self) -> bool {
-        let is = |said: &Calibration, value: f64| matches!(said, Calibration::Formula(formula) if formula.number() == Some(value));
+        let is = |calibrated: &Calibration, value: f64| matches!(calibrated, Calibration::Formula(formula) if formula.number() == Some(value));
         is(&self.gain, 1.0) && is(&self.offset, 0.0)
     }
 

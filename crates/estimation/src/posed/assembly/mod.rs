@@ -19,7 +19,7 @@ mod measured;
 mod noise;
 mod parameters;
 
-use crate::posed::assembly::made::{Names, Stands, State, Told};
+use crate::posed::assembly::made::{Names, Quantities, Stands, State};
 use crate::posed::data::{Rows, RunData, Source};
 use crate::posed::names::Named;
 use crate::posed::unknowns::{Parameters, Unknown};
@@ -46,7 +46,7 @@ pub struct Made {
     pub unknowns: Vec<(Unknown, Stands)>,
     pub shared: usize,
     pub states: Vec<State>,
-    pub told: Told,
+    pub quantities: Quantities,
     /// States that are measured directly, each with the number of its measured signal.
     pub followed: Vec<(usize, usize)>,
     pub noises: Vec<DrivingNoise>,
@@ -140,8 +140,8 @@ impl<'a> Assembly<'a> {
         let signals = import(&signals);
         derivatives.resize(self.states, zero);
         let noises = self.driving_noises(&variables, &rows)?;
-        let told = self.measure(&signals, variables, &rows)?;
-        self.check_tied(&told, &rows)?;
+        let quantities = self.measure(&signals, variables, &rows)?;
+        self.check_tied(&quantities, &rows)?;
         self.limit();
         self.hold_steady(&derivatives);
         let mut on_parameters = self.bound_unknowns();
@@ -151,7 +151,7 @@ impl<'a> Assembly<'a> {
         self.anchor(&derivatives, &noises, &rows);
         let constraints = self.parameter_constraints(on_parameters, &rows)?;
         let runs = self.runs(rows, known);
-        let mut made = self.made(derivatives, states, runs, told, constraints);
+        let mut made = self.made(derivatives, states, runs, quantities, constraints);
         made.noises = noises;
         made.check_dependence()?;
         Ok(made)
@@ -235,7 +235,7 @@ impl<'a> Assembly<'a> {
         derivatives: Vec<Node>,
         states: Vec<State>,
         runs: Vec<Run>,
-        told: Told,
+        quantities: Quantities,
         constraints: ParameterConstraints,
     ) -> Made {
         let measured = self.recordings.iter().filter(|own| !own.is_prior);
@@ -263,7 +263,7 @@ impl<'a> Assembly<'a> {
             unknowns: unknowns.zip(self.stands).collect(),
             shared: self.shared,
             states,
-            told,
+            quantities,
         }
     }
 }

@@ -167,12 +167,12 @@ impl Assembly<'_> {
             return;
         }
         let recorded = self.recordings.iter().map(|own| own.output).collect();
-        let told = needed(&self.graph, derivatives, recorded);
+        let is_needed = needed(&self.graph, derivatives, recorded);
         let parameters = self.parameters;
         for (k, unknown) in parameters.unknowns.iter().enumerate() {
             for variable in self.stands[k].variables(self.first_shared()) {
                 let node = self.graph.variable(variable);
-                if told[node.index()] {
+                if is_needed[node.index()] {
                     continue;
                 }
                 let prior = Prior {
@@ -194,7 +194,11 @@ impl Made {
         let noises: Vec<(Vec<Node>, Node)> = noises
             .map(|own| (own.column.clone(), own.density))
             .collect();
-        let outputs = self.told.predicted.iter().zip(&self.told.deviations);
+        let outputs = self
+            .quantities
+            .predicted
+            .iter()
+            .zip(&self.quantities.deviations);
         let outputs: Vec<(Node, Node)> = outputs.map(|(h, sd)| (*h, *sd)).collect();
         let equations = Equations {
             graph: &self.system.graph,

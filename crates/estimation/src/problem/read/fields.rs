@@ -3,7 +3,7 @@
 use super::Read;
 use crate::problem::error::ProblemError;
 use crate::problem::file::Per;
-use pilotage_cosim::description::Said;
+use pilotage_cosim::description::Spanned;
 use pilotage_text::document::{Place, TomlTable};
 use pilotage_text::suggestion::{did_you_mean, suggestion};
 use pilotage_units::Base;
@@ -151,9 +151,9 @@ pub(super) fn range(table: TomlTable<'_>) -> Read<[Option<f64>; 2]> {
     }
 }
 
-pub(super) fn column(table: TomlTable<'_>, field: &str) -> Read<Said<String>> {
+pub(super) fn column(table: TomlTable<'_>, field: &str) -> Read<Spanned<String>> {
     let name = table.required(field, table.string(field)?)?;
-    Ok(Said {
+    Ok(Spanned {
         value: name.to_owned(),
         place: table.place(field),
     })

@@ -20,7 +20,7 @@ use crate::problem::error::ProblemError;
 use crate::problem::file::ProblemFile;
 use fields::{at, finite, place};
 use options::{options, stability};
-use pilotage_cosim::description::Said;
+use pilotage_cosim::description::Spanned;
 use pilotage_cosim::{DescriptionError, SystemDescription};
 use pilotage_language::file::{Formula, LONGEST, formula};
 use pilotage_text::document::{self, Document, DocumentError, TomlTable};
@@ -164,12 +164,12 @@ struct Reader<'t> {
 }
 
 /// A table, one of its fields, and the full name of that field: `instance.variable`.
-type Entry<'a> = (TomlTable<'a>, &'a str, Said<String>);
+type Entry<'a> = (TomlTable<'a>, &'a str, Spanned<String>);
 
 impl Reader<'_> {
     /// The fields of a table. Fields of `[section.instance]` are prefixed with the instance's name.
     fn entries<'a>(&self, table: TomlTable<'a>) -> Read<Vec<Entry<'a>>> {
-        let said = |table: TomlTable<'_>, field: &str, value: String| Said {
+        let spanned = |table: TomlTable<'_>, field: &str, value: String| Spanned {
             value,
             place: table.key_place(field),
         };
@@ -180,10 +180,10 @@ impl Reader<'_> {
                 Ok(Some(inner)) if is_instance => {
                     for field in inner.names() {
                         let full = format!("{name}.{field}");
-                        found.push((inner, field, said(inner, field, full)));
+                        found.push((inner, field, spanned(inner, field, full)));
                     }
                 }
-                _ => found.push((table, name, said(table, name, name.to_owned()))),
+                _ => found.push((table, name, spanned(table, name, name.to_owned()))),
             }
         }
         for (k, (table, field, name)) in found.iter().enumerate() {

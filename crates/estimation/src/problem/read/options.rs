@@ -4,7 +4,7 @@ use super::Read;
 use super::fields::{at, place, positive, tolerance, whole, word};
 use crate::problem::file::{Limits, Mesh, Objective, Options, Stability};
 use pilotage_collocation::Scheme;
-use pilotage_cosim::description::Said;
+use pilotage_cosim::description::Spanned;
 use pilotage_inference::Method;
 use pilotage_text::document::TomlTable;
 use pilotage_text::suggestion::{did_you_mean, suggestion};
@@ -15,7 +15,7 @@ pub(super) fn stability(root: TomlTable<'_>) -> Read<Stability> {
     };
     table.only(&["models", "closed_loop"])?;
     let models = table.strings("models")?.unwrap_or_default();
-    let models = models.into_iter().map(|(name, place)| Said {
+    let models = models.into_iter().map(|(name, place)| Spanned {
         value: name.to_owned(),
         place: Some(place),
     });

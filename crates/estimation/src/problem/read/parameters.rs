@@ -3,7 +3,7 @@
 use super::fields::{at, finite, per, positive, range, unit, word};
 use super::{Entry, Read, Reader};
 use crate::problem::file::{Initial, Per, Prior, Sought};
-use pilotage_cosim::description::Said;
+use pilotage_cosim::description::Spanned;
 use pilotage_language::file::Formula;
 use pilotage_linear::Figure;
 use pilotage_text::document::TomlTable;
@@ -19,7 +19,7 @@ impl Reader<'_> {
     }
 
     /// Derived quantities: names and expressions of parameters.
-    pub(super) fn derived(&self, root: TomlTable<'_>) -> Read<Vec<(Said<String>, Formula)>> {
+    pub(super) fn derived(&self, root: TomlTable<'_>) -> Read<Vec<(Spanned<String>, Formula)>> {
         let mut all = Vec::new();
         let Some(table) = root.table("derived")? else {
             return Ok(all);
@@ -37,7 +37,7 @@ impl Reader<'_> {
                 return Err(at(table, field, fault));
             }
             let formula = self.formula(table, field)?;
-            let name = Said {
+            let name = Spanned {
                 value: field.to_owned(),
                 place: table.key_place(field),
             };
@@ -85,7 +85,7 @@ impl Reader<'_> {
         Ok(sought)
     }
 
-    pub(super) fn initial(&self, root: TomlTable<'_>) -> Read<Vec<(Said<String>, Initial)>> {
+    pub(super) fn initial(&self, root: TomlTable<'_>) -> Read<Vec<(Spanned<String>, Initial)>> {
         let mut all = Vec::new();
         for (table, field, name) in self.section(root, "initial")? {
             self.check_word(table, field, &["free", "steady", "first sample"])?;

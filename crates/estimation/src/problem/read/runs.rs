@@ -5,7 +5,7 @@ use super::{Read, Reader};
 use crate::problem::error::ProblemError;
 use crate::problem::file::{Change, Constraint, Holds, RunLine, Set};
 use crate::problem::runs;
-use pilotage_cosim::description::Said;
+use pilotage_cosim::description::Spanned;
 use pilotage_text::document::TomlTable;
 
 impl Reader<'_> {
@@ -88,7 +88,7 @@ impl Reader<'_> {
             fits: word(table, "use", &[("fit", true), ("validation", false)], true)?,
             weight: positive(table, "weight")?.unwrap_or(1.0),
             subject: table.text("subject")?,
-            start_time: finite(table, "start_time")?.map(|value| Said {
+            start_time: finite(table, "start_time")?.map(|value| Spanned {
                 value,
                 place: table.place("start_time"),
             }),

@@ -16,14 +16,14 @@ impl Sure<'_> {
         found: &[Found],
         looped: Option<&Looped<'_>>,
     ) -> Vec<Vec<Interval>> {
-        let told = &self.posed.told.derived;
-        let pairs = found.iter().zip(told);
+        let derived = &self.posed.quantities.derived;
+        let pairs = found.iter().zip(derived);
         let mut all: Vec<Vec<Interval>> = pairs
             .map(|(found, (_, node))| self.of_expression(found, *node))
             .collect();
         if let Some(looped) = looped {
             let slopes = self.slopes(looped);
-            let figures = found[told.len()..].iter().enumerate();
+            let figures = found[derived.len()..].iter().enumerate();
             all.extend(figures.map(|(i, found)| {
                 let sd = self.along(&slopes.row(i).transpose(), 0);
                 vec![open_interval(found.values[0].1, sd)]

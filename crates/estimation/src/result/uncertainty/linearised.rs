@@ -111,7 +111,7 @@ fn terms(posed: &Posed<'_>) -> Vec<Terms> {
             .is_some_and(|own| own.loss == Loss::Linear)
     };
     let mut next = 0;
-    let signals = (0..posed.told.predicted.len()).map(|_| {
+    let signals = (0..posed.quantities.predicted.len()).map(|_| {
         let own = Terms {
             residual: next,
             level: is_level(next + 1).then_some(next + 1),

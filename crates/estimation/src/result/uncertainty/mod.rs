@@ -177,7 +177,7 @@ impl Sure<'_> {
             all.push(own.map(|at| self.of_unknown(unknown, at)).collect());
         }
         let tied = parameters.iter().filter(|found| found.is_tied);
-        let tied = tied.zip(&self.posed.told.tied);
+        let tied = tied.zip(&self.posed.quantities.tied);
         all.extend(tied.map(|(found, (_, node))| self.of_expression(found, *node)));
         all
     }

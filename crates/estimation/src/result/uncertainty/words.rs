@@ -172,18 +172,18 @@ mod tests {
     #[test]
     fn directions_are_sums_of_parameters() {
         let names = ["gain", "lead", "lag"].map(str::to_owned);
-        let told = |parts: [f64; 3]| direction(&Direction(parts.to_vec()), &names);
+        let words = |parts: [f64; 3]| direction(&Direction(parts.to_vec()), &names);
         assert_eq!(
-            told([1.0, 2.1, 0.0]),
+            words([1.0, 2.1, 0.0]),
             "`gain` and `lead` cannot be told apart: nothing that is measured changes along gain + 2.1 lead"
         );
         assert_eq!(
-            told([-0.3, 1.0, 12345.6]),
+            words([-0.3, 1.0, 12345.6]),
             "`lead`, `gain` and `lag` cannot be told apart: nothing that is measured changes along lead - 0.3 gain + \
              1.23e4 lag"
         );
         assert_eq!(
-            told([0.0, 0.0, 1.0]),
+            words([0.0, 0.0, 1.0]),
             "`lag` has no effect on what is measured"
         );
     }

@@ -249,23 +249,23 @@ fn a_hand_with_a_greatest_speed_moves_no_faster_and_at_that_speed() {
 
 #[test]
 fn models_that_cannot_be_flown_are_refused() {
-    let told = |text: &str, measured: &[String]| {
+    let message = |text: &str, measured: &[String]| {
         let model = TextModel::parse(text, "vehicle.toml").unwrap();
         ModelVehicle::new(model, measured).unwrap_err().to_string()
     };
     let crossover = library::find("crossover").unwrap().text;
     assert_eq!(
-        told(crossover, &[]),
+        message(crossover, &[]),
         "`crossover` has no input `stick`, by which a vehicle is flown"
     );
     let quadcopter = library::find("quadcopter").unwrap().text;
     assert_eq!(
-        told(quadcopter, &[]),
+        message(quadcopter, &[]),
         "`quadcopter` has no output `position`; its outputs are z, phi, v, q, omega_f, omega_b"
     );
     let names = ["position".to_owned()];
     assert!(
-        told(library::find("hover").unwrap().text, &names)
+        message(library::find("hover").unwrap().text, &names)
             .contains("2 stick(s), and 1 position(s)")
     );
     // No human stabilises three integrators with so little lead.

@@ -224,7 +224,7 @@ impl Refitted {
             };
             notes.push(format!("95 % intervals by profiles, {of}"));
         }
-        notes.extend(self.bootstrap.as_ref().map(Bootstrapped::told));
+        notes.extend(self.bootstrap.as_ref().map(Bootstrapped::note));
         if self.bootstrap.is_some() && !self.flat.is_empty() {
             notes.push(format!(
                 "the data do not determine {}: there the refits spread as their starts do",
@@ -236,7 +236,7 @@ impl Refitted {
 }
 
 impl Bootstrapped {
-    fn told(&self) -> String {
+    fn note(&self) -> String {
         let failed = self.replicates.len() - self.converged();
         let failed = match failed {
             0 => String::new(),
