@@ -84,10 +84,12 @@ fn a_session_in_a_browser_is_recorded_and_its_stick_identified() {
         let own = &json["parameters"][name];
         ["low", "high"].map(|end| own[end].as_f64().unwrap_or_else(|| panic!("{json}")))
     };
-    // The quadcopter's stick is negative forward.
+    // The quadcopter's stick is negative forward. One in 20 intervals of 95 % misses what is true, one in 1,000 of three
+    // times the width (five runs: Student's t with 4 degrees of freedom).
     for (name, truth) in [("pilot.gain", -0.03), ("pilot.lead", 2.0)] {
         let [low, high] = interval(name);
-        assert!(low < truth && truth < high, "{name}: {json}");
+        let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
+        assert!((middle - truth).abs() < 3.0 * half, "{name}: {json}");
         assert!((high - low) / truth.abs() < 0.15, "{name}: {json}");
     }
     // The page's button made a pilot of the same flights.
