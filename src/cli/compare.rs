@@ -50,15 +50,15 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     interrupt::listen("stopping")?;
     let folds = Folds::until(Deadline::after(args.time_limit));
     let compared = compare(&files, &part::open, &|done, all| folds.ask(done, all))?;
-    folds.clear();
+    let is_whole = folds.end();
     let names: Vec<&str> = files.iter().map(|file| file.file.as_str()).collect();
     terminal::print(&match args.json {
         true => format!("{:#}\n", to_json(&names, &compared)),
         false => to_text(&names, &compared),
     })?;
     Ok(match compared.choice {
-        Some(_) => Outcome::Done,
-        None => Outcome::No,
+        Some(_) if is_whole => Outcome::Done,
+        _ => Outcome::No,
     })
 }
 

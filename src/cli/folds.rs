@@ -2,13 +2,16 @@
 
 use super::deadline::Deadline;
 use super::progress::Spinner;
+use super::terminal;
 use crate::sqp::Status;
 use std::ops::ControlFlow;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Shows the number of completed fits, and checks for Ctrl-C and the time limit.
 pub struct Folds {
     deadline: Deadline,
+    was_cut: AtomicBool,
     spinner: Mutex<Spinner>,
 }
 
@@ -17,6 +20,7 @@ impl Folds {
     pub fn until(deadline: Deadline) -> Self {
         Self {
             deadline,
+            was_cut: AtomicBool::new(false),
             spinner: Mutex::new(Spinner::new()),
         }
     }
@@ -26,14 +30,25 @@ impl Folds {
         if let Ok(mut spinner) = self.spinner.try_lock() {
             spinner.show(format!("{done} of {all} fits"));
         }
-        self.deadline.ask()
+        let asked = self.deadline.ask();
+        if asked.is_break() {
+            self.was_cut.store(true, Ordering::Relaxed);
+        }
+        asked
     }
 
-    /// Clears the display.
-    pub fn clear(&self) {
+    /// Clears the display, and reports whether all fits could come to their ends.
+    pub fn end(&self) -> bool {
         self.spinner
             .lock()
             .unwrap_or_else(|e| e.into_inner())
             .clear();
+        let was_cut = self.was_cut.load(Ordering::Relaxed);
+        if was_cut {
+            terminal::note(
+                "some of these fits were stopped before the end, and what is compared hangs on when: allow more time",
+            );
+        }
+        !was_cut
     }
 }

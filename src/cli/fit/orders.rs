@@ -62,7 +62,7 @@ impl Orders {
         }
         let files: Vec<ProblemFile> = known.iter().map(|own| own.file.clone()).collect();
         let compared = compare(&files, &part::open, &|done, all| folds.ask(done, all))?;
-        folds.clear();
+        folds.end();
         let names: Vec<String> = known
             .iter()
             .map(|own| format!("order {}", own.order))

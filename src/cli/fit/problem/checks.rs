@@ -62,9 +62,10 @@ impl Checks {
         let per_run = is_asked(self.per_run)
             .then(|| per_run((file, fit), &part::open, &ask))
             .transpose()?;
-        folds.clear();
+        let is_whole = folds.end();
         let names = fitted(file).into_iter().map(|k| file.runs[k].name.clone());
         Ok(Checked {
+            is_whole,
             columns: (file.measured.iter().map(|own| own.column.value.clone())).collect(),
             left_out: left_out.map(|all| names.zip(all).collect()),
             noises: (file.measured.iter().map(|own| own.noise)).collect(),
@@ -76,6 +77,8 @@ impl Checks {
 /// Results of the fits to some of the runs.
 #[derive(Default)]
 pub struct Checked {
+    /// Whether all fits came to their ends.
+    pub is_whole: bool,
     /// The measured columns.
     columns: Vec<String>,
     /// Noise of the measured columns.

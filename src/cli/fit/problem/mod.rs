@@ -120,7 +120,7 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         true => format!("{:#}\n", with_orders(summary::to_json(&outcome), chosen)),
         false => summary::to_text(&outcome) + &next(args, &fit, &fitted),
     })?;
-    let is_whole = refitted.as_ref().is_none_or(Refitted::is_whole);
+    let is_whole = refitted.as_ref().is_none_or(Refitted::is_whole) && checked.is_whole;
     let outcome = match fit.is_answer() && is_whole {
         true => Outcome::Done,
         false => Outcome::No,
