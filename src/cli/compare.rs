@@ -109,8 +109,8 @@ fn lines<'a>(names: &[&'a str], compared: &'a Compared) -> Vec<Line<'a>> {
 pub fn to_text(names: &[&str], compared: &Compared) -> String {
     let all = &compared.candidates;
     let mut text = format!(
-        "{} problems on {}, {} values. Left out: −2 log likelihood of the runs by fits to the others{}.\n\n",
-        names.len(),
+        "{} on {}, {} values. Left out: −2 log likelihood of the runs by fits to the others{}.\n\n",
+        counted(names.len(), "problem"),
         counted(compared.runs.len(), "run"),
         all[0].figures.samples,
         match all.iter().any(|own| own.is_begun) {

@@ -8,6 +8,9 @@ use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+/// Note about a comparison that Ctrl-C or the time limit has ended.
+pub const STOPPED: &str = "some of these fits were stopped before the end, and the comparison depends on when: allow more time";
+
 /// Shows the number of completed fits, and checks for Ctrl-C and the time limit.
 pub struct Folds {
     deadline: Deadline,
@@ -45,9 +48,7 @@ impl Folds {
             .clear();
         let was_cut = self.was_cut.load(Ordering::Relaxed);
         if was_cut {
-            terminal::note(
-                "some of these fits were stopped before the end, and what is compared hangs on when: allow more time",
-            );
+            terminal::note(STOPPED);
         }
         !was_cut
     }

@@ -171,9 +171,15 @@ impl Content {
         let names: Vec<&str> = figures
             .chain(self.tables.iter().map(|own| own.name.as_str()))
             .collect();
-        let hint = match suggestion(name, names.iter().copied()) {
-            Some(near) => format!("did you mean `{near}`?"),
-            None => "`--figure list` lists them".to_owned(),
+        let shows = |own: &&Figure| {
+            let mut quantities = own.panels.iter().map(|panel| &panel.y.label);
+            quantities.any(|label| label.split(" [").next() == Some(name))
+        };
+        let figure = self.figures.iter().find(shows);
+        let hint = match (figure, suggestion(name, names.iter().copied())) {
+            (Some(figure), _) => format!("the figure `{}` shows it", figure.name),
+            (None, Some(near)) => format!("did you mean `{near}`?"),
+            (None, None) => "`--figure list` lists them".to_owned(),
         };
         Failure::new(format!("there is no figure or table `{name}`")).hint(hint)
     }
@@ -196,13 +202,7 @@ fn content(inputs: &[PathBuf]) -> Result<Content, Failure> {
     match recognise::of(path) {
         Some(FileKind::Page) => page(path),
         Some(FileKind::Pilot) => pilot(path),
-        Some(FileKind::Problem) => {
-            let figures = fit::figures_of_problem(path)?;
-            Ok(Content {
-                figures,
-                ..Content::default()
-            })
-        }
+        Some(FileKind::Problem) => Ok(of_page(&fit::page_of_problem(path)?)),
         _ => results(inputs),
     }
 }
@@ -211,13 +211,21 @@ fn page(path: &Path) -> Result<Content, Failure> {
     let text = std::fs::read_to_string(path);
     let text =
         text.map_err(|error| Failure::new(format!("cannot read {}: {error}", path.display())))?;
-    let (figures, tables) = (read::figures(&text), read::tables(&text));
-    match figures.is_empty() && tables.is_empty() {
+    let content = of_page(&text);
+    match content.figures.is_empty() && content.tables.is_empty() {
         true => {
             let message = format!("{} holds no figure", path.display());
             Err(Failure::new(message).hint("name a page that --report wrote"))
         }
-        false => Ok(Content { figures, tables }),
+        false => Ok(content),
+    }
+}
+
+/// The figures and tables of a page.
+fn of_page(text: &str) -> Content {
+    Content {
+        figures: read::figures(text),
+        tables: read::tables(text),
     }
 }
 

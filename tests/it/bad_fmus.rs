@@ -77,12 +77,12 @@ fn archives() {
         (
             "empty",
             vec![],
-            "a.fmu is no zip archive, or a damaged one: invalid Zip archive: Could not find EOCD",
+            "a.fmu is no zip archive, or a damaged one (copy it again, or name another file): invalid Zip archive: Could not find EOCD",
         ),
         (
             "text",
             b"hello".repeat(100).to_vec(),
-            "a.fmu is no zip archive, or a damaged one: invalid Zip archive: Could not find EOCD",
+            "a.fmu is no zip archive, or a damaged one (copy it again, or name another file): invalid Zip archive: Could not find EOCD",
         ),
         (
             "cut short",
@@ -91,7 +91,7 @@ fn archives() {
                 b.truncate(1000);
                 b
             },
-            "a.fmu is no zip archive, or a damaged one: invalid Zip archive: Could not find EOCD",
+            "a.fmu is no zip archive, or a damaged one (copy it again, or name another file): invalid Zip archive: Could not find EOCD",
         ),
         (
             "traversal",

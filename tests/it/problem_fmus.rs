@@ -314,7 +314,7 @@ fn fmus_without_equations_are_refused() {
     folder.write("own.fmu", b"PK\x03\x04 and no more");
     let ended = folder.pilotage(&["fit", "problem.toml"]);
     assert_eq!((ended.code, ended.stdout.as_str()), (2, ""));
-    let why = "own.fmu is no zip archive, or a damaged one";
+    let why = "own.fmu is no zip archive, or a damaged one (copy it again, or name another file)";
     assert!(ended.stderr.contains(why), "{ended:?}");
     let plain = folder.read("problem.toml");
     let problem = plain.replace("\"own.fmu\"", "\"own.fmu\"\norder = 3");

@@ -2,10 +2,15 @@
 
 use crate::command::{Folder, example};
 use crate::compare::{RUNS, flights, problem};
+use pilotage::identification::orders::ordered;
+use pilotage::identification::{FitOptions, Progress, TrialSet};
+use pilotage::inference::choice::choose;
+use pilotage::sqp::Status;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use serde_json::{Value, json};
+use std::ops::ControlFlow;
 
 fn fitted(folder: &Folder, words: &[&str]) -> Value {
     let words = [&["fit"], words, &["--json", "--force"]].concat();
@@ -151,6 +156,42 @@ fn orders_of_the_shipped_flights_are_compared() {
     let alone = fitted(&folder, &[&trials, "--order", "2"]);
     let [a, b] = [&fit, &alone].map(|fit| fit["objective"].as_f64().unwrap());
     assert!((a / b - 1.0).abs() < 1e-6, "{a} {b}");
+}
+
+/// Where the observer stops the fit of an order, the lower ones stay as they are, and no higher one is fitted.
+#[test]
+fn orders_that_are_stopped_keep_those_before() {
+    let set = TrialSet::read(&[example("trials/trials.toml")]).expect("the shipped flights");
+    let options = FitOptions::default();
+    let mut observer = |progress: &Progress| {
+        let order = match progress {
+            Progress::Search { order, .. } => *order,
+            Progress::Iterate(iterate) => iterate.order,
+        };
+        match order {
+            1 => ControlFlow::Continue(()),
+            _ => ControlFlow::Break(Status::TimeLimit),
+        }
+    };
+    let all = ordered(&set, &options, 1..=3, &mut observer).expect("fitted");
+    let orders: Vec<usize> = all.iter().map(|own| own.order).collect();
+    assert_eq!(orders, [1, 2]);
+    assert!(all[0].fit.is_answer() && !all[1].fit.is_answer());
+    let finite = all.iter().map(|own| {
+        own.figures
+            .held_out
+            .iter()
+            .filter(|own| own.is_finite())
+            .count()
+    });
+    assert_eq!(finite.collect::<Vec<_>>(), [set.fit.len(), 0]);
+    let (taken, _) = choose(
+        &all.iter()
+            .map(|own| own.figures.clone())
+            .collect::<Vec<_>>(),
+    )
+    .expect("one");
+    assert_eq!(taken, 0);
 }
 
 /// One run of a lag behind an input that moves, which arrives late; its noise is white.

@@ -181,6 +181,64 @@ fn a_sensor_keeps_the_gain_of_its_subject_in_validation_runs() {
     }
 }
 
+/// A run that sets a gain has no value of its own for it: the gain sought per run or subject is that of the others, also
+/// in their mean, and the fit is in no doubt about it. A subject whom no fitted run knows gets the mean, and is named.
+#[test]
+fn runs_that_set_a_gain_do_not_seek_it() {
+    let seen = |gain: f64| table("time [h],x", hours(), |t| gain * 2.0 * (-0.8 * t).exp());
+    let folder = folder(&[
+        ("tank.toml", DECAY),
+        ("a.csv", &seen(1.2)),
+        ("b.csv", &seen(0.8)),
+        ("c.csv", &seen(3.0)),
+        ("d.csv", &seen(1.0)),
+    ]);
+    let of = |name: &str, more: &str| format!("{}{more}", run(name));
+    for per in ["run", "subject"] {
+        let runs = [
+            of("a.csv", "subject = \"A\"\n"),
+            of("b.csv", "subject = \"B\"\n"),
+            of("c.csv", "set = { \"gain(x)\" = 3 }\n"),
+            of("d.csv", "subject = \"D\"\nuse = \"validation\"\n"),
+        ];
+        let problem = PROBLEM.replace(
+            "[parameters]",
+            &format!("gain = {{ per = \"{per}\" }}\n[parameters]"),
+        );
+        let text = problem + &runs.concat();
+        let file = ProblemFile::parse(&text, &folder.path().join("problem.toml")).expect("read");
+        let posed = Posed::new(&file, &part::open).expect("posed");
+        let found = fit(&posed, &mut |_| ControlFlow::Continue(()));
+        let gain = (found.parameters.iter()).find(|own| own.name == "gain(x)");
+        let gain = gain.expect("sought");
+        let values: Vec<f64> = gain.values.iter().map(|own| own.1).collect();
+        assert_eq!(values.len(), 2, "{per}: {gain:?}");
+        assert!(
+            (values[0] - 1.2).abs() < 1e-5 && (values[1] - 0.8).abs() < 1e-5,
+            "{values:?}"
+        );
+        assert!((gain.mean() - 1.0).abs() < 1e-5, "{per}: {gain:?}");
+        assert!(found.is_answer(), "{:?}", found.diagnostics);
+        assert!(!codes(&found).contains(&"flat"), "{:?}", found.diagnostics);
+        let sure = found.uncertainty.as_ref().expect("intervals");
+        let intervals: Vec<usize> = sure.intervals.iter().map(Vec::len).collect();
+        let sizes: Vec<usize> = found
+            .parameters
+            .iter()
+            .map(|own| own.values.len())
+            .collect();
+        assert_eq!(intervals, sizes);
+        assert_eq!(posed.count(), 3, "rate and two gains");
+        let goes_on = || ControlFlow::Continue(());
+        let judged = validated(&file, &found, &part::open, &goes_on).expect("judged");
+        let own = &judged[0];
+        let residuals = own.run.residuals(0, file.measured[0].noise);
+        assert!(residuals.iter().all(|e| e.abs() < 1e-5), "{per}");
+        let averaged: &[&str] = if per == "subject" { &["gain(x)"] } else { &[] };
+        assert_eq!(own.averaged, averaged);
+    }
+}
+
 /// ẋ = flow - 0.8 x in hours, with a flow of 1 from 2 h on, begun an hour before the first row: the solution by hand.
 #[test]
 fn times_of_a_problem_have_the_unit_of_the_runs() {

@@ -1,10 +1,11 @@
 //! Choice of the order of the linear pilot: each order is fitted to all trials, and once without each trial.
 
 use super::problem::free_initial_states;
-use super::solve::Observer;
+use super::solve::{Observer, Progress};
 use super::{FitError, FitOptions, Identification, Trial, TrialSet, fit};
 use pilotage_inference::choice::Contender;
 use pilotage_models::Pilot;
+use std::cell::Cell;
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
@@ -21,7 +22,8 @@ pub struct Ordered {
     pub figures: Contender,
 }
 
-/// Fits pilots of these orders.
+/// Fits pilots of these orders. If the observer stops a fit, higher orders are not fitted, and the trials that are left to
+/// predict have NaN.
 ///
 /// # Errors
 /// As [`fit`](fit()).
@@ -31,8 +33,15 @@ pub fn ordered(
     orders: RangeInclusive<usize>,
     observer: &mut Observer<'_>,
 ) -> Result<Vec<Ordered>, FitError> {
+    let is_stopped = Cell::new(false);
+    let mut observer = |progress: &Progress| {
+        let asked = observer(progress);
+        is_stopped.set(is_stopped.get() || asked.is_break());
+        asked
+    };
+    let observer: &mut Observer<'_> = &mut observer;
     let mut all: Vec<Ordered> = Vec::new();
-    for order in orders {
+    for order in orders.take_while(|_| !is_stopped.get()) {
         let options = FitOptions {
             pilot: Pilot { order },
             ..options.clone()
@@ -40,7 +49,7 @@ pub fn ordered(
         let whole = fit(&trials.fit, &options, observer)?;
         let is_answer = whole.is_answer();
         let held_out = match is_answer {
-            true => held_out(trials, &options, &whole.theta, observer)?,
+            true => held_out(trials, &options, &whole.theta, observer, &is_stopped)?,
             false => vec![f64::NAN; trials.fit.len()],
         };
         let (noise, samples) = noise(&whole);
@@ -65,6 +74,7 @@ fn held_out(
     options: &FitOptions,
     theta: &[f64],
     observer: &mut Observer<'_>,
+    is_stopped: &Cell<bool>,
 ) -> Result<Vec<f64>, FitError> {
     let options = FitOptions {
         start: Some(theta.to_vec()),
@@ -80,7 +90,7 @@ fn held_out(
     let mut all = Vec::new();
     for k in 0..trials.fit.len() {
         let (others, own) = without(k);
-        all.push(match others.is_empty() {
+        all.push(match others.is_empty() || is_stopped.get() {
             true => f64::NAN,
             false => left_out(others, own, &options, observer)?,
         });

@@ -71,21 +71,6 @@ pub enum FitError {
         /// A step that is allowed for the trial \[s\].
         least: f64,
     },
-    /// A position is implausibly large.
-    #[error(
-        "trial {trial}: position = {position:e} m at {time} s; expected less than {limit:e} m in magnitude: \
-         empty the cell if it is an error, or give the column its unit, as in `position [mm]`"
-    )]
-    Position {
-        /// Name of the trial.
-        trial: String,
-        /// Time of the sample \[s\].
-        time: f64,
-        /// The value \[m\].
-        position: f64,
-        /// The limit \[m\].
-        limit: f64,
-    },
     /// A trial has no stick, which the stick objective requires.
     #[error("trial {trial} has no recorded stick, which the stick objective compares with")]
     NoStick {
@@ -118,9 +103,6 @@ pub const MAX_ORDER: usize = 6;
 
 /// Maximum number of mesh intervals of a run if the mesh is not its samples: some 1 GB of derivatives.
 pub const MAX_INTERVALS: usize = 200_000;
-
-/// Limit on the magnitude of positions and targets \[m\]: more than twice the distance to the Moon.
-pub const FARTHEST: f64 = 1e9;
 
 /// Progress of a fit, as reported to an observer.
 #[derive(Debug, Clone, Copy)]
@@ -523,7 +505,6 @@ fn check(trials: &[Trial], options: &FitOptions) -> Result<(), FitError> {
         }
     }
     for trial in trials {
-        check_positions(trial)?;
         check_mesh(trial, options.mesh)?;
     }
     let has_stick = |t: &Trial| {
@@ -537,20 +518,6 @@ fn check(trials: &[Trial], options: &FitOptions) -> Result<(), FitError> {
     {
         Some(trial) => Err(FitError::NoStick {
             trial: trial.name.clone(),
-        }),
-        None => Ok(()),
-    }
-}
-
-fn check_positions(trial: &Trial) -> Result<(), FitError> {
-    let all = [&trial.position, &trial.target].map(|values| trial.time.iter().zip(values));
-    let far = |(_, value): &(&f64, &f64)| value.abs() > FARTHEST;
-    match all.into_iter().flatten().find(far) {
-        Some((&time, &position)) => Err(FitError::Position {
-            trial: trial.name.clone(),
-            time,
-            position,
-            limit: FARTHEST,
         }),
         None => Ok(()),
     }

@@ -84,6 +84,12 @@ impl Quantity {
     /// Product with a number, which may convert the unit.
     pub(crate) fn scaled(&self, number: f64) -> Result<Self, String> {
         let mut scaled = self.clone();
+        if number < 0.0 && self.offset != 0.0 {
+            return Err(format!(
+                "a temperature in {} has a minus sign; write it in K, or take it from another one",
+                self.shown()
+            ));
+        }
         if number.abs() != 1.0 && !number.is_nan() {
             self.absolute()?;
             scaled.name = None;

@@ -170,6 +170,7 @@ fn sum(a: &Dimension, b: &Dimension, sign: f64) -> Found {
         (Number(a), Number(b)) => Ok(Number(a + sign * b)),
         (Of(unit), Number(number)) => Ok(Of(unit.shifted(sign * number))),
         (Number(number), Of(unit)) if sign > 0.0 => Ok(Of(unit.shifted(*number))),
+        (Number(_), Of(unit)) => unit.scaled(-1.0).map(Of),
         _ => joined(a, b),
     }
 }

@@ -32,7 +32,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use log::Log;
 use orders::Orders;
 use problem::Checks;
-pub use problem::{FITTED, figures_of as figures_of_problem};
+pub use problem::{FITTED, page_of as page_of_problem};
 pub use refits::HEAD as REFITS;
 use refits::{Refits, Refitted};
 use serde_json::{Value, json};
@@ -260,6 +260,11 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         let message = format!("{flag} takes one order, and --orders compares several");
         return Err(Failure::new(message).hint("give --order with that which was taken"));
     }
+    if args.orders.is_some() && args.log.is_some() {
+        let message = "--log writes one fit, and --orders compares several";
+        return Err(Failure::new(message)
+            .hint("leave --log out, or give --order with that which was taken"));
+    }
     if args.orders.is_some() && args.objective == Compared::Both {
         let message = "--orders compares one fit, and --objective both are two";
         return Err(Failure::new(message).hint("leave one of them out"));
@@ -279,22 +284,26 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let report_output = args.report.as_deref().map(open).transpose()?;
 
     interrupt::listen("stopping at the next iteration")?;
-    let chosen = args.orders.as_ref();
-    let chosen = chosen
-        .map(|own| own.flights(&args, &set, &options, deadline))
-        .transpose()?;
-    if let Some(chosen) = &chosen {
-        orders::print_choice(&args, chosen)?;
-        match chosen.taken {
-            Some(pilot) => options.pilot = pilot,
-            None => return args.without_order(&chosen.json),
+    let (found, orders, log) = match &args.orders {
+        Some(orders) => {
+            let chosen = orders.flights(&args, &set, &options, deadline)?;
+            orders::print_choice(&args, &chosen)?;
+            let Some(taken) = chosen.taken else {
+                return args.without_order(&chosen.json);
+            };
+            options.pilot.order = taken.order;
+            let found = Identification::of(taken.fit, options, set);
+            (found, Some((chosen.json, chosen.is_whole)), None)
         }
-    }
-    let log = args.log.as_deref().map(Log::open).transpose()?;
-    let mut watch = Watch::new(deadline, log, args.verbose);
-    let found = Identification::new(set, options, &mut |iteration| watch.see(iteration));
-    let log = watch.end();
-    let found = found?;
+        None => {
+            let log = args.log.as_deref().map(Log::open).transpose()?;
+            let mut watch = Watch::new(deadline, log, args.verbose);
+            let found = Identification::new(set, options, &mut |iteration| watch.see(iteration));
+            let log = watch.end();
+            (found?, None, log)
+        }
+    };
+    let (orders, is_compared) = orders.unzip();
     args.check_covariance(&found)?;
     let refitted = match &plan {
         Some(plan) => args.refitted(plan, &found, deadline)?,
@@ -305,11 +314,12 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     if let (Some(output), Some(path)) = (report_output, &args.report) {
         save(output, path, &page(&found, refitted.as_ref()))?;
     }
-    args.print_summary(&found, refitted.as_ref(), chosen.map(|own| own.json))?;
+    args.print_summary(&found, refitted.as_ref(), orders)?;
     if let Some(log) = log {
         log.close(&found.fit)?;
     }
     let is_whole = refitted.as_ref().is_none_or(Refitted::is_whole);
+    let is_whole = is_whole && is_compared.unwrap_or(true);
     Ok(match found.fit.is_answer() && is_whole {
         true => Outcome::Done,
         false => Outcome::No,

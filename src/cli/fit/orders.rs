@@ -4,15 +4,13 @@ use super::watch::Watch;
 use super::{Args, MAX_ORDER};
 use crate::cli::compare::{self, Line, coloured, comparisons_json, figures_json, table, words};
 use crate::cli::deadline::Deadline;
-use crate::cli::folds::Folds;
+use crate::cli::folds::{Folds, STOPPED};
 use crate::cli::{Failure, terminal};
-use crate::estimation::comparison::compare;
-use crate::estimation::orders::ordered;
-use crate::estimation::{ProblemFile, part};
+use crate::estimation::comparison::compare_fits;
+use crate::estimation::{self, ProblemFile, part};
 use crate::identification::orders::{self, Ordered};
 use crate::identification::{FitOptions, InitialState, Objective, TrialSet};
 use crate::inference::choice::{Comparison, Contender, choose};
-use crate::models::Pilot;
 use pilotage_text::counted;
 use serde_json::{Value, json};
 use std::ops::RangeInclusive;
@@ -39,18 +37,20 @@ pub struct Chosen<T> {
     pub text: String,
     pub json: Value,
     pub taken: Option<T>,
+    /// False if Ctrl-C or the time limit ended the comparison.
+    pub is_whole: bool,
 }
 
 impl Orders {
-    /// Selects an order for a problem file. The returned problem starts at the result of its own fit.
+    /// Selects an order for a problem file. The returned problem starts at the result of its fit.
     pub fn problem(
         &self,
         file: &ProblemFile,
         deadline: Deadline,
-    ) -> Result<Chosen<ProblemFile>, Failure> {
+    ) -> Result<Chosen<estimation::orders::Ordered>, Failure> {
         let folds = Folds::until(deadline);
         let range = u32::from(*self.0.start())..=u32::from(*self.0.end());
-        let all = ordered(file, range, &part::open, &|| folds.ask(0, 1))?;
+        let all = estimation::orders::ordered(file, range, &part::open, &|| folds.ask(0, 1))?;
         let (mut known, last): (Vec<_>, Vec<_>) =
             all.into_iter().partition(|own| own.fit.is_answer());
         let last = last
@@ -58,11 +58,12 @@ impl Orders {
             .map(|own| (own.order as usize, own.fit.ending()));
         let last = unanswered(last);
         if known.is_empty() {
-            return Ok(Chosen::none(last));
+            return Ok(Chosen::none(last, folds.end()));
         }
         let files: Vec<ProblemFile> = known.iter().map(|own| own.file.clone()).collect();
-        let compared = compare(&files, &part::open, &|done, all| folds.ask(done, all))?;
-        folds.end();
+        let fits = known.iter().map(|own| own.fit.clone()).collect();
+        let compared = compare_fits(&files, fits, &part::open, &|done, all| folds.ask(done, all))?;
+        let is_whole = folds.end();
         let names: Vec<String> = known
             .iter()
             .map(|own| format!("order {}", own.order))
@@ -72,7 +73,8 @@ impl Orders {
         Ok(Chosen {
             text: compare::to_text(&names, &compared) + &last,
             json: compare::to_json(&names, &compared),
-            taken: taken.map(|taken| known.swap_remove(taken).file),
+            taken: taken.map(|taken| known.swap_remove(taken)),
+            is_whole,
         })
     }
 
@@ -83,16 +85,21 @@ impl Orders {
         set: &TrialSet,
         options: &FitOptions,
         deadline: Deadline,
-    ) -> Result<Chosen<Pilot>, Failure> {
+    ) -> Result<Chosen<Ordered>, Failure> {
         check(options)?;
         let mut watch = Watch::new(deadline, None, args.verbose);
         let range = usize::from(*self.0.start())..=usize::from(*self.0.end());
         let all = orders::ordered(set, options, range, &mut |progress| watch.see(progress));
         watch.end();
-        let (known, last): (Vec<_>, Vec<_>) = all?.into_iter().partition(|own| own.fit.is_answer());
+        let is_whole = deadline.ask().is_continue();
+        if !is_whole {
+            terminal::note(STOPPED);
+        }
+        let (mut known, last): (Vec<_>, Vec<_>) =
+            all?.into_iter().partition(|own| own.fit.is_answer());
         let last = unanswered((last.iter()).map(|own| (own.order, own.fit.status.as_str())));
         if known.is_empty() {
-            return Ok(Chosen::none(last));
+            return Ok(Chosen::none(last, is_whole));
         }
         let figures: Vec<Contender> = known.iter().map(|own| own.figures.clone()).collect();
         let choice = choose(&figures);
@@ -100,19 +107,19 @@ impl Orders {
         Ok(Chosen {
             text: compared.text(choice.as_ref()) + &last,
             json: compared.json(choice.as_ref()),
-            taken: choice.map(|(taken, _)| Pilot {
-                order: known[taken].order,
-            }),
+            taken: choice.map(|(taken, _)| known.swap_remove(taken)),
+            is_whole,
         })
     }
 }
 
 impl<T> Chosen<T> {
-    fn none(text: String) -> Self {
+    fn none(text: String, is_whole: bool) -> Self {
         Self {
             text,
             json: json!({ "problems": [], "comparisons": [], "taken": null }),
             taken: None,
+            is_whole,
         }
     }
 }
@@ -174,8 +181,8 @@ impl<'a> ComparedOrders<'a> {
         let names: Vec<&str> = self.names.iter().map(String::as_str).collect();
         let figures: Vec<&Contender> = self.all.iter().map(|own| &own.figures).collect();
         let head = format!(
-            "{} orders on {}, {} values. Left out: −2 log likelihood of the runs, flown from rest by pilots of the others.\n\n",
-            names.len(),
+            "{} on {}, {} values. Left out: −2 log likelihood of the runs, flown from rest by pilots of the others.\n\n",
+            counted(names.len(), "order"),
             counted(self.set.fit.len(), "run"),
             figures[0].samples
         );

@@ -9,6 +9,8 @@ use pilotage_units::Unit;
 
 /// Maximum time from the start of a run to its first row, relative to the run's length.
 const FARTHEST: f64 = 1000.0;
+/// Maximum magnitude of a number: sums of squares of larger ones are infinite.
+const LARGEST: f64 = 1e100;
 
 /// Source of the values of an input.
 #[derive(Debug, Clone)]
@@ -63,7 +65,8 @@ impl<'f> RunData<'f> {
     /// Reads a run.
     ///
     /// # Errors
-    /// When the file cannot be read, has a number that is infinite, or begins before its start time.
+    /// When the file cannot be read, has a number that is infinite or too large to be squared, or begins before its start
+    /// time.
     pub fn read(line: &'f RunLine) -> Result<Self, ProblemError> {
         let unread = |error| match error {
             SeriesError::Read { .. } => ProblemError::unread(Some(&line.place), &line.file, &error),
@@ -86,9 +89,10 @@ impl<'f> RunData<'f> {
         let Self { line, series, .. } = self;
         let file = line.file.display();
         for column in &series.columns {
-            if let Some(k) = column.values.iter().position(|value| value.is_infinite()) {
+            let mut values = column.values.iter();
+            if let Some(k) = values.position(|value| value.abs() > LARGEST) {
                 let fault = format!(
-                    "{file}: `{}` is {} at {} s; expected a number, or an empty cell",
+                    "{file}: `{}` is {:e} at {} s; expected a number of magnitude {LARGEST:e} or less, or an empty cell",
                     column.name, column.values[k], series.time[k]
                 );
                 return Err(ProblemError::at(&line.place, fault));

@@ -95,10 +95,18 @@ impl<'f> Posed<'f> {
     /// Number of unknowns: shared parameters, those of runs, and free initial states.
     pub fn count(&self) -> usize {
         let stands = self.unknowns.iter().map(|(_, stands)| stands);
-        let own = stands
-            .filter(|stands| matches!(stands, Stands::State(_)))
-            .count();
-        self.shared + self.runs.len() * (own + self.free_states().count())
+        let own = stands.map(|stands| match stands {
+            Stands::State(k) => self.seeking(*k).count(),
+            Stands::Shared(_) | Stands::Subjects(_) => 0,
+        });
+        self.shared + own.sum::<usize>() + self.runs.len() * self.free_states().count()
+    }
+
+    /// Indices of the runs that seek the state of a parameter per run; the others set the parameter.
+    pub(crate) fn seeking(&self, state: usize) -> impl Iterator<Item = usize> {
+        let runs = self.runs.iter().enumerate();
+        runs.filter(move |(_, run)| run.initial[state].is_none())
+            .map(|(j, _)| j)
     }
 
     /// Name of the unit of a measured quantity, by its number, if it has one.

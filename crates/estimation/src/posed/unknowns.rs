@@ -65,6 +65,17 @@ pub fn calibration(what: &str, column: &str) -> String {
     format!("{what}({column})")
 }
 
+/// Whether this is the name of the gain or offset of a measured column.
+fn is_sensor(name: &str, file: &ProblemFile) -> bool {
+    let mut columns = file.measured.iter().map(|own| &own.column.value);
+    columns.any(|column| {
+        ["gain", "offset"]
+            .map(|what| calibration(what, column))
+            .iter()
+            .any(|own| own == name)
+    })
+}
+
 impl Parameters {
     /// The parameters of a file with these instances.
     ///
@@ -257,6 +268,13 @@ impl Parameters {
         let name = &line.name.value;
         if !is_identifier(name) || ["time", "pi", "y"].contains(&name.as_str()) {
             return Err(match name.contains('.') {
+                _ if is_sensor(name, file) => {
+                    let fault = format!(
+                        "`{name}` is sought without start, range or prior; to give it these, declare a parameter of the \
+                         problem and name it in [[measured]], as in gain = \"g\""
+                    );
+                    ProblemError::maybe_at(line.name.place.as_ref(), fault)
+                }
                 true => no_parameter(&line.name, file, joint, &self.names),
                 false => {
                     let fault = format!(
@@ -283,26 +301,15 @@ impl Parameters {
             ("offset", &measured.offset, 0.0, unit),
         ];
         for (what, calibrated, start, unit) in sensors {
-            if let Calibration::Formula(_) = calibrated {
-                continue;
-            }
             let name = calibration(what, &measured.column.value);
-            if self.own_units.insert(name.clone(), unit.clone()).is_some() {
-                let fault = format!(
-                    "the {what} of the column `{}` is sought twice",
-                    measured.column.value
-                );
-                return Err(ProblemError::at(&measured.place, fault));
-            }
-            self.names.push(name.clone());
             match calibrated {
-                Calibration::Formula(_) => {}
+                Calibration::Formula(_) => continue,
                 Calibration::Found(value) => {
-                    self.meanings.insert(name, Meaning::Number(*value));
+                    (self.meanings).insert(name.clone(), Meaning::Number(*value));
                 }
                 Calibration::Sought(per) => self.add(Unknown {
-                    name,
-                    unit,
+                    name: name.clone(),
+                    unit: unit.clone(),
                     start,
                     min: None,
                     max: None,
@@ -313,6 +320,14 @@ impl Parameters {
                     place: Some(measured.place.clone()),
                 }),
             }
+            if self.own_units.insert(name.clone(), unit).is_some() {
+                let fault = format!(
+                    "the {what} of the column `{}` is sought twice",
+                    measured.column.value
+                );
+                return Err(ProblemError::at(&measured.place, fault));
+            }
+            self.names.push(name);
         }
         Ok(())
     }

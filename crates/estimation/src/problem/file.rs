@@ -319,6 +319,11 @@ impl RunLine {
         let changes = self.changes.iter().flat_map(|change| &change.set);
         self.set.iter().chain(changes)
     }
+
+    /// Whether a parameter is set for the whole run.
+    pub fn is_set(&self, name: &str) -> bool {
+        self.set.iter().any(|set| set.name.value == name)
+    }
 }
 
 /// A value set for a run.

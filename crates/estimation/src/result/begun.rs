@@ -1,7 +1,7 @@
 //! Initial values of the runs of a fit, other than the sought parameters.
 
 use crate::posed::Posed;
-use crate::problem::file::matching;
+use crate::problem::file::{Per, matching};
 use crate::result::{Fit, Found};
 
 impl Fit {
@@ -53,6 +53,7 @@ impl Fit {
             name: name.clone(),
             unit: posed.joint.unit(name).map(str::to_owned),
             values,
+            per: Per::All,
             is_tied: false,
             bound: None,
         }

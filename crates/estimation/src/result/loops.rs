@@ -1,7 +1,7 @@
 //! The loops formed by the instances of a problem, each opened at a wire and linearised at the end of the first run.
 
 use crate::posed::Posed;
-use crate::problem::file::Quantity;
+use crate::problem::file::{Per, Quantity};
 use crate::result::Found;
 use crate::result::opened::Opened;
 use crate::search::solved::Solved;
@@ -136,6 +136,7 @@ impl<'p> Looped<'p> {
             name: figure.name,
             unit: Some(figure.unit.to_owned()),
             values: vec![(None, figure.value)],
+            per: Per::All,
             is_tied: true,
             bound: None,
         });

@@ -15,7 +15,7 @@ pub mod uncertainty;
 
 use crate::innovations::{Ahead, Optimum, ahead};
 use crate::posed::{Posed, Stands, poles, variables};
-use crate::problem::file::Noise;
+use crate::problem::file::{Noise, Per};
 use crate::result::diagnostic::Diagnostic;
 use crate::result::events::Events;
 use crate::result::uncertainty::found::{Uncertainty, Unsure};
@@ -106,6 +106,8 @@ pub struct Found {
     pub unit: Option<String>,
     /// Its value, or its values for each run or subject with their names.
     pub values: Vec<(Option<String>, f64)>,
+    /// What it was sought separately for.
+    pub per: Per,
     /// Whether it follows from other parameters.
     pub is_tied: bool,
     /// The bound of its range on which it lies.
@@ -404,8 +406,8 @@ fn parameters(posed: &Posed<'_>, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec
             Stands::Subjects(subjects) => (subjects.iter())
                 .map(|(subject, k)| (Some(subject.clone()), found(theta[*k])))
                 .collect(),
-            Stands::State(k) => (posed.data.iter().zip(states))
-                .map(|(run, states)| (Some(run.name()), found(states[0][*k])))
+            Stands::State(k) => (posed.seeking(*k))
+                .map(|j| (Some(posed.data[j].name()), found(states[j][0][*k])))
                 .collect(),
         };
         let range = [unknown.min, unknown.max];
@@ -418,6 +420,7 @@ fn parameters(posed: &Posed<'_>, states: &[Vec<Vec<f64>>], theta: &[f64]) -> Vec
                 [unknown.start, unknown.nominal.unwrap_or(1.0)],
             ),
             values,
+            per: unknown.per,
             is_tied: false,
         });
     }
@@ -458,6 +461,7 @@ fn expressed(
             unit: posed.joint.unit(name).map(str::to_owned),
             bound: reached([about.min, about.max], &values, sizes),
             values,
+            per: Per::All,
             is_tied: true,
         }
     };

@@ -42,17 +42,28 @@ pub fn compare(
     open: OpenInParallel<'_>,
     ask: &Ask<'_>,
 ) -> Result<Compared, ProblemError> {
-    let posed = files.iter().map(|file| Posed::new(file, open));
-    let posed: Vec<Posed<'_>> = posed.collect::<Result<_, _>>()?;
-    posed[1..]
-        .iter()
-        .try_for_each(|other| check_same(&posed[0], other))?;
-    let runs = fitted(&files[0]);
-    let all = files.len() * (1 + runs.len());
+    let posed = posed(files, open)?;
+    let all = files.len() * (1 + fitted(&files[0]).len());
     let whole: Vec<Fit> = each(&posed, (0, all), ask, |posed, goes_on| {
         let observer: &mut Observer<'_> = &mut |_| goes_on();
         Ok(fit(posed, observer))
     })?;
+    compare_fits(files, whole, open, ask)
+}
+
+/// As [`compare`], where the fits to all runs are known.
+///
+/// # Errors
+/// As [`compare`].
+pub fn compare_fits(
+    files: &[ProblemFile],
+    whole: Vec<Fit>,
+    open: OpenInParallel<'_>,
+    ask: &Ask<'_>,
+) -> Result<Compared, ProblemError> {
+    let posed = posed(files, open)?;
+    let runs = fitted(&files[0]);
+    let all = files.len() * (1 + runs.len());
     // Runs have the same order in all files, possibly with validation runs between them.
     let folds = files.iter().zip(&whole).flat_map(|(file, whole)| {
         let runs = fitted(file).into_iter();
@@ -94,4 +105,16 @@ pub fn compare(
             })
             .collect(),
     })
+}
+
+/// The problems, which must have the same data.
+fn posed<'f>(
+    files: &'f [ProblemFile],
+    open: OpenInParallel<'_>,
+) -> Result<Vec<Posed<'f>>, ProblemError> {
+    let posed = files.iter().map(|file| Posed::new(file, open));
+    let posed: Vec<Posed<'_>> = posed.collect::<Result<_, _>>()?;
+    let mut others = posed[1..].iter();
+    others.try_for_each(|other| check_same(&posed[0], other))?;
+    Ok(posed)
 }

@@ -30,7 +30,7 @@ pub struct Ordered {
 
 /// Fits the problem with each of these orders of the only instance whose model has an order (`linear`). The transfer
 /// function of each order begins at the previous solution, if there is one, with an added fast pole and a zero near it,
-/// so that a larger order does not fit worse than a smaller one.
+/// so that a larger order does not fit worse than a smaller one. Where `goes_on` stops a fit, higher orders are not fitted.
 ///
 /// # Errors
 /// When not exactly one instance has an order, or a coefficient has any setting beyond a plain search: coefficients of
@@ -44,7 +44,7 @@ pub fn ordered(
     let instance = instance(file)?;
     check(file, &instance)?;
     let mut all: Vec<Ordered> = Vec::new();
-    for order in orders {
+    for order in orders.take_while(|_| goes_on().is_continue()) {
         let before = all.last().filter(|own| own.fit.is_answer());
         let start = before.map(|own| grown(&coefficients(&own.fit, &instance)));
         let mut file = with_order(file, &instance, order, start.as_deref());

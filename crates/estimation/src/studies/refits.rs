@@ -211,8 +211,11 @@ fn coordinates(posed: &Posed<'_>, stands: &Stands) -> Vec<(Option<String>, Coord
         Stands::Subjects(all) => (all.iter())
             .map(|(subject, k)| (Some(subject.clone()), Coordinate::Shared(*k)))
             .collect(),
-        Stands::State(state) => (posed.data.iter().enumerate())
-            .map(|(run, own)| (Some(own.name()), Coordinate::Initial { run, state: *state }))
+        Stands::State(state) => (posed.seeking(*state))
+            .map(|run| {
+                let at = Coordinate::Initial { run, state: *state };
+                (Some(posed.data[run].name()), at)
+            })
             .collect(),
     }
 }

@@ -27,6 +27,8 @@ pub struct Judged {
     pub run: RunFit,
     /// Its free initial states, estimated from the run itself with all parameters held.
     pub initial: Vec<Found>,
+    /// Parameters per subject with the mean of the other subjects, since no fitted run has the subject of this one.
+    pub averaged: Vec<String>,
     /// False if that estimate has not converged. The run then has no figures.
     pub is_answer: bool,
 }
@@ -43,7 +45,7 @@ impl Judged {
 }
 
 /// The validation runs of a problem. Parameters have their fitted values, those per subject in the subject's runs. A
-/// parameter per run has the mean of the fitted runs. Free initial states are estimated from the run with all
+/// parameter per run has the mean of the fitted runs, and one per subject that of the subjects where no fitted run has the run's. Free initial states are estimated from the run with all
 /// parameters held; without free ones the run is simulated.
 ///
 /// # Errors
@@ -57,21 +59,41 @@ pub fn validated(
     if file.runs.iter().all(|run| run.fits) {
         return Ok(Vec::new());
     }
+    let predicted = file.runs.iter().filter(|run| !run.fits);
+    let averaged: Vec<Vec<String>> = predicted.map(|run| averaged(file, found, run)).collect();
     let file = fixed(file, found);
     let posed = Posed::new(&file, open)?;
-    if posed
-        .runs
-        .iter()
-        .all(|run| run.initial.iter().all(Option::is_some))
-    {
-        return Ok(simulated(&posed));
-    }
-    let alone = (0..file.runs.len()).map(|own| {
-        let mut file = file.clone();
-        file.runs = vec![file.runs.swap_remove(own)];
-        estimated(&Posed::new(&file, open)?, goes_on)
-    });
-    alone.collect()
+    let is_simulated = (posed.runs.iter()).all(|run| run.initial.iter().all(Option::is_some));
+    let judged: Vec<Judged> = match is_simulated {
+        true => simulated(&posed),
+        false => (0..file.runs.len())
+            .map(|own| {
+                let mut file = file.clone();
+                file.runs = vec![file.runs.swap_remove(own)];
+                estimated(&Posed::new(&file, open)?, goes_on)
+            })
+            .collect::<Result<_, _>>()?,
+    };
+    let all = judged.into_iter().zip(averaged);
+    Ok(all
+        .map(|(own, averaged)| Judged { averaged, ..own })
+        .collect())
+}
+
+/// Names of the parameters per subject that no fitted run determines for the subject of this run.
+fn averaged(file: &ProblemFile, fit: &Fit, run: &RunLine) -> Vec<String> {
+    let is_known = |name: &str| {
+        let fitted = file.runs.iter().filter(|other| other.fits);
+        let mut own = fitted.filter(|other| other.subject == run.subject);
+        run.subject.is_some() && own.any(|other| !other.is_set(name))
+    };
+    let names = (fit.parameters.iter())
+        .filter(|found| found.per == Per::Subject)
+        .map(|found| &found.name);
+    names
+        .filter(|name| !run.is_set(name) && !is_known(name))
+        .cloned()
+        .collect()
 }
 
 /// Simulates runs without unknowns.
@@ -80,6 +102,7 @@ fn simulated(posed: &Posed<'_>) -> Vec<Judged> {
     let judged = |run: RunFit| Judged {
         run,
         initial: Vec::new(),
+        averaged: Vec::new(),
         is_answer: true,
     };
     Fit::runs(posed, &problem, &z)
@@ -96,6 +119,7 @@ fn estimated(posed: &Posed<'_>, goes_on: &GoesOn<'_>) -> Result<Judged, ProblemE
     let initial = found.initial(posed).into_iter().filter(is_free).collect();
     Ok(Judged {
         initial,
+        averaged: Vec::new(),
         is_answer: found.is_answer(),
         run: found.runs.swap_remove(0),
     })
@@ -165,8 +189,8 @@ fn line(found: &Found) -> Sought {
 /// Sets a parameter to the value of the run's subject.
 fn set_subject(run: &mut RunLine, found: &Found) {
     let is_own = |(label, _): &&(Option<String>, f64)| label.is_some() && *label == run.subject;
-    let is_set = run.set.iter().any(|set| set.name.value == found.name);
-    if let Some((_, value)) = found.values.iter().find(is_own).filter(|_| !is_set) {
+    let own = found.values.iter().find(is_own);
+    if let Some((_, value)) = own.filter(|_| !run.is_set(&found.name)) {
         run.set.push(Set {
             name: Spanned::from(found.name.clone()),
             value: Formula::of_number(*value),

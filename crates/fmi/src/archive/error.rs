@@ -17,7 +17,7 @@ pub enum ArchiveError {
         source: io::Error,
     },
     /// It is not a zip file, or is damaged.
-    #[error("{} is no zip archive, or a damaged one", path.display())]
+    #[error("{} is no zip archive, or a damaged one (copy it again, or name another file)", path.display())]
     NotAnArchive {
         /// The file.
         path: PathBuf,

@@ -82,6 +82,23 @@ pub enum TrialError {
         /// The value.
         value: f64,
     },
+    /// A position or target is implausibly large.
+    #[error(
+        "{file}: {column} = {value:e} m at {time} s; expected less than {limit:e} m in magnitude: empty the cell if it is an \
+         error, or give the column its unit, as in `position [mm]`"
+    )]
+    Far {
+        /// The file.
+        file: String,
+        /// `position` or `target`.
+        column: &'static str,
+        /// Time of the sample \[s\].
+        time: f64,
+        /// The value \[m\].
+        value: f64,
+        /// The limit \[m\].
+        limit: f64,
+    },
     /// The target is missing at a sample.
     #[error("{file}: no target at {time} s; the target must be known at every sample")]
     NoTarget {

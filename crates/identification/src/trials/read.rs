@@ -8,6 +8,9 @@ use pilotage_units::Unit;
 use sha2::{Digest, Sha256};
 use std::path::Path;
 
+/// Limit on the magnitude of positions and targets \[m\]: more than twice the distance to the Moon.
+const FARTHEST: f64 = 1e9;
+
 /// Minimum number of recorded positions: fewer do not determine six parameters.
 const MIN_SAMPLES: usize = 10;
 
@@ -123,6 +126,19 @@ impl Trial {
                 found,
                 expected: MIN_SAMPLES,
             });
+        }
+        let far = [("position", &self.position), ("target", &self.target)];
+        for (column, values) in far {
+            let mut samples = self.time.iter().zip(values);
+            if let Some((time, value)) = samples.find(|(_, value)| value.abs() > FARTHEST) {
+                return Err(TrialError::Far {
+                    file: file(),
+                    column,
+                    time: *time,
+                    value: *value,
+                    limit: FARTHEST,
+                });
+            }
         }
         let stick = self.stick.iter().flatten();
         match stick.enumerate().find(|(_, stick)| stick.abs() > 1.0) {

@@ -1,5 +1,6 @@
 //! `--leave-one-out` and `--per-run`: fits of the same problem to some of its runs.
 
+use super::summary;
 use crate::cli::Failure;
 use crate::cli::deadline::Deadline;
 use crate::cli::folds::Folds;
@@ -115,6 +116,7 @@ impl Checked {
         json!({
             "name": name,
             "converged": known.is_some(),
+            "mean_of_subjects": own.map(|own| &own.averaged),
             "surprise": known.map(|own| own.surprise(&self.noises)),
             "measured": measured,
         })
@@ -125,6 +127,7 @@ impl Checked {
         let mut text = String::new();
         if let Some(rows) = self.left_out_rows(fit) {
             text += &format!("\n{}{LEFT_OUT}\n", aligned(&rows));
+            self.averaged().for_each(|note| text += &note);
         }
         if let Some(own) = &self.per_run {
             text += &format!("\n{}", aligned(&alone_rows(own, fit)));
@@ -142,7 +145,9 @@ impl Checked {
                 header: LEFT_OUT_HEADER.to_vec(),
                 numeric: vec![2, 3, 4, 5],
                 rows: rows.into_iter().skip(1).map(Vec::from).collect(),
-                notes: vec![LEFT_OUT.to_owned()],
+                notes: std::iter::once(LEFT_OUT.to_owned())
+                    .chain(self.averaged())
+                    .collect(),
             };
             ("Left out", table)
         });
@@ -156,6 +161,12 @@ impl Checked {
             ("Fitted alone", table)
         });
         left_out.into_iter().chain(alone).collect()
+    }
+
+    /// Notes about left-out runs whose subject has no other run.
+    fn averaged(&self) -> impl Iterator<Item = String> {
+        let all = self.left_out.iter().flatten();
+        all.filter_map(|(_, own)| summary::averaged(own.as_ref()?))
     }
 
     fn left_out_rows(&self, fit: &Fit) -> Option<Vec<[String; 6]>> {
@@ -225,6 +236,7 @@ fn alone_rows(own: &PerRun, whole: &Fit) -> Vec<[String; 6]> {
 fn row(name: &str, group: &str, (fit, interval): (&Fit, Option<&Interval>)) -> [String; 6] {
     let found = fit.parameters.iter().find(|found| found.name == name);
     let value = found.filter(|_| fit.is_answer()).map(|own| own.mean());
+    let interval = interval.filter(|_| fit.is_answer());
     [
         name.to_owned(),
         group.to_owned(),
@@ -287,7 +299,7 @@ fn per_run_json(own: &PerRun) -> Value {
                 .parameters
                 .iter()
                 .find(|found| found.name == plain);
-            let interval = group.intervals.get(k);
+            let interval = group.intervals.get(k).filter(|_| group.fit.is_answer());
             let object = json!({
                 "value": found.filter(|_| group.fit.is_answer()).map(|own| own.mean()),
                 "sd": interval.map(|own| own.sd),

@@ -20,7 +20,6 @@ use crate::estimation::fit::Progress;
 use crate::estimation::left_over::processes;
 use crate::estimation::validation::validated;
 use crate::estimation::{Fit, Posed, ProblemFile, part, refits};
-use crate::report::Figure;
 use crate::sqp::{Iteration, Status};
 pub use checks::Checks;
 use models::Fitted;
@@ -54,15 +53,16 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     file.options.covariance = args.covariance.or(file.options.covariance);
     let deadline = Deadline::after(args.time_limit);
     let mut chosen = None;
+    let mut known = None;
     if let Some(orders) = &args.orders {
         interrupt::listen("stopping")?;
         let found = orders.problem(&file, deadline)?;
         orders::print_choice(args, &found)?;
         match found.taken {
-            Some(taken) => file = taken,
+            Some(taken) => (file, known) = (taken.file, Some(taken.fit)),
             None => return args.without_order(&found.json),
         }
-        chosen = Some(found.json);
+        chosen = Some((found.json, found.is_whole));
     }
     let posed = Posed::new(&file, &part::open)?;
     let solves_again = args.refits.flag().or(args.checks.flag());
@@ -87,7 +87,7 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         terminal::print(&excitation::first_lines(own))?;
     }
     (before.words().iter()).for_each(|words| terminal::note(words));
-    let mut fit = solved(args, &posed, deadline);
+    let mut fit = known.unwrap_or_else(|| solved(args, &posed, deadline));
     fit.diagnostics.extend(before.doubts(&fit));
     // A user who stopped the fit still wants to see its validation.
     let was_asked = interrupt::is_asked();
@@ -116,11 +116,13 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     if let Some(path) = &args.report {
         overwrite::save(path, page::page(&outcome, &made()))?;
     }
+    let (orders, is_compared) = chosen.unzip();
     terminal::print(&match args.json {
-        true => format!("{:#}\n", with_orders(summary::to_json(&outcome), chosen)),
+        true => format!("{:#}\n", with_orders(summary::to_json(&outcome), orders)),
         false => summary::to_text(&outcome) + &next(args, &fit, &fitted),
     })?;
     let is_whole = refitted.as_ref().is_none_or(Refitted::is_whole) && checked.is_whole;
+    let is_whole = is_whole && is_compared.unwrap_or(true);
     let outcome = match fit.is_answer() && is_whole {
         true => Outcome::Done,
         false => Outcome::No,
@@ -154,13 +156,13 @@ fn refitted(
     }
 }
 
-/// Fits a problem and returns the figures of its page.
-pub fn figures_of(path: &Path) -> Result<Vec<Figure>, Failure> {
+/// Fits a problem and returns its page.
+pub fn page_of(path: &Path) -> Result<String, Failure> {
     let file = ProblemFile::read(path)?;
     let posed = Posed::new(&file, &part::open)?;
     let fit = crate::estimation::fit(&posed, &mut |_| ControlFlow::Continue(()));
     let judged = validated(&file, &fit, &part::open, &|| ControlFlow::Continue(()))?;
-    Ok(page::figures(&summary::Outcomes {
+    let outcome = summary::Outcomes {
         posed: &posed,
         fit: &fit,
         judged: &judged,
@@ -168,7 +170,8 @@ pub fn figures_of(path: &Path) -> Result<Vec<Figure>, Failure> {
         before: None,
         processes: &processes(&posed, &fit),
         checked: &checks::Checked::default(),
-    }))
+    };
+    Ok(page::page(&outcome, &made()))
 }
 
 fn check_outputs(

@@ -70,7 +70,7 @@ fn facts(outcomes: &Outcomes<'_>) -> Vec<(&'static str, String)> {
 }
 
 /// All figures of a fit, in page order.
-pub fn figures(outcomes: &Outcomes<'_>) -> Vec<Figure> {
+fn figures(outcomes: &Outcomes<'_>) -> Vec<Figure> {
     let fit = outcomes.fit;
     let mut all = vec![response(outcomes)];
     all.extend(bode(outcomes));

@@ -243,6 +243,9 @@ fn run(outcomes: &Outcomes<'_>, own: Used<'_>) -> Value {
         "use": own.usage(),
         "measured": measured(outcomes, own),
     });
+    if let Some(judged) = own.judged {
+        object["mean_of_subjects"] = json!(judged.averaged);
+    }
     if let Some(judged) = own.judged.filter(|judged| !judged.initial.is_empty()) {
         let initial = judged.initial.iter();
         let initial = initial.map(|own| (own.name.clone(), json!(own.mean())));
@@ -356,7 +359,28 @@ fn judged(outcomes: &Outcomes<'_>) -> String {
     for own in all.filter(|own| !own.is_answer) {
         text += &format!("{}: no initial states were found for it\n", own.run.name);
     }
+    outcomes
+        .judged
+        .iter()
+        .filter_map(averaged)
+        .for_each(|note| text += &note);
     text
+}
+
+/// The parameters per subject for which a predicted run has the mean of the other subjects.
+pub fn averaged(own: &Judged) -> Option<String> {
+    let names: Vec<String> = own
+        .averaged
+        .iter()
+        .map(|name| format!("`{name}`"))
+        .collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "{}: no fitted run has its subject, so it has the mean of the others for {}\n",
+            own.run.name,
+            names.join(", ")
+        )
+    })
 }
 
 /// The objective, or the reason why there is none.

@@ -24,13 +24,17 @@ impl Assembly<'_> {
         }
         for (unknown, stands) in self.parameters.unknowns.iter().zip(&self.stands) {
             if let Stands::State(_) = stands {
+                let start = unknown.searched(unknown.start);
                 states.push(State {
                     name: unknown.name.clone(),
                     nominal: unknown.searched_nominal(),
-                    guesses: vec![unknown.searched(unknown.start); rows.len()],
+                    guesses: vec![start; rows.len()],
                     shift: None,
                 });
-                known.iter_mut().for_each(|known| known.push(None));
+                // A run that sets the parameter does not determine this value.
+                for (run, known) in self.data.iter().zip(&mut known) {
+                    known.push(run.line.is_set(&unknown.name).then_some(start));
+                }
             }
         }
         if states.is_empty() {

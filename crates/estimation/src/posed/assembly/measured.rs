@@ -199,7 +199,12 @@ impl Assembly<'_> {
         let parameters = self.parameters;
         for (k, unknown) in parameters.unknowns.iter().enumerate() {
             let Some(prior) = unknown.prior else { continue };
-            let in_each = matches!(self.stands[k], Stands::State(_));
+            let is_state = matches!(self.stands[k], Stands::State(_));
+            let data = self.data;
+            let is_there = |j: usize| match is_state {
+                true => !data[j].line.is_set(&unknown.name),
+                false => j == 0,
+            };
             for variable in self.stands[k].variables(self.first_shared()) {
                 let variable = self.graph.variable(variable);
                 let output = match (unknown.log, prior.log) {
@@ -207,16 +212,22 @@ impl Assembly<'_> {
                     (false, true) => self.graph.unary(Function::Ln, variable),
                     _ => variable,
                 };
-                self.expect(output, prior, rows, in_each);
+                self.expect(output, prior, rows, is_there);
             }
         }
     }
 
-    /// Adds a term at the start of the first run, or of each run.
-    pub(super) fn expect(&mut self, output: Node, prior: Prior, rows: &[Rows], in_each: bool) {
+    /// Adds a term at the start of some runs.
+    pub(super) fn expect(
+        &mut self,
+        output: Node,
+        prior: Prior,
+        rows: &[Rows],
+        is_there: impl Fn(usize) -> bool,
+    ) {
         let values = rows.iter().enumerate().map(|(j, rows)| {
             let mut values = vec![f64::NAN; rows.time.len()];
-            if j == 0 || in_each {
+            if is_there(j) {
                 values[0] = prior.mean;
             }
             values

@@ -181,7 +181,7 @@ impl Assembly<'_> {
                     log: false,
                 };
                 let in_each = variable < self.first_shared();
-                self.expect(node, prior, rows, in_each);
+                self.expect(node, prior, rows, |j| j == 0 || in_each);
             }
         }
     }

@@ -3,6 +3,7 @@
 use super::inputs::{Key, Span};
 use super::{Assembly, Done};
 use crate::posed::assembly::made::Stands;
+use crate::posed::data::RunData;
 use crate::posed::names::Of;
 use crate::posed::unknowns::{Meaning, Unknown};
 use crate::problem::error::ProblemError;
@@ -15,8 +16,9 @@ impl Assembly<'_> {
     /// Assigns each unknown its place.
     pub(super) fn find_unknowns(&mut self) -> Done<()> {
         for unknown in &self.parameters.unknowns {
-            let per = match self.data.len() {
-                1 => Per::All,
+            let seeking = self.seeking(&unknown.name).count();
+            let per = match (self.data.len(), seeking) {
+                (1, _) | (_, 0) => Per::All,
                 _ => unknown.per,
             };
             let stands = match per {
@@ -37,10 +39,15 @@ impl Assembly<'_> {
         Ok(())
     }
 
+    /// The runs in which a sought parameter has its sought value, since they do not set it.
+    pub(super) fn seeking<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a RunData<'a>> {
+        self.data.iter().filter(move |run| !run.line.is_set(name))
+    }
+
     /// Adds a shared parameter for each subject.
     fn find_subjects(&mut self, name: &str) -> Done<Vec<(String, usize)>> {
         let mut subjects: Vec<(String, usize)> = Vec::new();
-        for run in self.data {
+        for run in self.data.iter().filter(|run| !run.line.is_set(name)) {
             let Some(subject) = &run.line.subject else {
                 let fault = format!(
                     "`{name}` has one value for each subject, and this run has none; write subject = \"...\""

@@ -121,7 +121,13 @@ impl Reader<'_> {
         if table.is_table(field) {
             let own = table.required(field, table.table(field)?)?;
             own.only(&["per"])?;
-            return Ok(Calibration::Sought(per(own)?));
+            return match per(own)? {
+                Per::All => {
+                    let fault = "expected { per = \"run\" } or { per = \"subject\" }; one value for all runs is \"free\"";
+                    Err(at(table, field, fault))
+                }
+                per => Ok(Calibration::Sought(per)),
+            };
         }
         self.check_word(table, field, &["free"])?;
         let formula = match table.string(field) {
