@@ -675,7 +675,7 @@ fn the_command_says_what_the_fit_says() {
     assert!(
         ended
             .stderr
-            .contains("trial far: position = 1e100 m at 5 s; expected"),
+            .contains("far.csv: position = 1e100 m at 5 s; expected"),
         "{ended:?}"
     );
 

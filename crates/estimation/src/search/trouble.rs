@@ -45,7 +45,9 @@ fn of_residuals(posed: &Posed<'_>, (j, sample): (usize, usize), at: &[f64]) -> O
                 "log-normal noise has values above 0".to_owned()
             }
             _ => {
-                format!("with the standard deviation {sd} the residual is too large to be squared")
+                format!(
+                    "with the standard deviation {sd:?} the residual is too large to be squared"
+                )
             }
         };
         Some(format!(
