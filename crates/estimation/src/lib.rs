@@ -34,8 +34,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Use this crate if models are text and data are files. It builds on `pilotage-collocation`, which takes equations in
-//! Rust.
+//! Use this crate if models are text and data are files. An instance may also be a model in Rust, by the trait of
+//! `pilotage-sdk`: pass a function that opens it with [`Part::of_equations`](part::Part::of_equations) in place of
+//! [`part::open`]. The crate builds on `pilotage-collocation`, which takes equations of any form.
 //!
 //! | module, each used by the next | contents |
 //! | --- | --- |

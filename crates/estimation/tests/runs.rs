@@ -2,8 +2,10 @@
 //! speaks against a fit.
 
 use pilotage_estimation::evaluate::evaluate;
+use pilotage_estimation::part::Part;
 use pilotage_estimation::validation::validated;
 use pilotage_estimation::{Fit, Posed, ProblemFile, fit, part};
+use pilotage_sdk::{At, Equations, Scalar, Table};
 use std::ops::ControlFlow;
 use std::path::Path;
 use tempfile::TempDir;
@@ -142,6 +144,50 @@ fn a_fixed_parameter_holds_in_validation_runs() {
             assert!((own - fitted).abs() < 1e-4, "{own} is not {fitted}");
         }
     }
+}
+
+/// The decay of the model file, in Rust.
+struct Decay;
+
+impl Equations for Decay {
+    fn table(&self) -> Table {
+        Table::new("decay", "It can be stopped.")
+            .input("flow", "1/h", "What flows in")
+            .parameter("rate", "1/h", 0.5, "What flows out")
+            .parameter("full", "1", 5.0, "What the gauge shows at most")
+            .output_state("x", "1", 2.0, "What is left")
+            .output("gauge", "1", "What is shown")
+            .limited("gauge", "full")
+    }
+
+    fn output<T: Scalar>(&self, at: At<T>, y: &mut [T]) {
+        y[0] = at.x[0];
+    }
+
+    fn derivative<T: Scalar>(&self, At { x, u, p, .. }: At<T>, dx: &mut [T]) {
+        dx[0] = (u[0] - p[0] * x[0]) / 3600.0;
+    }
+}
+
+/// What is written in Rust is fitted as what is written in a file.
+#[test]
+fn equations_in_rust_are_fitted() {
+    let data = table("time [h],x", hours(), |t| 2.0 * (-0.8 * t).exp());
+    let folder = folder(&[("tank.toml", DECAY), ("run.csv", &data)]);
+    let text = format!("{PROBLEM}{}", run("run.csv"));
+    let file = ProblemFile::parse(&text, &folder.path().join("problem.toml")).expect("read");
+    let posed = Posed::new(&file, &|_| Part::of_equations(&Decay)).expect("posed");
+    let own = fit(&posed, &mut |_| ControlFlow::Continue(()));
+    let other = found(&text, &folder);
+    assert!(own.is_answer(), "{:?}", own.diagnostics);
+    let rates = [&own, &other].map(|fit| fit.parameters[0].mean());
+    assert!(
+        (rates[0] - 0.8).abs() < 1e-5 && (rates[0] - rates[1]).abs() < 1e-9,
+        "{rates:?}"
+    );
+    assert_eq!(own.parameters[0].unit.as_deref(), Some("1/h"));
+    let is_limit = |name: &String| name.contains("tank.gauge");
+    assert!(posed.names.bounds.iter().any(is_limit), "{:?}", posed.names);
 }
 
 /// Each subject's sensor keeps its gain in runs that are not fitted, and a run may set another.

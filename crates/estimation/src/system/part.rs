@@ -184,16 +184,24 @@ impl Part {
     pub fn of_equations<E: Equations>(equations: &E) -> Result<Self, ProblemError> {
         let mut model = traced(equations).map_err(|error| ProblemError::Part(error.to_string()))?;
         let table = equations.table();
-        let variables: HashMap<String, About> = of_table(&table).collect();
-        let start = |name: &String| variables.get(name).map_or(0.0, |about| about.start);
-        let starts: Vec<f64> = model.states.iter().map(start).collect();
-        let graph = &mut model.system.graph;
+        let mut variables: HashMap<String, About> = of_table(&table).collect();
+        let start = |index: usize| table.variables()[index].start.unwrap_or_default();
+        let mut starts = Vec::new();
+        for (name, start) in model.states.iter().zip(table.starts().map(start)) {
+            starts.push(model.system.graph.constant(start));
+            if let Some(about) = variables.get_mut(name) {
+                about.start = start;
+            }
+        }
+        let mut limits = vec![None; model.outputs.len()];
+        for (output, parameter) in table.limits() {
+            let place = model.system.parameter(*parameter);
+            let high = model.system.graph.variable(place);
+            limits[*output] = Some([model.system.graph.negate(high), high]);
+        }
         Ok(Self {
-            starts: starts
-                .into_iter()
-                .map(|start| graph.constant(start))
-                .collect(),
-            limits: vec![None; model.outputs.len()],
+            starts,
+            limits,
             file: None,
             fmu: None,
             variables,
