@@ -15,27 +15,28 @@ use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
 Examples:
-  # Has the pilot a delay? Two problem files that differ in the pilot alone.
+  # Does the pilot have a delay? Two problem files that differ in the pilot only.
   pilotage compare without_delay.toml with_delay.toml
 
-  # For scripts: unknowns, AICc, BIC, what each run says when it is left out, and what is taken.
+  # For scripts: unknowns, AICc, BIC, the prediction of each left-out run, and the selected problem.
   pilotage compare order1.toml order2.toml order3.toml --json
 
-Each problem is fitted to all of its runs, and to all but one, for each run. A free initial state of a
-run that is left out is fitted to it with all else held, and counts 2 in what it says. Taken is the
-problem with the fewest unknowns that no larger one beats at the runs that were left out (Student's test
-over runs, 5 % for all comparisons together). AICc and BIC stand beside it: they believe that residuals
-are white.
-Exit codes: 0 done, 1 a problem has no answer or there are fewer than three runs, 2 bad use or input.";
+Each problem is fitted to all runs, and once without each run, which is then predicted. A free initial state
+of a left-out run is estimated from it with the parameters held, and adds 2 to its −2 log likelihood.
+Selected is the problem with the fewest unknowns that no larger one surpasses in the prediction of left-out
+runs (Student's test over runs, 5 % for all comparisons together). AICc and BIC are reported too; they
+assume white residuals.
+Exit codes: 0 done, 1 a problem has no solution, the comparison was stopped, or there are fewer than three
+runs, 2 bad use or input.";
 
 /// Arguments of `pilotage compare`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Problem files with the same runs and measured columns: docs/problems.md.
+    /// Problem files with the same runs and measured columns (docs/problems.md).
     #[arg(value_name = "PROBLEM", num_args = 2.., required = true)]
     problems: Vec<PathBuf>,
-    /// End after this time [s].
+    /// Stop after this time [s].
     #[arg(long, value_name = "SECONDS", value_parser = super::number::positive, allow_hyphen_values = true)]
     time_limit: Option<f64>,
     /// Print one JSON object instead of text.
@@ -207,10 +208,10 @@ pub fn words(
         text += &others.join(", ");
         text += &match colour {
             Some(correlation) => format!(
-                "; it believes that residuals are white, and the next is correlated with the last by {}\n",
+                "; it assumes white residuals, but neighbouring ones have a correlation of {}\n",
                 significant(correlation, 2)
             ),
-            None => "; of runs that are left out it does not predict more\n".to_owned(),
+            None => "; it predicts left-out runs no better\n".to_owned(),
         };
     }
     text
@@ -224,8 +225,8 @@ fn unscaled(own: &Candidate) -> Option<String> {
     let is_odd = size.is_finite() && !(1.0 / FACTOR..FACTOR).contains(&size);
     is_odd.then(|| {
         format!(
-            "note: residuals are {} standard deviations in the mean, as `sd` of [[measured]] has them (1 where nothing is said): \
-             AICc, BIC and what is left out weigh the data by that; state sd, or seek it as a parameter\n",
+            "note: residuals are {} times `sd` of [[measured]] (1 if none is given) in the mean, by which AICc, BIC and the \
+             prediction of left-out runs weight the data; state sd, or estimate it as a parameter\n",
             significant(size, 2)
         )
     })

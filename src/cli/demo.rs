@@ -21,7 +21,7 @@ use std::path::PathBuf;
 /// Arguments of `pilotage demo`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The folder to fill.
+    /// Folder for the results.
     #[arg(short, long, value_name = "FOLDER", default_value = "pilotage-demo")]
     output: PathBuf,
     /// Write into a folder that is not empty.

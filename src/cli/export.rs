@@ -31,7 +31,7 @@ pub struct Args {
     command: Option<Command>,
     #[command(flatten)]
     model: Option<ModelArgs>,
-    /// The FMU to write [default: the model's name].
+    /// FMU to write [default: the model's name].
     #[arg(short, long)]
     output: Option<PathBuf>,
     #[command(flatten)]
@@ -45,13 +45,13 @@ enum Command {
         pilotage export pilot pilot.toml -o pilot.fmu      the pilot that `pilotage fit` found\n  \
         pilotage export pilot --preset paper -o paper.fmu  the published pilot")]
     Pilot {
-        /// Result file of `pilotage fit`.
+        /// Pilot file of `pilotage fit`.
         #[arg(required_unless_present = "preset", conflicts_with = "preset")]
         pilot: Option<PathBuf>,
-        /// A pilot that is known by name.
+        /// A published pilot.
         #[arg(long)]
         preset: Option<Preset>,
-        /// The FMU to write.
+        /// FMU to write.
         #[arg(short, long, default_value = "pilot.fmu")]
         output: PathBuf,
         /// Export the best iterate of a fit that did not converge, marked as such.
@@ -67,7 +67,7 @@ enum Command {
     Quadcopter {
         /// A vehicle file (TOML); the default vehicle where none is given.
         vehicle: Option<PathBuf>,
-        /// The FMU to write.
+        /// FMU to write.
         #[arg(short, long, default_value = "quadcopter.fmu")]
         output: PathBuf,
         #[command(flatten)]
@@ -78,18 +78,17 @@ enum Command {
 /// Which FMU to make.
 #[derive(Debug, clap::Args)]
 pub struct FmuArgs {
-    /// Version of FMI; each with co-simulation and model exchange.
+    /// FMI version; both have co-simulation and model exchange.
     #[arg(long, default_value = "2")]
     fmi: Version,
-    /// A library that was built elsewhere, for another platform (win64, aarch64-darwin, ...); may be
-    /// repeated.
+    /// Add a library built for another platform (win64, aarch64-darwin, ...); may be repeated.
     #[arg(long, value_name = "PLATFORM=FILE")]
     binary: Vec<String>,
-    /// Who made the model.
+    /// Author of the model.
     #[arg(long, value_name = "NAME")]
     author: Option<String>,
-    /// When the FMU is made, such as 2026-01-31T12:00:00Z [default: SOURCE_DATE_EPOCH from the environment,
-    /// else none, so that the same model gives the same file].
+    /// Date of the FMU, such as 2026-01-31T12:00:00Z [default: SOURCE_DATE_EPOCH from the environment, else none, so
+    /// that the same model gives the same file].
     #[arg(long, value_name = "DATE", value_parser = date)]
     date: Option<String>,
     #[command(flatten)]
@@ -167,7 +166,7 @@ impl FmuArgs {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Preset {
-    /// The published θ; see the note that comes with it.
+    /// The θ printed in the paper; see the note in the FMU.
     Paper,
 }
 

@@ -39,7 +39,7 @@ pub use failure::{Failure, Outcome};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
-/// Identify how a human pilot acts on a vehicle, and hand that pilot on as an FMU.
+/// Identify how a human pilot acts on a vehicle, and export that pilot as an FMU.
 #[derive(Debug, Parser)]
 #[command(version, about, max_term_width = 100, arg_required_else_help = true)]
 struct Cli {
@@ -50,17 +50,17 @@ struct Cli {
 /// The commands, in the order in which a user meets them.
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// The whole chain on six example flights: fit, export, validate, co-simulate, report.
+    /// Run the whole chain on six example flights: fit, export, validation, co-simulation, report.
     Demo(demo::Args),
-    /// Check recorded flights, or make synthetic ones.
+    /// Check recorded flights, or generate synthetic ones.
     Trials(trials::Args),
-    /// Fly a vehicle yourself, on a page in the browser, and be recorded and identified.
+    /// Fly a vehicle on a page in the browser; flights are recorded and the pilot is identified.
     Fly(fly::Args),
-    /// Write a problem file for runs and models: what `fit` takes.
+    /// Write a problem file for runs and models.
     Init(init::Args),
-    /// Identify the pilot from recorded flights, or whatever a problem file says.
+    /// Identify a pilot from recorded flights, or the parameters of a problem file.
     Fit(Box<fit::Args>),
-    /// Choose between problem files on the same runs: by runs that are left out, AICc and BIC.
+    /// Select one of several problem files on the same runs: by left-out runs, AICc and BIC.
     Compare(compare::Args),
     /// Show or check the coefficients of the vehicle.
     Vehicle(vehicle::Args),
@@ -70,23 +70,23 @@ enum Command {
     Model(model::Args),
     /// Write a model file, a pilot or a quadcopter as an FMU.
     Export(Box<export::Args>),
-    /// Make an FMU of a model of your own.
+    /// Build an FMU from a model in Rust.
     Pack(pack::Args),
-    /// Draw figures of a fit or of results as files, for papers.
+    /// Draw figures of a fit or of results as files.
     Plot(plot::Args),
-    /// Wire FMUs together and simulate them.
+    /// Connect FMUs and simulate them.
     Cosim(Box<cosim::Args>),
     /// Linearise the coupled system: matrices, poles, margins and effective delay of its loops.
     Linearize(Box<linearize::Args>),
-    /// Check FMUs against the standard, and try them.
+    /// Check FMUs against the standard, and run them.
     Validate(validate::Args),
-    /// Show what an FMU is and which variables it has.
+    /// Show the contents of an FMU: interfaces, variables, units.
     Info(info::Args),
-    /// Load and step one FMU, telling each stage: what `validate` runs in a process of its own.
+    /// Test one FMU and report each stage: `validate` runs it in a separate process.
     #[command(hide = true)]
     Probe(validate::ProbeArgs),
-    /// Run one FMU for another process: what `--isolate` starts.
-    #[command(hide = true)]
+    /// Run one FMU for another process: `--isolate` starts it.
+    #[command(name = system::isolation::COMMAND, hide = true)]
     Isolated(IsolatedArgs),
 }
 

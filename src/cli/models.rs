@@ -10,9 +10,9 @@ use serde_json::{Value, json};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
     pilotage models\n  \
-    pilotage models show crossover > my_pilot.toml     begin a model of one's own from it\n  \
+    pilotage models show crossover > my_pilot.toml     start your own model from it\n  \
     pilotage models show linear --order 4\n\n\
-    A built-in model's name stands wherever a model file does: `pilotage model check hess`, \
+    Names of built-in models can be used in place of model files: `pilotage model check hess`, \
     `pilotage export crossover -o crossover.fmu`, `pilotage cosim pilot=crossover vehicle=integrator ...`.")]
 pub struct Args {
     #[command(subcommand)]
@@ -28,7 +28,7 @@ enum Command {
     Show {
         /// Its name.
         name: String,
-        /// Its order, where it has one.
+        /// Order of a model that has one.
         #[arg(long)]
         order: Option<usize>,
     },

@@ -10,13 +10,13 @@ use std::path::{Path, PathBuf};
 /// Arguments of `pilotage pack`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
-    pilotage pack my-vehicle                 builds the crate in that folder\n  \
-    pilotage pack libmy_vehicle.so --fmi 3   takes a library that is built\n\n\
+    pilotage pack my-vehicle                 builds the crate in this folder\n  \
+    pilotage pack libmy_vehicle.so --fmi 3   uses a library that is built\n\n\
     docs/fmu-models.md shows how to write a model.")]
 pub struct Args {
     /// Folder of a crate, or shared library, made with `pilotage_sdk::export!`.
     model: PathBuf,
-    /// The FMU to write; the model's name where none is given.
+    /// FMU to write [default: the model's name].
     #[arg(short, long)]
     output: Option<PathBuf>,
     #[command(flatten)]

@@ -19,38 +19,38 @@ use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
 Examples:
-  # Which figures and tables there are, and one of them for a paper.
+  # List all figures and tables, and write some of them.
   pilotage fit run*.csv --vehicle vehicle.toml -o pilot.toml --report fit.html
   pilotage plot fit.html
   pilotage plot fit.html --figure open-loop -o open-loop.svg
   pilotage plot fit.html --figure parameters -o parameters.csv
 
-  # Signals of two co-simulations, one over the other, one column wide.
+  # A signal of two co-simulations in one figure, one column wide.
   pilotage plot jacobi.csv strong.csv --figure quadcopter.z --width 85 -o z.png
 
-A page of --report holds its figures: nothing is fitted again. A problem file is fitted. Figures of a pilot file have the
-bands of its [uncertainty].";
+The figures of a report page are read from it, without a fit. A problem file is fitted first. Figures of a pilot file
+have the bands of its [uncertainty].";
 
 /// Arguments of `pilotage plot`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// A page of --report, a pilot file, a problem file, or results of co-simulations (CSV), which are laid over each other.
+    /// A report page, a pilot file, a problem file, or results of co-simulations (CSV), which share their figures.
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
-    /// The figure or table; `list` tells which there are.
+    /// Name of the figure or table; `list` lists all.
     #[arg(long, value_name = "NAME", default_value = "list")]
     figure: String,
-    /// The file to write: .svg, .png, or .csv with the numbers [default: NAME.svg, of a table NAME.csv].
+    /// File to write: .svg, .png, or .csv with the numbers [default: NAME.svg, NAME.csv for a table].
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// One run of many.
+    /// Draw this run only.
     #[arg(long)]
     run: Option<String>,
-    /// Width of the drawing in mm, from 40 to 2000.
+    /// Width of the drawing [mm], from 40 to 2000.
     #[arg(long, default_value_t = 120.0, value_parser = width, allow_hyphen_values = true)]
     width: f64,
-    /// Pixels of a PNG in an inch.
+    /// Resolution of a PNG [pixels per inch].
     #[arg(long, default_value_t = 300.0, value_parser = positive, allow_hyphen_values = true)]
     dpi: f64,
     #[command(flatten)]

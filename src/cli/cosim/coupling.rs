@@ -9,35 +9,34 @@ use clap::ValueEnum;
 /// Algorithm, extrapolation and step-size control.
 #[derive(Debug, clap::Args)]
 pub struct CouplingArgs {
-    /// How the FMUs exchange values.
+    /// Algorithm by which the FMUs exchange values.
     #[arg(long, value_enum, default_value_t)]
     algorithm: AlgorithmName,
-    /// Degree of the polynomials that stand for outputs not known yet [default: 0, values are held].
+    /// Degree of the polynomials that extrapolate inputs within a step [default: 0, inputs are held].
     #[arg(long, value_name = "0..2", value_parser = within(0..=2_u8), allow_hyphen_values = true)]
     extrapolation: Option<u8>,
-    /// Choose the communication steps so that no input is wrong by more than this, relative to its
-    /// magnitude; every multiple of --step is hit. FMUs must be able to go back (canGetAndSetFMUstate)
-    /// for a step to be repeated.
+    /// Adapt the communication step so that the error of each input stays below this, relative to its magnitude;
+    /// every multiple of --step is reached. Steps are repeated only by FMUs that can restore a saved state
+    /// (canGetAndSetFMUstate).
     #[arg(long, value_name = "NUMBER", value_parser = positive, allow_hyphen_values = true)]
     tolerance: Option<f64>,
-    /// Shortest communication step with --tolerance [s] [default: a billionth of --step].
+    /// Minimum communication step with --tolerance [s] [default: a billionth of --step].
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true, requires = "tolerance")]
     min_step: Option<f64>,
-    /// Longest communication step with --tolerance [s] [default: --step].
+    /// Maximum communication step with --tolerance [s] [default: --step].
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true, requires = "tolerance")]
     max_step: Option<f64>,
-    /// Relative tolerance for FMUs with error control of their own [default: a tenth of --tolerance,
-    /// else each FMU's own].
+    /// Relative tolerance for FMUs that have error control [default: a tenth of --tolerance, else each FMU's own].
     #[arg(long, value_name = "NUMBER", value_parser = positive, allow_hyphen_values = true)]
     fmu_tolerance: Option<f64>,
-    /// Have an FMU take every communication step in that many equal parts; may be given many times.
+    /// Divide each communication step of an FMU into N equal steps; may be repeated.
     #[arg(long, value_name = "INSTANCE=N", value_parser = pair)]
     parts: Vec<(String, String)>,
-    /// Let all FMUs step at the same time (jacobi with held inputs and fixed steps): pays where their steps
-    /// take more than about 1 µs and processors are free. Instances of one FMU then run on several threads.
+    /// Step all FMUs at the same time (jacobi with held inputs and fixed steps). It is faster if each step takes more
+    /// than about 1 µs and processors are free. Instances of one FMU then run on several threads.
     #[arg(long, conflicts_with_all = ["extrapolation", "tolerance", "parts", "details", "report"])]
     parallel: bool,
-    /// Time every call, and report each connection, its lag and error, and all calls.
+    /// Time each call, and report the lag and error of each connection and the time of all calls.
     #[arg(long)]
     pub details: bool,
 }
@@ -45,13 +44,12 @@ pub struct CouplingArgs {
 /// [`Algorithm`] by name.
 #[derive(Debug, Clone, Copy, Default, ValueEnum)]
 enum AlgorithmName {
-    /// All FMUs get the others' outputs at the begin of the step, then all step.
+    /// All FMUs step with the outputs at the start of the step.
     #[default]
     Jacobi,
-    /// One FMU after another, in the order of their dependencies, each with the newest values.
+    /// FMUs step one after another, in the order of their dependencies, with the newest outputs.
     GaussSeidel,
-    /// Steps are repeated from saved states until the outputs at their ends fit the inputs: no lag,
-    /// second order.
+    /// Steps are repeated from saved states until inputs and outputs agree: no lag, second order.
     Strong,
 }
 

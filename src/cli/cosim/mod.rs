@@ -33,29 +33,27 @@ Examples:
     --connect pilot.stick=quadcopter.stick --connect quadcopter.z=pilot.position \\
     --set pilot.target=10 --stop-time 15 --step 0.05 -o result.csv
 
-  # Two pilots of one file, by names of their own.
+  # Two instances of one FMU, with names.
   pilotage cosim left=pilot.fmu right=pilot.fmu --stop-time 1 --step 0.1
 
-  # The target over time, from column `target [ft]` of flight.csv; other values from a file.
+  # A target over time from column `target [ft]` of flight.csv; parameters from a file.
   pilotage cosim pilot.fmu --input flight.csv --connect flight.target=pilot.target \\
     --parameters pilot-values.toml --stop-time 15 --step 0.05
 
-  # Few signals, seldom: a long run.
+  # A long run with few recorded signals and rows.
   pilotage cosim pilot.fmu --record 'pilot.s*,pilot.theta1' --record-every 1 \\
     --stop-time 3600 --step 0.05 --progress json
 
-  # The same from a file, which names instances, wires and values: docs/systems.md. --save-system writes one
-  # of whatever was wired.
+  # A system file with instances, wires and values (docs/systems.md); --save-system writes one.
   pilotage cosim system.toml --stop-time 15 --step 0.05
 
-  # With another vehicle, and another target: what is said here goes before what the file says.
+  # The same with another vehicle and another target: arguments take precedence over the file.
   pilotage cosim system.toml vehicle=heavy.fmu --set pilot.target=20 --stop-time 15 --step 0.05
 
 The result has a column `time` [s] and a column `instance.variable [unit]` for every output; --input
-reads it. While the run goes
-it grows in RESULT.part; a run that ends, by whatever reason but a crash, has it under its own name.
-What a crash leaves behind, the next run puts aside and says so.
-Exit codes: 0 done, 1 an FMU failed on the way or Ctrl-C stopped the run (the rows until then are
+reads it. During the run it is in RESULT.part, and is renamed at the end. After a crash RESULT.part
+remains; the next run renames it and reports that.
+Exit codes: 0 done, 1 an FMU failed during the run or Ctrl-C stopped it (the rows until then are
 kept), or signals are NaN or infinite, 2 bad use or input.";
 
 /// Arguments of `pilotage cosim`.
@@ -81,25 +79,25 @@ pub struct Args {
     step: f64,
     #[command(flatten)]
     coupling: CouplingArgs,
-    /// Signals to record, in this order: `instance.variable`, where `*` stands for any characters and `?`
-    /// for one; outputs, inputs and locals, or parameters where nothing else fits [default: all outputs].
+    /// Signals to record, in this order: `instance.variable`, where `*` stands for any characters and `?` for one
+    /// character. A pattern selects outputs, inputs and locals, or parameters if none of these match [default: all
+    /// outputs].
     #[arg(long, value_name = "PATTERN", value_delimiter = ',')]
     record: Vec<String>,
-    /// Time between recorded rows [s]; a multiple of the step [default: the step]. The last row of the run
-    /// comes in any case.
+    /// Time between recorded rows [s], a multiple of the step [default: the step]. The last row is always recorded.
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     record_every: Option<f64>,
-    /// Where the result goes (CSV).
+    /// Result file (CSV).
     #[arg(short, long, value_name = "FILE", default_value = "result.csv")]
     output: PathBuf,
-    /// Write a page: the recorded signals over time, each connection, its lag and error, and all calls, which
-    /// are timed for it.
+    /// Write a page with the recorded signals over time, the lag and error of each connection, and the time of all
+    /// calls.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// Take a result in which signals are NaN or infinite as good: no error, and exit code 0.
+    /// Accept NaN and infinite signals: no error, exit code 0.
     #[arg(long)]
     allow_nan: bool,
-    /// How progress is told on stderr.
+    /// Format of the progress on stderr.
     #[arg(long, value_enum, default_value_t)]
     progress: ProgressFormat,
     /// Print one JSON object instead of text.

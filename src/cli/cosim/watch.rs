@@ -9,15 +9,15 @@ use serde_json::{Value, json};
 use std::io;
 use std::time::{Duration, Instant};
 
-/// How progress is told, on stderr.
+/// Format of the progress on stderr.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 pub enum ProgressFormat {
-    /// A bar, on a terminal and if the run takes long.
+    /// A bar, for long runs on a terminal.
     #[default]
     Bar,
-    /// One JSON object a line, about five times a second.
+    /// One JSON object per line, about five times a second.
     Json,
-    /// Not at all.
+    /// No progress.
     None,
 }
 

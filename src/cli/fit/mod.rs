@@ -42,84 +42,82 @@ use watch::Watch;
 
 const EXAMPLES: &str = "\
 Examples:
-  # The pilot of six flights, with a page about it.
+  # Identify a pilot from recorded flights, and write a report page.
   pilotage fit run*.csv --vehicle vehicle.toml -o pilot.toml --report fit.html
 
-  # Watch the solver: a table for people, or JSON lines for scripts.
+  # Follow the iterations: as a table, or as JSON lines for scripts.
   pilotage fit run*.csv --verbose
   pilotage fit run*.csv --log fit.jsonl
   pilotage fit run*.csv --log - | jq -c 'select(.event == \"iteration\") | [.start, .objective]'
 
-  # Is there a better optimum? Twenty starts from anywhere beside those from the data.
+  # Is there a better optimum? Twenty random starts in addition to those from the data.
   pilotage fit run*.csv --random-starts 20
 
-  # How many orders do the data tell? Runs that are left out decide; of a problem file too.
+  # Which order do the data support? The prediction of left-out runs decides; also for a problem file.
   pilotage fit run*.csv --orders 1..4
   pilotage fit problem.toml --orders 1..4
 
-  # Which pilot brings the vehicle where it was flown: that of its response, or that of the stick?
+  # Which pilot reproduces the flights: the one fitted to the response, or the one fitted to the stick?
   pilotage fit run*.csv --objective both --report both.html
 
   # Another pilot, another vehicle, other signals: a problem file.
   pilotage init run*.csv --pilot crossover -o problem.toml
   pilotage fit problem.toml
 
-  # Intervals where the covariance's may not do: by profiles of the objective, and by 200 replicates of the runs, kept
-  # in a file from which a killed command goes on.
+  # Intervals that do not rely on the covariance: profiles of the objective, and 200 replicates of the runs, stored in a
+  # file from which an interrupted command continues.
   pilotage fit run*.csv --profile
   pilotage fit problem.toml --profile pilot.gain,pilot.delay
   pilotage fit run*.csv --bootstrap 200 --seed 1 --resume refits.csv
 
-  # How well is each run predicted by a fit to the others? Is it one human, or does each run have its own?
+  # How well is each run predicted by a fit to the others? Do all runs have the same parameters?
   pilotage fit problem.toml --leave-one-out
   pilotage fit problem.toml --per-run --report fit.html
 
-  # At most ten seconds, and from where that ended.
+  # At most ten seconds, and a continuation from the result.
   pilotage fit run*.csv --time-limit 10
   pilotage fit run*.csv --start 0.25,1.25,1.02,-0.0005,0.005,-0.058
 
-A fit that a limit or Ctrl-C ends writes the best iterate so far, marked as not converged; a
-second Ctrl-C kills. Diagnostics are what speaks against taking the result at its word; each has a code.
-Exit codes: 0 converged, 1 not converged (the best iterate is written), or a diagnostic that makes the
-result meaningless, 2 bad use or input.";
+A fit that is stopped by a limit or Ctrl-C writes the best iterate, marked as not converged; a second
+Ctrl-C kills the process. Diagnostics are reasons to doubt the result; each has a code.
+Exit codes: 0 converged, 1 not converged (the best iterate is written), a comparison that was stopped, or a
+diagnostic that makes the result meaningless, 2 bad use or input.";
 
 /// Arguments of `pilotage fit`; the defaults are those of [`FitOptions`].
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Trials (CSV) or manifests (TOML); or a problem file (TOML, docs/problems.md), which says everything.
+    /// Recorded flights (CSV) or manifests of flights (TOML), or one problem file (TOML, docs/problems.md).
     #[arg(required = true)]
     trials: Vec<PathBuf>,
     #[command(flatten)]
     columns: Columns,
-    /// The pilot file to write [default: pilot.toml]; of a problem file the fitted model, or a folder for several
+    /// Pilot file to write [default: pilot.toml]; for a problem file the fitted model, or a folder for several models
     /// [default: INSTANCE-fitted.toml].
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Collocation scheme; `euler` is the paper's.
+    /// Collocation scheme; the paper uses `euler`.
     #[arg(long, default_value_t = FitOptions::default().scheme)]
     scheme: Scheme,
-    /// Length of the mesh's intervals, about; the samples are the mesh where it is missing.
+    /// Approximate length of the mesh intervals [s] [default: the samples are the mesh].
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     mesh_step: Option<f64>,
-    /// What is known of the states at the first sample; `free` is the paper's.
+    /// Assumption about the states at the first sample; the paper uses `free`.
     #[arg(long, value_parser = named(InitialState::ALL, InitialState::as_str),
           default_value = FitOptions::default().initial_state.as_str())]
     initial_state: InitialState,
-    /// Where the vehicle is at the first sample, when it is at rest: estimated, since that sample is a
-    /// measurement like the others, or known to be there exactly, as where a simulator puts it.
+    /// Position at the first sample of a vehicle at rest: estimated, since that sample is a measurement, or known
+    /// exactly, as in a simulator.
     #[arg(long, value_parser = named(InitialPosition::ALL, InitialPosition::as_str),
           default_value = FitOptions::default().initial_position.as_str())]
     initial_position: InitialPosition,
-    /// Do not ask for a stable closed loop of pilot and vehicle; without this a fit of the response keeps
-    /// it stable.
+    /// Do not constrain the closed loop of pilot and vehicle to be stable.
     #[arg(long)]
     allow_unstable_loop: bool,
-    /// What is compared with the recording: the vehicle's response (the paper's), the stick, or each of them, with both
-    /// pilots flying alone beside the recording.
+    /// What is compared with the recording: the vehicle's response (as in the paper), the stick, or both in two fits.
     #[arg(long, value_parser = named(Compared::ALL, Compared::as_str), default_value = Compared::ALL[0].as_str())]
     objective: Compared,
-    /// Where θ starts, as θ1,θ2,...; estimated from the data where it is missing.
+    /// Start values of θ: θ1,θ2,... [default: estimated from the data].
     #[arg(
         long,
         value_name = "t1,t2,...",
@@ -128,42 +126,43 @@ pub struct Args {
         allow_hyphen_values = true
     )]
     start: Option<Vec<f64>>,
-    /// Random starts beside the others; where it is missing and runs begin at rest, up to 8 as long as one start
-    /// alone leads to the best sum of squares.
+    /// Number of additional random starts [default: for runs that begin at rest, up to 8, until a second start
+    /// reaches the best sum of squares].
     #[arg(long, value_name = "N", value_parser = whole::<usize>, allow_hyphen_values = true)]
     random_starts: Option<usize>,
-    /// The vehicle that was flown (TOML); the default vehicle where it is missing.
+    /// File of the vehicle that was flown (TOML) [default: the default vehicle].
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
-    /// Order n of the pilot, which then has 2n parameters.
+    /// Order n of the pilot, which has 2n parameters.
     #[arg(long, default_value_t = FitOptions::default().pilot.order as u8,
           value_parser = within(1..=MAX_ORDER as u8), allow_hyphen_values = true)]
     order: u8,
-    /// Compare these orders of the linear pilot, and go on with the one that is taken: the smallest that no larger one
-    /// beats at runs that are left out (as `pilotage compare`).
+    /// Compare pilots of these orders, and continue with the smallest order that no larger one surpasses in the
+    /// prediction of left-out runs (see `pilotage compare`).
     #[arg(long, value_name = "FIRST..LAST", value_parser = orders::orders, conflicts_with_all = ["order", "evaluate"])]
     orders: Option<Orders>,
-    /// Limit on |y_p| at every sample.
+    /// Limit of the stick |y_p| at every sample.
     #[arg(long, default_value_t = FitOptions::default().stick_limit, value_parser = positive, allow_hyphen_values = true)]
     stick_limit: f64,
     /// Iteration limit of each start.
     #[arg(long, default_value_t = FitOptions::default().max_iterations, value_parser = whole::<usize>,
           allow_hyphen_values = true)]
     max_iterations: usize,
-    /// Stop after this time [s] with the best so far.
+    /// Stop after this time [s] with the best iterate.
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     time_limit: Option<f64>,
-    /// Scaled KKT residual at which the solve has converged.
+    /// Scaled KKT residual at convergence.
     #[arg(long, default_value_t = FitOptions::default().tolerance, value_parser = positive, allow_hyphen_values = true)]
     tolerance: f64,
-    /// Write a report page (HTML) too.
+    /// Write a report page (HTML).
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// Of a problem file: tell objective, gradient and residuals at the start values, and solve nothing.
+    /// For a problem file: print objective, gradient and residuals at the start values, without a fit.
     #[arg(long)]
     evaluate: bool,
-    /// How residuals become a covariance: `plain` is for white residuals, `sidpac` takes their autocorrelations, `ar`
-    /// models them, `cr3` leaves out one run at a time [default: cr3 from four runs on, ar below].
+    /// Method of the covariance: `plain` assumes white residuals, `sidpac` uses their autocorrelations, `ar` an
+    /// autoregressive model of them, `cr3` leaves out one run at a time [default: cr3 for four or more runs, else
+    /// ar].
     #[arg(long, value_name = "METHOD", value_parser = named(Method::ALL, Method::as_str))]
     covariance: Option<Method>,
     #[command(flatten)]
@@ -173,12 +172,11 @@ pub struct Args {
     /// Print one JSON object instead of the summary.
     #[arg(long)]
     json: bool,
-    /// Write each iteration as a JSON object on a line of its own, and at the end one for each start and
-    /// for the fit; `-` is stdout, and the summary then goes to stderr. Not of a problem file: --verbose tells its
-    /// iterations.
+    /// Write each iteration as a JSON object on its own line, at the end one for each start and one for the fit; `-`
+    /// is stdout, with the summary on stderr. Not for problem files: see --verbose.
     #[arg(long, value_name = "FILE|-")]
     log: Option<PathBuf>,
-    /// Print a line for each iteration on stderr.
+    /// Print a line per iteration on stderr.
     #[arg(short, long)]
     verbose: bool,
     #[command(flatten)]

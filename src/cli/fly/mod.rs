@@ -27,47 +27,48 @@ use std::time::{Duration, SystemTime};
 
 const EXAMPLES: &str = "\
 Examples:
-  # The quadcopter of the paper: training, targets of 10 m and 20 m, then sines to follow.
+  # The quadcopter of the paper: training, targets of 10 m and 20 m, then tracking of sines.
   pilotage fly
 
-  # A vehicle of your own: a model file, or an FMU in a process of its own.
+  # Your own vehicle: a model file, or an FMU in a separate process.
   pilotage fly my_aircraft.toml
   pilotage fly my_aircraft.fmu --isolate --input elevator --measure altitude
 
-  # Another protocol, another folder, a joystick that this program reads itself.
+  # Another protocol and folder, with a joystick that is read directly.
   pilotage fly --protocol steps.toml -o day1 --stick /dev/input/event5
 
-The page opens in the browser; it is served to this computer alone, and needs no network. Flights that
-count go to FOLDER/CODE-TASK-N.csv, which `pilotage fit` takes; what does not count, training and the logs of
-all steps go to folders below. docs/fly.md: tasks, protocol files, what is recorded, and what delays it.
+The page opens in the browser; it is served to this computer only, and needs no network. Valid flights are
+written to FOLDER/CODE-TASK-N.csv, which `pilotage fit` reads; training, invalid flights and the logs of all
+steps go to subfolders. docs/fly.md describes tasks, protocol files, recorded data and delays.
 Exit codes: 0 done, 2 bad use or input.";
 
 /// Arguments of `pilotage fly`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// What is flown: a built-in model, a model file, a vehicle file or an FMU.
+    /// Vehicle: a built-in model, a model file, a vehicle file or an FMU.
     #[arg(value_name = "VEHICLE", default_value = "quadcopter")]
     vehicle: OsString,
-    /// Which tasks are flown [default: targets of 10 and 20, tracking and disturbances].
+    /// Protocol file with the tasks [default: targets of 10 and 20, tracking and disturbances].
     #[arg(long, value_name = "FILE")]
     protocol: Option<PathBuf>,
-    /// Where flights go.
+    /// Folder for the flights.
     #[arg(short, long, value_name = "FOLDER", default_value = "flights")]
     output: PathBuf,
-    /// Inputs that the hand moves [default: `stick` and `stick2`, or the first].
+    /// Inputs that the stick drives [default: `stick` and `stick2`, or the first].
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = NonEmptyStringValueParser::new())]
     input: Vec<String>,
-    /// Outputs that are the positions [default: `position` and `position2`, `z`, or the first].
+    /// Outputs that are positions [default: `position` and `position2`, `z`, or the first].
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = NonEmptyStringValueParser::new())]
     measure: Vec<String>,
     /// Run an FMU in a separate process.
     #[arg(long)]
     isolate: bool,
-    /// A joystick that this program reads itself, in place of the page's devices: an event device of Linux, or js0.
+    /// Joystick to read directly instead of the browser's devices: an event device of Linux, or js0.
     #[arg(long, value_name = "DEVICE")]
     stick: Option<PathBuf>,
-    /// Numbers of the joystick's axes, from 0; a minus turns one round: 0,-1 [default: 0, of two axes -1,0: forward, right].
+    /// Numbers of the joystick's axes, from 0; a minus sign reverses an axis: 0,-1 [default: 0, for two axes -1,0:
+    /// forward, right].
     #[arg(
         long,
         value_name = "NUMBER",
@@ -76,25 +77,25 @@ pub struct Args {
         allow_hyphen_values = true
     )]
     stick_axes: Vec<String>,
-    /// Show the vehicle in FlightGear too; the marker's place goes to the port after this one (docs/fly.md).
+    /// Also show the vehicle in FlightGear; the position of the marker is sent to the next port (docs/fly.md).
     #[arg(long, value_name = "HOST:PORT")]
     flightgear: Option<String>,
-    /// Where FlightGear's vehicle begins, and which way is forward [default: runway 28R of San Francisco].
+    /// Start position and heading in FlightGear [default: runway 28R of San Francisco].
     #[arg(long, value_name = "LAT,LON,HEADING,ELEVATION", requires = "flightgear", value_delimiter = ',', value_parser = number, allow_hyphen_values = true)]
     runway: Vec<f64>,
     /// Version of FlightGear's packets: 24, or 25 after FlightGear 2020.3.
     #[arg(long, value_name = "24|25", requires = "flightgear", default_value_t = 24, value_parser = clap::value_parser!(u8).range(24..=25))]
     flightgear_version: u8,
     /// Port of the page [default: a free one].
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, hide_default_value = true)]
     port: u16,
-    /// Serve the page at this address, to other computers too; wants --insecure.
+    /// Serve the page at this address, also to other computers; requires --insecure.
     #[arg(long, value_name = "ADDRESS")]
     bind: Option<IpAddr>,
-    /// Anyone on the network can read the address with its token, fly, and read the records.
+    /// Accept that anyone on the network can read the address with its token, fly, and read the records.
     #[arg(long)]
     insecure: bool,
-    /// Only print the address.
+    /// Print the address and open no browser.
     #[arg(long)]
     no_browser: bool,
 }

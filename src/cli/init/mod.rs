@@ -14,18 +14,18 @@ use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
 Examples:
-  # The problem that `pilotage fit run*.csv` solves, with all that can be said about it.
+  # The problem that `pilotage fit run*.csv` solves, with all keys of problem files.
   pilotage init run*.csv -o problem.toml
 
-  # Another pilot on another vehicle, built in (`pilotage models`) or in files.
+  # Another pilot and another vehicle, built in (`pilotage models`) or from files.
   pilotage init run*.csv --pilot crossover --vehicle double_integrator -o problem.toml
   pilotage init run*.csv --pilot my_pilot.toml --vehicle my_aircraft.toml -o problem.toml
 
-  # Parameters of one model: columns that are called as its inputs drive it, those that are called as its outputs or
+  # Parameters of one model: columns with the names of its inputs drive it, columns with the names of its outputs or
   # states are measured.
   pilotage init day*.csv --model tank.toml -o problem.toml
 
-Without -o the file is printed. It asks nothing; what it had to guess is said in comments.";
+Without -o the file is printed. Comments in it mark what had to be guessed.";
 
 /// Arguments of `pilotage init`.
 #[derive(Debug, clap::Args)]
@@ -34,7 +34,7 @@ pub struct Args {
     /// Recorded runs (CSV).
     #[arg(required = true)]
     runs: Vec<PathBuf>,
-    /// The pilot: a built-in model, a model file or an FMU.
+    /// Pilot: a built-in model, a model file or an FMU.
     #[arg(
         long,
         value_name = "NAME|FILE",
@@ -42,7 +42,7 @@ pub struct Args {
         conflicts_with = "model"
     )]
     pilot: String,
-    /// The vehicle: a built-in model, a model file or an FMU.
+    /// Vehicle: a built-in model, a model file or an FMU.
     #[arg(
         long,
         value_name = "NAME|FILE",
@@ -50,10 +50,10 @@ pub struct Args {
         conflicts_with = "model"
     )]
     vehicle: String,
-    /// One model instead of a pilot and a vehicle.
+    /// A single model instead of pilot and vehicle.
     #[arg(long, value_name = "NAME|FILE")]
     model: Option<String>,
-    /// The problem file to write; printed where it is missing.
+    /// Problem file to write [default: print it].
     #[arg(short, long)]
     output: Option<PathBuf>,
     #[command(flatten)]

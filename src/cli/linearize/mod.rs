@@ -19,28 +19,28 @@ use verdict::Verdict;
 
 const EXAMPLES: &str = "\
 Examples:
-  # The loop of pilot and quadcopter at rest: poles, and the margins where the stick is.
+  # The loop of pilot and quadcopter at rest: poles, and margins of the loop cut at the stick.
   pilotage linearize pilot.fmu quadcopter.fmu \\
     --connect pilot.stick=quadcopter.stick --connect quadcopter.z=pilot.position \\
     --loop pilot.stick=quadcopter.stick
 
-  # After 5 s on the way to 10 m; and what a co-simulation in steps of 0.05 s makes of the loop.
+  # At 5 s of a flight to 10 m; also the loop of a co-simulation with steps of 0.05 s.
   pilotage linearize pilot.fmu quadcopter.fmu \\
     --connect pilot.stick=quadcopter.stick --connect quadcopter.z=pilot.position \\
     --set pilot.target=10 --at 5 --step 0.01 \\
     --loop pilot.stick=quadcopter.stick --in-steps 0.05 --report loop.html --matlab loop.m
 
-  # The instances, wires and values of a system file: docs/systems.md.
+  # A system file with instances, wires and values (docs/systems.md).
   pilotage linearize system.toml --loop pilot.stick=quadcopter.stick
 
-At a loop the system is cut open: L is what comes back there, with its sign turned, so that
-1 + L = 0 is the closed loop. The effective delay is that of the crossover model,
-L = ω_c e^(-τ s)/s, with the same crossover and phase.
-FMUs are linearised by their directional derivatives; without them those for model exchange by
-differences, those for co-simulation by their responses to pulses in steps of --step, if they can go
-back to a saved state; pilot and vehicle files exactly.
-Exit codes: 0 done, 1 the coupled system is unstable (in steps, where --in-steps asks for that), or an
-FMU failed or cannot be linearised, 2 bad use or input.";
+For each --loop, L is the negative transfer function around the loop cut at that connection, so that
+1 + L = 0 for the closed loop. The effective delay is that of the crossover model
+L = ω_c e^(-τ s)/s with the same crossover and phase.
+FMUs are linearised by their directional derivatives. Without these, FMUs for model exchange are
+linearised by differences, and FMUs for co-simulation by their responses to pulses of length --step, if
+they can restore a saved state. Pilot and vehicle files are linearised exactly.
+Exit codes: 0 done, 1 the coupled system is unstable (with --in-steps: the stepped one), or an FMU
+failed or cannot be linearised, 2 bad use or input.";
 
 /// Arguments of `pilotage linearize`.
 #[derive(Debug, clap::Args)]
@@ -57,18 +57,17 @@ pub struct Args {
         allow_hyphen_values = true
     )]
     start_time: f64,
-    /// When to linearise [s] [default: at the start].
+    /// Time of the linearisation [s] [default: the start time].
     #[arg(long, value_name = "SECONDS", value_parser = number, allow_hyphen_values = true)]
     at: Option<f64>,
-    /// Communication step on the way there [s]; must divide the time. Also that in which the responses of
-    /// FMUs without derivatives are taken [default there: 1].
+    /// Communication step until then [s]; must divide the time. Also the step of the pulses with which FMUs without
+    /// derivatives are linearised [default: 1].
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     step: Option<f64>,
-    /// A connection at which the system is cut open; may be given many times.
+    /// Connection at which the loop is cut open; may be repeated.
     #[arg(long = "loop", value_name = "INSTANCE.OUTPUT=INSTANCE.INPUT", value_parser = pair)]
     loops: Vec<(String, String)>,
-    /// Tell poles and loops also as a co-simulation with Jacobi's scheme in steps of this length has them
-    /// [s].
+    /// Also report poles and loops of a co-simulation with Jacobi's scheme and steps of this length [s].
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     in_steps: Option<f64>,
     /// Write the matrices as a script for Matlab and Octave.
@@ -80,10 +79,10 @@ pub struct Args {
     /// Print the matrices A, B, C and D first.
     #[arg(long)]
     matrices: bool,
-    /// Write a page: verdict, poles, and Bode and Nyquist plots of the loops.
+    /// Write a page with verdict, poles, and Bode and Nyquist plots of the loops.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// Print one JSON object, matrices and responses included, instead of text.
+    /// Print one JSON object, with matrices and responses, instead of text.
     #[arg(long)]
     json: bool,
     #[command(flatten)]

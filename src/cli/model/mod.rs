@@ -25,7 +25,7 @@ pub struct Args {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Check a model file and print what was understood: variables, units, equations, poles at the start values.
+    /// Check a model file and print its variables, units, equations, and poles at the start values.
     #[command(after_help = "Examples:\n  \
         pilotage model check crossover.toml\n  \
         pilotage model check linear --order 4          a built-in model\n  \
@@ -37,12 +37,12 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Simulate a model alone; `pilotage cosim` wires several.
+    /// Simulate a single model; `pilotage cosim` connects several.
     #[command(after_help = "Examples:\n  \
         pilotage model simulate car.toml --set speed=25 --stop-time 5 -o car.csv\n  \
         pilotage model simulate car.toml --input steering.csv --stop-time 5 --report car.html\n\n\
         The input file is a table over time (CSV: `time [s]`, then columns named like inputs, with units). \
-        All that `pilotage cosim` takes stands behind `--`: \
+        Further options of `pilotage cosim` follow `--`: \
         pilotage model simulate car.toml --stop-time 5 -- --record-every 0.1")]
     Simulate {
         #[command(flatten)]
@@ -50,7 +50,7 @@ enum Command {
         #[command(flatten)]
         run: simulate::RunArgs,
     },
-    /// Step responses: from each input to each output final value, rise time, overshoot, settling time.
+    /// Step responses: final value, rise time, overshoot and settling time from each input to each output.
     #[command(after_help = "Examples:\n  \
         pilotage model step dc_motor.toml\n  \
         pilotage model step short_period --input stick --size 0.1 --csv step.csv --report step.html")]

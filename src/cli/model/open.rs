@@ -10,10 +10,10 @@ use std::path::{Path, PathBuf};
 /// A model that is named on the command line.
 #[derive(Debug, clap::Args)]
 pub struct ModelArgs {
-    /// A model file (TOML, docs/models.md), or the name of a built-in model (`pilotage models` lists them).
+    /// Model file (TOML, docs/models.md), or name of a built-in model (see `pilotage models`).
     #[arg(value_name = "FILE|NAME")]
     pub model: String,
-    /// The order of a built-in model that has one [default: 3].
+    /// Order of a built-in model that has one [default: 3].
     #[arg(long)]
     pub order: Option<usize>,
 }

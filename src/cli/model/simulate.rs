@@ -12,16 +12,16 @@ pub struct RunArgs {
     /// Stop time [s].
     #[arg(long, value_name = "SECONDS", default_value_t = 10.0, value_parser = positive)]
     stop_time: f64,
-    /// Time between rows of the result [s] [default: a thousandth of the time]; must divide the time.
+    /// Time between rows of the result [s]; must divide the time [default: a thousandth of the time].
     #[arg(long, value_name = "SECONDS", value_parser = positive)]
     step: Option<f64>,
-    /// Feed inputs from a table over time (CSV).
+    /// Table of inputs over time (CSV).
     #[arg(long, value_name = "CSV")]
     input: Option<PathBuf>,
-    /// Give a parameter, an input or a start value another value; may be given many times.
+    /// Set a parameter, an input or a start value; may be repeated.
     #[arg(long, value_name = "NAME=VALUE", value_parser = super::super::system::flags::pair)]
     set: Vec<(String, String)>,
-    /// Where the result goes (CSV).
+    /// Result file (CSV).
     #[arg(short, long, value_name = "FILE", default_value = "result.csv")]
     output: PathBuf,
     /// Write a page with all signals over time.

@@ -30,16 +30,16 @@ const SETTLED: f64 = 0.02;
 /// Arguments of `pilotage model step`.
 #[derive(Debug, clap::Args)]
 pub struct StepArgs {
-    /// The input that makes the step; may be given many times [default: each in turn].
+    /// Input with the step; may be repeated [default: each in turn].
     #[arg(long, value_name = "NAME")]
     input: Vec<String>,
-    /// The step, in the unit of the input, from its start value on.
+    /// Size of the step, in the unit of the input, from its start value.
     #[arg(long, value_name = "NUMBER", default_value_t = 1.0, value_parser = number, allow_hyphen_values = true)]
     size: f64,
-    /// Give a parameter or a start value another value; may be given many times.
+    /// Set a parameter or a start value; may be repeated.
     #[arg(long, value_name = "NAME=VALUE", value_parser = pair)]
     set: Vec<(String, f64)>,
-    /// When it ends [s] [default: after six time constants of the slowest mode].
+    /// Stop time [s] [default: six time constants of the slowest mode].
     #[arg(long, value_name = "SECONDS", value_parser = positive)]
     stop_time: Option<f64>,
     /// Write the responses as a table over time.

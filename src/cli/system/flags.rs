@@ -15,35 +15,34 @@ use std::path::{Path, PathBuf};
 /// A system file, or FMUs, models, tables, wires and values.
 #[derive(Debug, clap::Args)]
 pub struct Wiring {
-    /// FMUs, or pilot and vehicle files (TOML) that run without being exported; an instance is named
-    /// after its file unless NAME= says otherwise. Or a system file (TOML, docs/systems.md), which names
-    /// instances, wires and values; what is given beside it adds to it, and goes before it where both speak
-    /// of one instance, input or parameter.
+    /// FMUs, or pilot, vehicle and model files (TOML), which run without export; an instance is named after its file
+    /// unless NAME= is given. Or a system file (TOML, docs/systems.md) with instances, wires and values; arguments
+    /// add to it and take precedence over it.
     #[arg(required = true, value_name = "[NAME=]FMU")]
     models: Vec<OsString>,
-    /// What FMUs that can be both are used for [default: cs].
+    /// Interface to use of FMUs that have both [default: cs].
     #[arg(long, value_enum)]
     kind: Option<KindName>,
-    /// Wire an output to an input; may be given many times. Arrays of the same dimensions are wired element
-    /// by element, `NAME[1]` is one of them (in quotes, for the sake of shells such as zsh).
+    /// Connect an output to an input; may be repeated. Arrays of the same dimensions are connected element by
+    /// element; `NAME[1]` is one element (put it in quotes for shells such as zsh).
     #[arg(long, value_name = "INSTANCE.OUTPUT=INSTANCE.INPUT", value_parser = pair)]
     connect: Vec<(String, String)>,
-    /// Feed inputs from a table (CSV: `time [s]`, then columns with units); a column that is named like
-    /// an input (of a single FMU: without the instance, too) feeds it, others are wired by --connect NAME.COLUMN=INSTANCE.INPUT. Values between
-    /// samples are interpolated (held, where the input is no real); a repeated time is a jump.
+    /// Table of inputs (CSV: `time [s]`, then columns with units). A column with the name of an input drives it (for
+    /// a single FMU also without the instance); connect others by --connect NAME.COLUMN=INSTANCE.INPUT. Values
+    /// between samples are interpolated (held for inputs that are not real); a repeated time is a jump.
     #[arg(long, value_name = "[NAME=]CSV")]
     input: Vec<OsString>,
-    /// Give a parameter or an unconnected input its value; may be given many times.
+    /// Set a parameter or an unconnected input; may be repeated.
     #[arg(long, value_name = "INSTANCE.VARIABLE=VALUE", value_parser = pair)]
     set: Vec<(String, String)>,
-    /// Take such values from a file: TOML (`[instance]`, then `variable = value`) or CSV (columns `name`,
-    /// `value` and, if wanted, `unit`). What --set says comes first.
+    /// File with such values: TOML (`[instance]`, then `variable = value`) or CSV (columns `name`, `value` and
+    /// optionally `unit`). --set takes precedence.
     #[arg(long, value_name = "FILE")]
     parameters: Vec<PathBuf>,
     #[command(flatten)]
     isolation: Isolation,
-    /// Write the system as a system file: instances, wires and values, whether arguments or a system file
-    /// said them. Files are named from its folder.
+    /// Write the system of arguments and system file as a system file: instances, wires and values. Paths in it are
+    /// relative to its folder.
     #[arg(long, value_name = "FILE")]
     save_system: Option<PathBuf>,
 }

@@ -14,7 +14,7 @@ use std::path::Path;
 use std::time::Duration;
 
 /// The command that runs in such a process.
-pub const COMMAND: &str = "isolated";
+pub const COMMAND: &str = "__run-fmu";
 /// Name that stands for all FMUs.
 const ALL: &str = "all";
 
@@ -33,14 +33,15 @@ pub fn is_gone(error: &(dyn Error + 'static)) -> bool {
 /// Arguments that isolate FMUs.
 #[derive(Debug, Default, clap::Args)]
 pub struct Isolation {
-    /// Run these FMUs in processes of their own (`all` for all): one that crashes, exits, hangs or takes too much memory
-    /// ends the run with an error that names it, and the rows until then are kept. Takes some microseconds for each call.
+    /// Run these FMUs in separate processes (`all` for all). An FMU that crashes, exits, hangs or uses too much
+    /// memory ends the run with an error that names it, and the rows until then are kept. Each call takes some
+    /// microseconds longer.
     #[arg(long, value_name = "INSTANCE", value_delimiter = ',')]
     isolate: Vec<String>,
-    /// Longest time that a call to an isolated FMU may take [s].
+    /// Maximum time of a call to an isolated FMU [s].
     #[arg(long, value_name = "SECONDS", value_parser = positive, requires = "isolate", allow_hyphen_values = true)]
     step_limit: Option<f64>,
-    /// Most memory that the process of an isolated FMU may take [MB].
+    /// Maximum memory of the process of an isolated FMU [MB].
     #[arg(long, value_name = "MB", value_parser = positive, requires = "isolate", allow_hyphen_values = true)]
     memory_limit: Option<f64>,
 }

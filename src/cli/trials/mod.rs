@@ -26,7 +26,7 @@ pub struct Args {
 enum Command {
     /// Check trial files and show each in a few numbers.
     Check {
-        /// Trials (CSV) or manifests (TOML).
+        /// Recorded flights (CSV) or manifests of flights (TOML).
         #[arg(required = true)]
         trials: Vec<PathBuf>,
         #[command(flatten)]
@@ -35,14 +35,14 @@ enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Let a synthetic human fly: one CSV file a run, and a manifest.
+    /// Generate flights of a synthetic human: one CSV file per run, and a manifest.
     Synth(Box<synth::Synth>),
 }
 
 /// Which columns of the files are what.
 #[derive(Debug, clap::Args)]
 pub struct Columns {
-    /// Take `time`, `target`, `position` or `stick` from a column of another name; may be given many times.
+    /// Read `time`, `target`, `position` or `stick` from a column with another name; may be repeated.
     #[arg(long = "column", value_name = "WHAT=NAME", value_parser = pair)]
     named: Vec<(String, String)>,
 }

@@ -16,34 +16,34 @@ use std::path::PathBuf;
     pilotage trials synth --vehicle hover --target sines --duration 60 --coupling 0.1\n  \
     pilotage trials synth --vehicle my_model.toml --measure height")]
 pub struct Synth {
-    /// Folder to write into.
+    /// Folder for the flights.
     #[arg(short, long, default_value = "trials")]
     output: PathBuf,
     /// Write into a folder that is not empty.
     #[arg(long)]
     force: bool,
-    /// Targets [m], with commas or spaces between them.
+    /// Targets [m], separated by commas or spaces.
     #[arg(long, value_name = "METRES", value_delimiter = ',', value_parser = number,
           default_values_t = Flights::default().targets, allow_hyphen_values = true)]
     targets: Vec<f64>,
-    /// More targets [m], where spaces part them.
+    /// More targets [m], separated by spaces.
     #[arg(hide = true, requires = "targets", value_parser = number, allow_negative_numbers = true)]
     more_targets: Vec<f64>,
-    /// A target that moves, at random by the seed, instead of constant ones: a sum of sines (at prime multiples of
-    /// one turn in the duration, which differ between the axes), ramps, or steps; one in each axis of the vehicle.
+    /// Random moving target instead of constant ones, for each axis of the vehicle: a sum of sines (at prime
+    /// multiples of the lowest frequency, different in each axis), ramps, or steps.
     #[arg(long, value_enum, value_name = "KIND", conflicts_with_all = ["targets", "more_targets"])]
     target: Option<Kind>,
-    /// Number of sines, ramps or steps in each axis [default: 8 sines, 5 ramps or steps].
+    /// Number of sines, ramps or steps per axis [default: 8 sines, 5 ramps or steps].
     #[arg(long, requires = "target", value_parser = whole::<usize>, allow_hyphen_values = true)]
     count: Option<usize>,
-    /// Amplitude of the slow sines, farthest place of the ramps, or size of a step, in the unit of the position
+    /// Amplitude of the slow sines, farthest position of ramps, or size of a step, in the unit of the position
     /// [default: 2].
     #[arg(long, requires = "target", value_parser = number, allow_hyphen_values = true)]
     amplitude: Option<f64>,
-    /// Frequency from which on the sines' amplitudes fall, with its square [rad/s] [default: 1.5].
+    /// Frequency above which the amplitudes of the sines fall with its square [rad/s] [default: 1.5].
     #[arg(long, requires = "target", value_parser = number, allow_hyphen_values = true)]
     bandwidth: Option<f64>,
-    /// Runs to each target; with --target, runs.
+    /// Runs per target; with --target, number of runs.
     #[arg(long, default_value_t = Flights::default().runs, value_parser = whole::<usize>, allow_hyphen_values = true)]
     runs: usize,
     /// Duration of a run [s].
@@ -58,19 +58,19 @@ pub struct Synth {
     /// Standard deviation of gain, lead, delay and omega-n from run to run, relative.
     #[arg(long, default_value_t = Flights::default().variation, value_parser = number, allow_hyphen_values = true)]
     variation: f64,
-    /// The human's gain k: stick for each metre, or other unit of the position; one number, or one for each axis with
-    /// a comma between them [default: 0.03 for a vehicle file, else what suits the model].
+    /// Gain k of the human: stick per metre, or other unit of the position; one number, or one per axis separated by
+    /// commas [default: 0.03 for a vehicle file, else suitable for the model].
     #[arg(long, value_delimiter = ',', value_parser = number, allow_hyphen_values = true)]
     gain: Vec<f64>,
-    /// The human's lead time T_L [s]; one number or one for each axis [default: 2.5 for a vehicle file, else what
-    /// suits the model].
+    /// Lead time T_L of the human [s]; one number, or one per axis [default: 2.5 for a vehicle file, else suitable
+    /// for the model].
     #[arg(long, value_delimiter = ',', value_parser = number, allow_hyphen_values = true)]
     lead: Vec<f64>,
-    /// The human's lag time T_I [s], for vehicles that follow the stick at once; one number or one for each axis
-    /// [default: 0 for a vehicle file, else what suits the model].
+    /// Lag time T_I of the human [s], for vehicles that respond to the stick at once; one number, or one per axis
+    /// [default: 0 for a vehicle file, else suitable for the model].
     #[arg(long, value_delimiter = ',', value_parser = number, allow_hyphen_values = true)]
     lag: Vec<f64>,
-    /// The human's reaction delay τ [s].
+    /// Reaction delay τ of the human [s].
     #[arg(long, default_value_t = Human::default().delay, value_parser = number, allow_hyphen_values = true)]
     delay: f64,
     /// Natural frequency of the arm ω_n [rad/s].
@@ -79,24 +79,23 @@ pub struct Synth {
     /// Damping ratio of the arm ζ.
     #[arg(long, default_value_t = Human::default().damping, value_parser = number, allow_hyphen_values = true)]
     zeta: f64,
-    /// Greatest speed of the stick [1/s] [default: none].
+    /// Maximum speed of the stick [1/s] [default: none].
     #[arg(long, value_parser = number, allow_hyphen_values = true)]
     stick_rate: Option<f64>,
-    /// Fraction of what each hand is told that leaks into the other, for a vehicle with two axes [default: 0].
+    /// Fraction of each hand's command that leaks into the other hand, for a vehicle with two axes [default: 0].
     #[arg(long, value_parser = number, allow_hyphen_values = true)]
     coupling: Option<f64>,
-    /// Standard deviation of the remnant noise, relative to the stick that the target calls for.
+    /// Standard deviation of the remnant, relative to the initial stick command.
     #[arg(long, default_value_t = Human::default().remnant, value_parser = number, allow_hyphen_values = true)]
     remnant: f64,
     /// Correlation time of the remnant [s].
     #[arg(long, default_value_t = Human::default().remnant_time, value_parser = number, allow_hyphen_values = true)]
     remnant_time: f64,
-    /// What is flown: a vehicle file (TOML) of the quadcopter, a built-in model (`pilotage models`), or a model file
-    /// with an input `stick`, or two, `stick` and `stick2`; the default vehicle where it is missing.
+    /// Vehicle: a vehicle file (TOML) of the quadcopter, a built-in model (`pilotage models`), or a model file with
+    /// an input `stick`, or two, `stick` and `stick2` [default: the default vehicle].
     #[arg(long, value_name = "FILE|NAME")]
     vehicle: Option<String>,
-    /// The output of the model that is its position, or two with a comma between them [default: position, and
-    /// position2].
+    /// Output of the model that is its position, or two separated by commas [default: position, and position2].
     #[arg(long, value_name = "NAME", value_delimiter = ',', requires = "vehicle")]
     measure: Vec<String>,
 }

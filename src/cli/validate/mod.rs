@@ -25,20 +25,19 @@ use std::time::Duration;
 /// Arguments of `pilotage validate`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  pilotage validate pilot.fmu quadcopter.fmu\n  pilotage validate system.toml\n  pilotage validate --strict --json *.fmu | jq '.fmus[].findings[]'\n\nChecked are the archive, modelDescription.xml, the other files, the binaries of all platforms (looked into), and the binary of this machine (run, in processes of its own).\n\nErrors are against the standard; warnings are legal and trouble some tools; notes are good to know.\n\nExit codes: 0 every FMU is valid (there may be warnings), 1 one is not, 2 bad use or input."
+    after_help = "Examples:\n  pilotage validate pilot.fmu quadcopter.fmu\n  pilotage validate system.toml\n  pilotage validate --strict --json *.fmu | jq '.fmus[].findings[]'\n\nIt checks the archive, modelDescription.xml, the other files and the binaries of all platforms, and runs the binary of this platform in separate processes.\n\nErrors violate the standard. Warnings are legal, but cause problems in some tools. Notes are information.\n\nExit codes: 0 every FMU is valid (there may be warnings), 1 one is not, 2 bad use or input."
 )]
 pub struct Args {
-    /// The FMUs: files, or the folders that they were unpacked into. A system file means its FMUs, when they
-    /// are wired as it says.
+    /// FMUs: files, or folders with unpacked FMUs. For a system file, its FMUs with their connections.
     #[arg(required = true)]
     fmus: Vec<PathBuf>,
-    /// Check the files only, do not run the binaries.
+    /// Check the files, but do not run the binaries.
     #[arg(long)]
     no_run: bool,
-    /// Warnings make an FMU invalid too.
+    /// Treat warnings as errors.
     #[arg(long)]
     strict: bool,
-    /// Longest time that each try of a binary may take [s].
+    /// Maximum time of each test of a binary [s].
     #[arg(long, value_name = "SECONDS", default_value = "20", value_parser = seconds, allow_hyphen_values = true)]
     time_limit: Duration,
     /// Print one JSON object instead of text.

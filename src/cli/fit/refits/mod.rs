@@ -20,15 +20,15 @@ use std::sync::Mutex;
 /// Arguments of what solves a fit again.
 #[derive(Debug, clap::Args)]
 pub struct Refits {
-    /// Fix each of these parameters (NAME,NAME; all unless named) to other values, seek the others again, and tell the
-    /// interval in which the objective is not significantly greater.
+    /// Profile these parameters (NAME,NAME; all if none is named): fix each at other values, estimate the others
+    /// again, and report the interval in which the objective is not significantly larger.
     #[arg(long, value_name = "NAMES", num_args = 0..=1, default_missing_value = "all")]
     profile: Option<String>,
-    /// Fit so many replicates of the data, and tell what the parameters spread over.
+    /// Fit this number of replicates of the data, and report the spread of the estimates.
     #[arg(long, value_name = "N", value_parser = replicates, allow_hyphen_values = true)]
     bootstrap: Option<u64>,
-    /// What is drawn: whole `runs` with replacement, or `parametric` residuals by a model of the noise [default: runs from
-    /// four runs on, parametric below].
+    /// Kind of the replicates: whole `runs`, drawn with replacement, or `parametric`, with residuals drawn from a
+    /// model of the noise [default: runs for four or more runs, else parametric].
     #[arg(long, value_name = "KIND", requires = "bootstrap",
           value_parser = super::named(Kind::ALL, Kind::as_str))]
     bootstrap_kind: Option<Kind>,
@@ -36,7 +36,7 @@ pub struct Refits {
     #[arg(long, value_name = "SEED", requires = "bootstrap", value_parser = crate::cli::number::whole::<u64>,
           allow_hyphen_values = true)]
     seed: Option<u64>,
-    /// Keep the bootstrap's refits in this file as they end, and take those that are in it already.
+    /// Store the refits of the bootstrap in this file as they complete, and reuse those already in it.
     #[arg(long, value_name = "FILE", requires = "bootstrap")]
     resume: Option<PathBuf>,
 }
