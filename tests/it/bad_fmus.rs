@@ -341,7 +341,7 @@ fn binaries() {
         ("no binaries", archive(&[xml]), no_binaries),
         ("another name", archive(&[xml, (&other, binary)]), no_library),
         ("no fmi2DoStep", with_binary(foreign::binary_without_do_step()), format!("{at} used: it has no function `fmi2DoStep`")),
-        ("FMI 3.0", with_binary(foreign::binary_of_fmi3()), format!("{at} used: it speaks FMI \"3.0\", expected \"2.0\"")),
+        ("FMI 3.0", with_binary(foreign::binary_of_fmi3()), format!("{at} used: its FMI version is \"3.0\", expected \"2.0\"")),
         ("wrong guid", foreign::fmu("another!"), "a.fmu: fmi2Instantiate refused: the guid is wrong".to_owned()),
         ("no license", foreign::fmu("refuse"), "a.fmu: fmi2Instantiate refused: no license for 100 % of this model".to_owned()),
         ("no initial values", foreign::fmu("error-in-initialization"), "`a` failed to leave initialization: fmi2ExitInitializationMode returned fmi2Error: no initial values found".to_owned()),

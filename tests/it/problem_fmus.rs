@@ -228,7 +228,7 @@ fn a_limit_of_time_ends_the_look_at_many_event_indicators() {
     assert_eq!(ended.cut, Some(Status::TimeLimit));
     assert!(ended.refinement.is_done && !ended.events.is_whole);
     let words = ended.diagnostics[0].to_string();
-    let undone = "the look for events were done: what stands here is the best so far";
+    let undone = "the search for events was complete: this is the best result so far";
     assert!(words.ends_with(undone), "{words}");
 }
 

@@ -269,7 +269,7 @@ impl fmt::Display for Diagnostic {
             Self::NotMet(violation) => write!(
                 f,
                 "the states that were found do not fulfil the equations and constraints (largest scaled violation \
-                 {violation:.1e}): they have no objective, and the parameters are worth what a simulation with them says"
+                 {violation:.1e}): they have no objective, and the parameters are to be checked by a simulation"
             ),
             Self::AtBound {
                 name,
@@ -429,16 +429,14 @@ impl fmt::Display for Diagnostic {
                 simulated: Some(simulated),
             } => write!(
                 f,
-                "a simulation from the initial states that were found, with the parameters that were found, has the \
-                 objective {simulated:.6e}, not {objective:.6e}: the mesh is too coarse, or the system is so unstable \
-                 that small errors grow"
+                "a simulation with the estimated initial states and parameters has the objective {simulated:.6e}, not \
+                 {objective:.6e}: the mesh is too coarse, or the system is so unstable that small errors grow"
             ),
             Self::Simulated {
                 simulated: None, ..
             } => write!(
                 f,
-                "a simulation with what was found does not come to an end: the mesh is too coarse, or the system is \
-                 unstable"
+                "a simulation with the estimates does not complete: the mesh is too coarse, or the system is unstable"
             ),
             Self::Cut {
                 status,
@@ -447,7 +445,7 @@ impl fmt::Display for Diagnostic {
                 events,
             } => write!(
                 f,
-                "{status} ended the fit before {} were done: what stands here is the best so far",
+                "{status} ended the fit before {}: this is the best result so far",
                 undone(*starts, *refinement, *events)
             ),
             Self::LowerStart {
@@ -493,14 +491,19 @@ fn spaced(unit: Option<&str>) -> String {
 
 /// The remaining work of a fit that was ended early.
 fn undone(starts: usize, refinement: bool, events: bool) -> String {
-    let starts = (starts > 0).then(|| counted(starts, "start"));
+    let some = (starts > 0).then(|| counted(starts, "start"));
     let others = [
         (refinement, "the refinement of the mesh"),
-        (events, "the look for events"),
+        (events, "the search for events"),
     ];
     let others = others.into_iter().filter(|(is_undone, _)| *is_undone);
-    let all = starts
+    let all = some
         .into_iter()
         .chain(others.map(|(_, what)| what.to_owned()));
-    all.collect::<Vec<_>>().join(" and ")
+    let all: Vec<String> = all.collect();
+    let verb = match (all.len(), starts) {
+        (1, 0 | 1) => "was",
+        _ => "were",
+    };
+    format!("{} {verb} complete", all.join(" and "))
 }

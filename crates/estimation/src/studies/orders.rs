@@ -99,8 +99,8 @@ fn check(file: &ProblemFile, instance: &str) -> Result<(), ProblemError> {
     let is_meant = |name: &str| number(name, instance).is_some();
     let fault = |name: &str| {
         format!(
-            "`{name}` is another coefficient in another order: nothing but that it is sought may be said of it where orders \
-             are compared"
+            "`{name}` has another meaning in each order: where orders are compared it is free, without range, prior or other \
+             settings"
         )
     };
     let is_special = |line: &&Sought| {

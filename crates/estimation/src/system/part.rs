@@ -296,7 +296,7 @@ pub fn open(instance: &InstanceDescription) -> Result<Part, ProblemError> {
         None => {}
     }
     if instance.interface.is_some() {
-        let text = "`kind` says what an FMU is used for, and this is none; leave it out";
+        let text = "`kind` selects the interface of an FMU, and this is none; leave it out";
         return Err(fault(text.to_owned()));
     }
     let compiled = match &instance.source.value {

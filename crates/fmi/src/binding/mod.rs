@@ -43,7 +43,7 @@ pub enum BindingError {
         symbol: &'static str,
     },
     /// Its version of FMI differs from that of the description.
-    #[error("it speaks FMI {found:?}, expected {expected:?}")]
+    #[error("its FMI version is {found:?}, expected {expected:?}")]
     Version {
         /// The return value of `fmi2GetVersion` or `fmi3GetVersion`.
         found: String,

@@ -36,7 +36,7 @@ pub enum Unfit {
     #[error("has fewer than {FEWEST} samples")]
     Few,
     /// Samples are not evenly spaced.
-    #[error("has samples that are not evenly apart")]
+    #[error("has samples that are not evenly spaced")]
     Uneven,
     /// Samples within whole periods are missing or not finite.
     #[error("has missing samples")]

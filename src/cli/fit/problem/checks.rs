@@ -42,7 +42,7 @@ impl Checks {
     pub fn check(&self, runs: usize) -> Result<(), Failure> {
         match self.flag().filter(|_| runs < 2) {
             Some(flag) => Err(Failure::new(format!(
-                "{flag} takes two runs that are fitted, and there is {runs}"
+                "{flag} requires at least two fitted runs, and there is {runs}"
             ))
             .hint("add [[run]]s, or leave it out")),
             None => Ok(()),
@@ -276,7 +276,7 @@ fn verdict(own: &PerRun) -> String {
     );
     if test.p >= SIZE {
         return format!(
-            "one human? nothing speaks against it: fits to each alone differ by no more than their noise ({q}, p = {p})"
+            "one human? no evidence against it: separate fits differ by no more than their noise ({q}, p = {p})"
         );
     }
     let each = own.names.iter().zip(&own.each);
@@ -285,9 +285,7 @@ fn verdict(own: &PerRun) -> String {
     let most = most.map_or(String::new(), |(name, p)| {
         format!("; most in `{name}` (p = {})", significant(p, 2))
     });
-    format!(
-        "one human? no: fits to each alone differ by more than their noise ({q}, p = {p}){most}"
-    )
+    format!("one human? no: separate fits differ by more than their noise ({q}, p = {p}){most}")
 }
 
 fn per_run_json(own: &PerRun) -> Value {

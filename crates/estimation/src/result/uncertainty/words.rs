@@ -96,7 +96,7 @@ pub(super) fn notes(own: &Uncertainty, fit: &Fit) -> Vec<String> {
     let mut notes = Vec::new();
     if fit.chi2 <= fit.resolution {
         notes.push(
-            "the residuals are hardly more than rounding: standard deviations say nothing of a recording with noise"
+            "the residuals are hardly more than rounding: standard deviations do not apply to a recording with noise"
                 .to_owned(),
         );
     }
@@ -140,11 +140,11 @@ pub(super) fn notes(own: &Uncertainty, fit: &Fit) -> Vec<String> {
 fn uneven(method: Method) -> Option<&'static str> {
     match method {
         Method::Ar => Some(
-            "samples are not evenly apart, or some are missing: `ar` takes the residuals for a process of first order in \
+            "samples are not evenly spaced, or some are missing: `ar` takes the residuals for a process of first order in \
              continuous time",
         ),
         Method::Sidpac => Some(
-            "samples are not evenly apart, or some are missing: `sidpac` takes lags in samples for lags in time; take `ar`",
+            "samples are not evenly spaced, or some are missing: `sidpac` takes lags in samples for lags in time; take `ar`",
         ),
         Method::Plain | Method::Cr3 => None,
     }
