@@ -7,7 +7,7 @@
 use crate::problem::error::ProblemError;
 use crate::problem::file::ProblemFile;
 use crate::system::joint::{Joint, unknown};
-use pilotage_expression::{Graph, Model, Node};
+use pilotage_expression::{Function, Graph, Model, Node};
 use pilotage_text::counted;
 use std::collections::HashMap;
 
@@ -23,6 +23,9 @@ pub const CLOSED_LOOP: &str = "the closed loop";
 
 /// Maximum number of states for a stability condition: the polynomial of larger systems loses precision.
 const MOST_STATES: usize = 20;
+
+/// Added to sums of squares, which may be 0.
+const TINY: f64 = 1e-280;
 
 /// The point at which a problem is linearised.
 pub struct Point<'a> {
@@ -141,7 +144,9 @@ fn characteristic(graph: &mut Graph, a: &[Vec<Node>]) -> Vec<Node> {
     polynomial
 }
 
-/// The first column of the Routh array after its first entry, for the polynomial expanded about `-margin`.
+/// The first column of the Routh array after its first entry, for the polynomial expanded about `-margin`. Each entry is
+/// divided by a positive number of its size: otherwise an entry goes with a power of the time constants, and one that is
+/// small only since these have grown would act as a bound.
 fn routh(graph: &mut Graph, mut p: Vec<Node>, margin: f64) -> Vec<Node> {
     let n = p.len() - 1;
     // Horner's scheme: p(s - margin).
@@ -151,24 +156,63 @@ fn routh(graph: &mut Graph, mut p: Vec<Node>, margin: f64) -> Vec<Node> {
             p[k] = graph.add(p[k], part);
         }
     }
-    let zero = graph.constant(0.0);
+    if n == 1 {
+        return vec![p[1]];
+    }
+    // The sum of the roots against their pairs, and the product against those of one and two roots fewer.
+    let pairs = {
+        let size = magnitude(graph, p[2]);
+        graph.unary(Function::Sqrt, size)
+    };
+    let sum = relative(graph, p[1], &[p[1], pairs]);
+    let product = {
+        let size = magnitude(graph, p[n - 2]);
+        let left = graph.multiply(p[n], size);
+        let right = graph.multiply(p[n - 1], p[n - 1]);
+        relative(graph, left, &[left, right])
+    };
     let mut upper: Vec<Node> = p.iter().copied().step_by(2).collect();
     let mut lower: Vec<Node> = p.iter().copied().skip(1).step_by(2).collect();
-    let mut column = Vec::new();
-    for _ in 0..n {
-        column.push(lower[0]);
+    let mut column = vec![sum];
+    for _ in 2..n {
         let factor = graph.divide(upper[0], lower[0]);
-        let next: Vec<Node> = (1..upper.len())
+        let terms: Vec<(Node, Option<Node>)> = (1..upper.len())
             .map(|k| {
-                let part = lower
-                    .get(k)
-                    .map_or(zero, |own| graph.multiply(factor, *own));
-                graph.subtract(upper[k], part)
+                let part = lower.get(k).map(|own| graph.multiply(factor, *own));
+                (upper[k], part)
             })
             .collect();
+        let next: Vec<Node> = (terms.iter())
+            .map(|(own, part)| match part {
+                Some(part) => graph.subtract(*own, *part),
+                None => *own,
+            })
+            .collect();
+        let sizes: Vec<Node> = std::iter::once(terms[0].0).chain(terms[0].1).collect();
+        column.push(relative(graph, next[0], &sizes));
         upper = std::mem::replace(&mut lower, next);
     }
+    column.push(product);
     column
+}
+
+/// The value divided by the root of the sum of squares of these sizes.
+fn relative(graph: &mut Graph, value: Node, sizes: &[Node]) -> Node {
+    let mut sum = graph.constant(TINY);
+    for size in sizes {
+        let square = graph.multiply(*size, *size);
+        sum = graph.add(sum, square);
+    }
+    let size = graph.unary(Function::Sqrt, sum);
+    graph.divide(value, size)
+}
+
+/// The magnitude, with a derivative at 0.
+fn magnitude(graph: &mut Graph, value: Node) -> Node {
+    let square = graph.multiply(value, value);
+    let tiny = graph.constant(TINY);
+    let sum = graph.add(square, tiny);
+    graph.unary(Function::Sqrt, sum)
 }
 
 #[cfg(test)]
