@@ -2,8 +2,12 @@
 
 use super::Failure;
 use super::fit::{FITTED, REFITS};
+use super::recognise::{self, FileKind};
 use crate::atomic_file::{self, Planned, Refusal};
+use crate::cosim::SystemDescription;
 use crate::cosim::description::HEADER;
+use crate::estimation::ProblemFile;
+use crate::models::TextModel;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -46,7 +50,8 @@ pub enum OutputKind {
 }
 
 impl Overwrite {
-    /// Refuses outputs that would destroy other files; to be called before the work.
+    /// Refuses outputs that would destroy inputs, files that inputs name, or files of another kind; to be called before
+    /// the work.
     pub fn check(
         &self,
         inputs: &[PathBuf],
@@ -55,7 +60,50 @@ impl Overwrite {
         let planned: Vec<Planned> = (outputs.iter())
             .map(|(path, kind)| kind.planned(path))
             .collect();
-        atomic_file::check(inputs, &planned, self.force).map_err(refused)
+        let is_there = outputs.iter().any(|(path, _)| path.exists());
+        let inputs = match is_there {
+            true => with_named(inputs),
+            false => inputs.to_vec(),
+        };
+        atomic_file::check(&inputs, &planned, self.force).map_err(refused)
+    }
+}
+
+/// Files, and the files that they name: tables of models, runs and models of problems, instances of systems.
+fn with_named(files: &[PathBuf]) -> Vec<PathBuf> {
+    let mut all = Vec::new();
+    let mut left = files.to_vec();
+    while let Some(file) = left.pop() {
+        if !all.contains(&file) {
+            left.extend(named_by(&file));
+            all.push(file);
+        }
+    }
+    all
+}
+
+/// Files that a file names. A file with a mistake names none: the command ends when it reads it.
+fn named_by(file: &Path) -> Vec<PathBuf> {
+    let of_system = |system: &SystemDescription| -> Vec<PathBuf> {
+        let sources = system
+            .instances
+            .iter()
+            .filter_map(|own| own.source.value.file());
+        sources.map(Path::to_owned).collect()
+    };
+    match recognise::of(file) {
+        Some(FileKind::Model) => TextModel::read(file).map_or(Vec::new(), |model| {
+            let names = model.compiled().tables.keys();
+            names.map(|name| file.with_file_name(name)).collect()
+        }),
+        Some(FileKind::Problem) => ProblemFile::read(file).map_or(Vec::new(), |problem| {
+            let runs = problem.runs.iter().map(|run| run.file.clone());
+            runs.chain(of_system(&problem.system)).collect()
+        }),
+        Some(FileKind::System) => {
+            SystemDescription::read(file).map_or(Vec::new(), |system| of_system(&system))
+        }
+        _ => Vec::new(),
     }
 }
 

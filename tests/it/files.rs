@@ -25,6 +25,18 @@ fn folder() -> Folder {
     folder.write("course.csv", "time [s],good.u [m]\n0,1\n1,2\n");
     folder.write("old.csv.part", "time [s],good.u [m]\n0,1\n1,2\n");
     folder.write("values.toml", "[good]\nk = 2\n");
+    for name in ["models/car.toml", "models/tyre.csv"] {
+        folder.write(
+            name.trim_start_matches("models/"),
+            std::fs::read(example(name)).unwrap(),
+        );
+    }
+    for name in ["pelts.csv", "predator_prey.toml", "problem.toml"] {
+        folder.write(
+            name,
+            std::fs::read(example(&format!("problems/hare_lynx/{name}"))).unwrap(),
+        );
+    }
     symlink("run2.csv", folder.path("link.csv")).unwrap();
     symlink("set", folder.path("sets")).unwrap();
     std::fs::hard_link(folder.path("run2.csv"), folder.path("hard.csv")).unwrap();
@@ -130,6 +142,31 @@ fn no_command_destroys_what_it_reads() {
         (
             &format!("cosim good.fmu --parameters values.toml {simulate} -o set/../values.toml"),
             format!("set/../values.toml is an input of this command (as values.toml), and {INPUT}"),
+        ),
+        // What an input names is an input too.
+        (
+            "model step car.toml --csv tyre.csv",
+            format!("tyre.csv is an input of this command, and {INPUT}"),
+        ),
+        (
+            "cosim car.toml --stop-time 1 --step 0.5 -o tyre.csv",
+            format!("tyre.csv is an input of this command, and {INPUT}"),
+        ),
+        (
+            "export car.toml -o tyre.csv",
+            format!("tyre.csv is an input of this command, and {INPUT}"),
+        ),
+        (
+            "plot problem.toml --figure data -o pelts.csv",
+            format!("pelts.csv is an input of this command, and {INPUT}"),
+        ),
+        (
+            "fit problem.toml --report predator_prey.toml",
+            format!("predator_prey.toml is an input of this command, and {INPUT}"),
+        ),
+        (
+            "init pelts.csv --model predator_prey.toml -o predator_prey.toml",
+            format!("predator_prey.toml is an input of this command, and {INPUT}"),
         ),
         (
             "linearize good.fmu --csv good.fmu",

@@ -83,7 +83,11 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         true => &[],
         false => &[(output.as_path(), OutputKind::Problem)],
     };
-    args.overwrite.check(&args.runs, outputs)?;
+    let models = [Some(&args.pilot), Some(&args.vehicle), args.model.as_ref()];
+    let models = models.into_iter().flatten().map(PathBuf::from);
+    let models = models.filter(|path| path.exists());
+    let inputs: Vec<PathBuf> = args.runs.iter().cloned().chain(models).collect();
+    args.overwrite.check(&inputs, outputs)?;
     overwrite::save(output, text)?;
     let typed = made::quoted(&output.to_string_lossy());
     terminal::print(&format!(

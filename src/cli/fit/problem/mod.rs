@@ -78,7 +78,7 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         .plan(&refits::sought(&posed), posed.runs.len())?;
     args.checks.check(posed.runs.len())?;
     let fitted = models::planned(&posed, args.output.as_deref())?;
-    check_outputs(args, path, &posed, &fitted)?;
+    check_outputs(args, path, &fitted)?;
     if args.orders.is_none() {
         interrupt::listen("stopping")?;
     }
@@ -174,16 +174,7 @@ pub fn page_of(path: &Path) -> Result<String, Failure> {
     Ok(page::page(&outcome, &made()))
 }
 
-fn check_outputs(
-    args: &Args,
-    path: &Path,
-    posed: &Posed<'_>,
-    fitted: &[Fitted],
-) -> Result<(), Failure> {
-    let mut inputs = vec![path.to_owned()];
-    inputs.extend(posed.file.runs.iter().map(|run| run.file.clone()));
-    let instances = posed.file.system.instances.iter();
-    inputs.extend(instances.filter_map(|own| own.source.value.file().map(Path::to_owned)));
+fn check_outputs(args: &Args, path: &Path, fitted: &[Fitted]) -> Result<(), Failure> {
     let mut outputs: Vec<(&Path, OutputKind)> = Vec::new();
     outputs.extend(
         fitted
@@ -192,7 +183,7 @@ fn check_outputs(
     );
     outputs.extend(args.report.as_deref().map(|path| (path, OutputKind::Page)));
     outputs.extend(args.refits.output());
-    args.overwrite.check(&inputs, &outputs)
+    args.overwrite.check(&[path.to_owned()], &outputs)
 }
 
 /// Computes the fit with progress output, time limit and Ctrl-C.
