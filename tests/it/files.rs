@@ -25,6 +25,10 @@ fn folder() -> Folder {
     folder.write("course.csv", "time [s],good.u [m]\n0,1\n1,2\n");
     folder.write("old.csv.part", "time [s],good.u [m]\n0,1\n1,2\n");
     folder.write("values.toml", "[good]\nk = 2\n");
+    folder.write(
+        "drive.csv",
+        "time,wheel,position\n0,0,0\n1,0.1,0.2\n2,0,0.3\n",
+    );
     for name in ["models/car.toml", "models/tyre.csv"] {
         folder.write(
             name.trim_start_matches("models/"),
@@ -165,8 +169,8 @@ fn no_command_destroys_what_it_reads() {
             format!("predator_prey.toml is an input of this command, and {INPUT}"),
         ),
         (
-            "init pelts.csv --model predator_prey.toml -o predator_prey.toml",
-            format!("predator_prey.toml is an input of this command, and {INPUT}"),
+            "init drive.csv --model car.toml -o car.toml",
+            format!("car.toml is an input of this command, and {INPUT}"),
         ),
         (
             "linearize good.fmu --csv good.fmu",
