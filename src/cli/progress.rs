@@ -10,7 +10,7 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// A bar over the starts of a fit. indicatif itself shows nothing if stderr is no terminal.
 pub struct Progress {
     begin: Instant,
-    bar: ProgressBar,
+    bar: Option<ProgressBar>,
 }
 
 impl Progress {
@@ -18,7 +18,7 @@ impl Progress {
     pub fn new() -> Self {
         Self {
             begin: Instant::now(),
-            bar: ProgressBar::hidden(),
+            bar: None,
         }
     }
 
@@ -45,17 +45,15 @@ impl Progress {
                 ),
             ),
         };
-        if self.bar.is_hidden() {
-            self.bar = bar();
-        }
-        self.bar.set_length(length);
-        self.bar.set_position(position);
-        self.bar.set_message(message);
+        let bar = self.bar.get_or_insert_with(bar);
+        bar.set_length(length);
+        bar.set_position(position);
+        bar.set_message(message);
     }
 
     /// Clears the bar.
     pub fn clear(&mut self) {
-        self.bar.finish_and_clear();
+        self.bar.iter().for_each(ProgressBar::finish_and_clear);
     }
 }
 
@@ -69,7 +67,7 @@ fn bar() -> ProgressBar {
 /// A spinner for work of unknown length.
 pub struct Spinner {
     begin: Instant,
-    bar: ProgressBar,
+    bar: Option<ProgressBar>,
 }
 
 impl Spinner {
@@ -77,25 +75,27 @@ impl Spinner {
     pub fn new() -> Self {
         Self {
             begin: Instant::now(),
-            bar: ProgressBar::hidden(),
+            bar: None,
         }
     }
 
     /// Shows the current activity.
     pub fn show(&mut self, what: String) {
         if self.begin.elapsed() > PATIENCE {
-            if self.bar.is_hidden() {
+            // Made once: it has a thread, also where it shows nothing.
+            let bar = self.bar.get_or_insert_with(|| {
                 let target = ProgressDrawTarget::stderr_with_hz(5);
-                self.bar = ProgressBar::with_draw_target(None, target);
-                self.bar.enable_steady_tick(Duration::from_millis(200));
-            }
-            self.bar.set_message(what);
+                let bar = ProgressBar::with_draw_target(None, target);
+                bar.enable_steady_tick(Duration::from_millis(200));
+                bar
+            });
+            bar.set_message(what);
         }
     }
 
     /// Clears the spinner.
     pub fn clear(&mut self) {
-        self.bar.finish_and_clear();
+        self.bar.iter().for_each(ProgressBar::finish_and_clear);
     }
 }
 
