@@ -69,8 +69,8 @@ pub struct Line<'a> {
     pub name: &'a str,
     /// Status of its fit.
     pub status: &'a str,
-    /// Whether its fit has figures.
-    pub is_met: bool,
+    /// Whether its fit has an answer.
+    pub is_answer: bool,
     /// The figures.
     pub figures: &'a Contender,
 }
@@ -79,7 +79,7 @@ pub struct Line<'a> {
 pub fn table(what: &str, lines: &[Line<'_>]) -> String {
     let mut rows = vec![[what, "status", "unknowns", "AICc", "BIC", "left out"].map(str::to_owned)];
     rows.extend(lines.iter().map(|own| {
-        let cell = |figure: f64| match own.is_met && figure.is_finite() {
+        let cell = |figure: f64| match own.is_answer && figure.is_finite() {
             true => significant(figure, 7),
             false => "–".to_owned(),
         };
@@ -100,7 +100,7 @@ fn lines<'a>(names: &[&'a str], compared: &'a Compared) -> Vec<Line<'a>> {
     let line = |(name, own): (&&'a str, &'a Candidate)| Line {
         name,
         status: own.fit.ending(),
-        is_met: own.fit.is_met(),
+        is_answer: own.fit.is_answer(),
         figures: &own.figures,
     };
     all.map(line).collect()

@@ -29,7 +29,8 @@ Examples:
   pilotage plot jacobi.csv strong.csv --figure quadcopter.z --width 85 -o z.png
 
 The figures of a report page are read from it, without a fit. A problem file is fitted first. Figures of a pilot file
-have the bands of its [uncertainty].";
+have the bands of its [uncertainty].
+Exit codes: 0 done, 1 the fit of a problem file has not converged (the file is written), 2 bad use or input.";
 
 /// Arguments of `pilotage plot`.
 #[derive(Debug, clap::Args)]
@@ -62,6 +63,8 @@ pub struct Args {
 struct Content {
     figures: Vec<Figure>,
     tables: Vec<Table>,
+    /// Whether they are of a fit without an answer.
+    is_doubtful: bool,
 }
 
 /// Writes a figure or table, or lists all.
@@ -91,7 +94,10 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     };
     overwrite::save(&output, bytes)?;
     terminal::print(&format!("wrote {}\n", output.display()))?;
-    Ok(Outcome::Done)
+    Ok(match content.is_doubtful {
+        true => Outcome::No,
+        false => Outcome::Done,
+    })
 }
 
 fn extension_of(path: &Path) -> &str {
@@ -173,7 +179,7 @@ impl Content {
             .collect();
         let shows = |own: &&Figure| {
             let mut quantities = own.panels.iter().map(|panel| &panel.y.label);
-            quantities.any(|label| label.split(" [").next() == Some(name))
+            !name.is_empty() && quantities.any(|label| label.split(" [").next() == Some(name))
         };
         let figure = self.figures.iter().find(shows);
         let hint = match (figure, suggestion(name, names.iter().copied())) {
@@ -202,7 +208,13 @@ fn content(inputs: &[PathBuf]) -> Result<Content, Failure> {
     match recognise::of(path) {
         Some(FileKind::Page) => page(path),
         Some(FileKind::Pilot) => pilot(path),
-        Some(FileKind::Problem) => Ok(of_page(&fit::page_of_problem(path)?)),
+        Some(FileKind::Problem) => {
+            let (page, is_answer) = fit::page_of_problem(path)?;
+            Ok(Content {
+                is_doubtful: !is_answer,
+                ..of_page(&page)
+            })
+        }
         _ => results(inputs),
     }
 }
@@ -226,6 +238,7 @@ fn of_page(text: &str) -> Content {
     Content {
         figures: read::figures(text),
         tables: read::tables(text),
+        is_doubtful: false,
     }
 }
 

@@ -549,3 +549,63 @@ fn an_evaluation_has_the_residuals_of_its_noise() {
         );
     }
 }
+
+/// A loop of ten lags whose time constant grows to ten times its start: the condition that the loop is stable does not hold
+/// it back, though its polynomial then is smaller by ten powers of ten.
+#[test]
+fn stability_of_many_states_holds_no_time_constant_back() {
+    const LAGS: usize = 10;
+    let lags = (1..=LAGS).map(|k| {
+        let before = match k {
+            1 => "gain * (target - z)".to_owned(),
+            k => format!("l{}", k - 1),
+        };
+        format!("l{k} = {{ unit = \"1\", der = \"({before} - l{k}) * {LAGS} / tau\" }}\n")
+    });
+    let model = format!(
+        "[model]\nname = \"chain\"\n[inputs]\ntarget = {{ unit = \"1\" }}\n[parameters]\n\
+         gain = {{ start = 1, unit = \"1\", min = 0.01, max = 20 }}\n\
+         tau = {{ start = 0.1, unit = \"s\", min = 0.01, max = 5 }}\nsecond = {{ start = 1, unit = \"s\" }}\n\
+         [states]\n{}z = {{ unit = \"1\", der = \"l{LAGS} / second\" }}\n",
+        lags.collect::<String>()
+    );
+    let (gain, tau) = (0.8, 1.0);
+    let target = |t: f64| (0.6 * t).sin() + 0.8 * (1.6 * t + 1.0).sin();
+    let derivative = |t: f64, x: &[f64]| -> Vec<f64> {
+        let input = |k: usize| match k {
+            0 => gain * (target(t) - x[LAGS]),
+            k => x[k - 1],
+        };
+        let lag = |k: usize| (input(k) - x[k]) * LAGS as f64 / tau;
+        (0..LAGS).map(lag).chain([x[LAGS - 1]]).collect()
+    };
+    // Runge-Kutta in steps of 5 ms, one row every 0.1 s.
+    let (mut x, mut rows) = (vec![0.0; LAGS + 1], String::from("time,target,z\n"));
+    for i in 0..=4000 {
+        let (t, h) = (0.005 * f64::from(i), 0.005);
+        if i % 20 == 0 {
+            rows += &format!("{t},{},{}\n", target(t), x[LAGS]);
+        }
+        let moved =
+            |k: &[f64], h: f64| -> Vec<f64> { x.iter().zip(k).map(|(x, k)| x + h * k).collect() };
+        let k1 = derivative(t, &x);
+        let k2 = derivative(t + h / 2.0, &moved(&k1, h / 2.0));
+        let k3 = derivative(t + h / 2.0, &moved(&k2, h / 2.0));
+        let k4 = derivative(t + h, &moved(&k3, h));
+        for j in 0..x.len() {
+            x[j] += h / 6.0 * (k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j]);
+        }
+    }
+    let folder = folder(&[("chain.toml", &model), ("run.csv", &rows)]);
+    let problem = "[system.m]\nmodel = \"chain.toml\"\n[inputs]\n\"m.target\" = { column = \"target\", hold = \"linear\" }\n\
+                   [[measured]]\nsignal = \"m.z\"\ncolumn = \"z\"\n[parameters]\n\"m.gain\" = {}\n\"m.tau\" = {}\n\
+                   [fit]\nstarts = 1\n";
+    for stability in ["", "[stability]\nclosed_loop = true\n"] {
+        let fit = found(&format!("{problem}{stability}{}", run("run.csv")), &folder);
+        assert!(fit.is_answer(), "{stability}: {:?}", fit.diagnostics);
+        let values: Vec<f64> = fit.parameters.iter().map(|own| own.mean()).collect();
+        // The target is linear between rows: the two are found to a thousandth.
+        let is_near = (values[0] - gain).abs() < 1e-2 && (values[1] - tau).abs() < 1e-2;
+        assert!(is_near, "{stability}: {values:?}");
+    }
+}

@@ -189,8 +189,12 @@ impl Study<'_> {
             let is_informed = |own: &Unknown| {
                 (0..own.informed_by.len()).any(|j| own.informed_by[j] && is_drawn(j))
             };
-            let initial = |own: &Unknown| kind == Kind::Runs && own.at.is_initial();
-            let of = |own: &Unknown| match is_informed(own) && !initial(own) {
+            // Runs that are drawn do not spread what one of them alone determines.
+            let is_alone = |own: &Unknown| {
+                let informing = own.informed_by.iter().filter(|informs| **informs);
+                kind == Kind::Runs && (own.at.is_initial() || informing.count() == 1)
+            };
+            let of = |own: &Unknown| match is_informed(own) && !is_alone(own) {
                 // Clamped to the range, which the solver fulfils only within its tolerance.
                 true => own
                     .found(found.value(own.at))

@@ -75,7 +75,8 @@ impl Orders {
             json: compare::to_json(&names, &compared),
             taken: taken.map(|taken| known.swap_remove(taken)),
             is_whole,
-        })
+        }
+        .with_ending())
     }
 
     /// Selects an order for recorded flights.
@@ -109,7 +110,8 @@ impl Orders {
             json: compared.json(choice.as_ref()),
             taken: choice.map(|(taken, _)| known.swap_remove(taken)),
             is_whole,
-        })
+        }
+        .with_ending())
     }
 }
 
@@ -121,6 +123,21 @@ impl<T> Chosen<T> {
             taken: None,
             is_whole,
         }
+        .with_ending()
+    }
+
+    /// Adds whether the comparison is complete.
+    fn with_ending(mut self) -> Self {
+        self.json["complete"] = json!(self.is_whole);
+        if !self.is_whole {
+            self.text += match self.taken {
+                Some(_) => {
+                    "the comparison was stopped: other orders may predict runs better; allow more time\n"
+                }
+                None => "the comparison was stopped, and nothing is written: allow more time\n",
+            };
+        }
+        self
     }
 }
 
@@ -171,7 +188,7 @@ impl<'a> ComparedOrders<'a> {
         all.map(|(name, own)| Line {
             name,
             status: own.fit.status.as_str(),
-            is_met: true,
+            is_answer: true,
             figures: &own.figures,
         })
         .collect()

@@ -24,7 +24,10 @@ pub const CLOSED_LOOP: &str = "the closed loop";
 /// Maximum number of states for a stability condition: the polynomial of larger systems loses precision.
 const MOST_STATES: usize = 20;
 
-/// Added to sums of squares, which may be 0.
+/// Maximum number of states with sought coefficients for which the entries of Routh's column are taken as they are.
+const FEW_SOUGHT: usize = 4;
+
+/// Added to squares, which may be 0.
 const TINY: f64 = 1e-280;
 
 /// The point at which a problem is linearised.
@@ -102,8 +105,13 @@ fn of_model(
     let matrix: Vec<Vec<Node>> = (columns.iter())
         .map(|column| graph.import(&own, column, &variables))
         .collect();
+    let is_sought = |row: &usize| {
+        let mut entries = matrix.iter().map(|column| column[*row]);
+        entries.any(|entry| graph.value(entry).is_none())
+    };
+    let sought = (0..n).filter(is_sought).count();
     let polynomial = characteristic(graph, &matrix);
-    Ok(routh(graph, polynomial, margin))
+    Ok(routh(graph, polynomial, margin, sought > FEW_SOUGHT))
 }
 
 /// Coefficients of `det(s I - A)`, highest power first. The matrix is given column by column.
@@ -144,10 +152,12 @@ fn characteristic(graph: &mut Graph, a: &[Vec<Node>]) -> Vec<Node> {
     polynomial
 }
 
-/// The first column of the Routh array after its first entry, for the polynomial expanded about `-margin`. Each entry is
-/// divided by a positive number of its size: otherwise an entry goes with a power of the time constants, and one that is
-/// small only since these have grown would act as a bound.
-fn routh(graph: &mut Graph, mut p: Vec<Node>, margin: f64) -> Vec<Node> {
+/// The first column of the Routh array after its first entry, for the polynomial expanded about `-margin`.
+///
+/// The entries go with powers of the sought poles. If there are many, an entry may be small only because the time constants
+/// have grown, and would act as a bound: if `is_relative`, each is divided by a positive number of its size. With few they
+/// stay as they are, since they are nearly linear in the coefficients of a transfer function.
+fn routh(graph: &mut Graph, mut p: Vec<Node>, margin: f64, is_relative: bool) -> Vec<Node> {
     let n = p.len() - 1;
     // Horner's scheme: p(s - margin).
     for last in (1..=n).rev() {
@@ -156,51 +166,45 @@ fn routh(graph: &mut Graph, mut p: Vec<Node>, margin: f64) -> Vec<Node> {
             p[k] = graph.add(p[k], part);
         }
     }
-    if n == 1 {
-        return vec![p[1]];
-    }
-    // The sum of the roots against their pairs, and the product against those of one and two roots fewer.
-    let pairs = {
-        let size = magnitude(graph, p[2]);
-        graph.unary(Function::Sqrt, size)
-    };
-    let sum = relative(graph, p[1], &[p[1], pairs]);
-    let product = {
-        let size = magnitude(graph, p[n - 2]);
-        let left = graph.multiply(p[n], size);
-        let right = graph.multiply(p[n - 1], p[n - 1]);
-        relative(graph, left, &[left, right])
-    };
     let mut upper: Vec<Node> = p.iter().copied().step_by(2).collect();
     let mut lower: Vec<Node> = p.iter().copied().skip(1).step_by(2).collect();
-    let mut column = vec![sum];
-    for _ in 2..n {
+    let (mut column, mut sizes) = (vec![lower[0]], vec![[Some(lower[0]), None]]);
+    for _ in 1..n {
         let factor = graph.divide(upper[0], lower[0]);
-        let terms: Vec<(Node, Option<Node>)> = (1..upper.len())
-            .map(|k| {
-                let part = lower.get(k).map(|own| graph.multiply(factor, *own));
-                (upper[k], part)
+        let parts: Vec<Node> = (lower[1..].iter())
+            .map(|own| graph.multiply(factor, *own))
+            .collect();
+        sizes.push([Some(upper[1]), parts.first().copied()]);
+        let next: Vec<Node> = (1..upper.len())
+            .map(|k| match parts.get(k - 1) {
+                Some(part) => graph.subtract(upper[k], *part),
+                None => upper[k],
             })
             .collect();
-        let next: Vec<Node> = (terms.iter())
-            .map(|(own, part)| match part {
-                Some(part) => graph.subtract(*own, *part),
-                None => *own,
-            })
-            .collect();
-        let sizes: Vec<Node> = std::iter::once(terms[0].0).chain(terms[0].1).collect();
-        column.push(relative(graph, next[0], &sizes));
+        column.push(next[0]);
         upper = std::mem::replace(&mut lower, next);
     }
-    column.push(product);
-    column
+    if !is_relative || n == 1 {
+        return column;
+    }
+    // The sum of the roots against that of their pairs, and their product against those of one and two roots fewer, with
+    // which it has its sign.
+    let pairs = magnitude(graph, p[2]);
+    sizes[0][1] = Some(graph.unary(Function::Sqrt, pairs));
+    let fewer = magnitude(graph, p[n - 2]);
+    column[n - 1] = graph.multiply(p[n], fewer);
+    let square = graph.multiply(p[n - 1], p[n - 1]);
+    sizes[n - 1] = [Some(column[n - 1]), Some(square)];
+    let all = column.into_iter().zip(sizes);
+    all.map(|(value, sizes)| relative(graph, value, sizes))
+        .collect()
 }
 
 /// The value divided by the root of the sum of squares of these sizes.
-fn relative(graph: &mut Graph, value: Node, sizes: &[Node]) -> Node {
+fn relative(graph: &mut Graph, value: Node, sizes: [Option<Node>; 2]) -> Node {
     let mut sum = graph.constant(TINY);
-    for size in sizes {
-        let square = graph.multiply(*size, *size);
+    for size in sizes.into_iter().flatten() {
+        let square = graph.multiply(size, size);
         sum = graph.add(sum, square);
     }
     let size = graph.unary(Function::Sqrt, sum);
@@ -226,9 +230,9 @@ mod tests {
         /// The polynomial vanishes at the eigenvalues, and Routh's column is positive if all are left of the margin.
         #[test]
         fn polynomial_and_column_agree_with_the_eigenvalues(
-            n in 1_usize..=7, entries in prop::collection::vec(-2.0..2.0_f64, 49), shift in -3.0..1.0_f64
+            n in 1_usize..=10, entries in prop::collection::vec(-2.0..2.0_f64, 100), shift in -3.0..1.0_f64
         ) {
-            let matrix = DMatrix::from_fn(n, n, |i, j| entries[7 * i + j] + if i == j { shift } else { 0.0 });
+            let matrix = DMatrix::from_fn(n, n, |i, j| entries[10 * i + j] + if i == j { shift } else { 0.0 });
             let mut graph = Graph::default();
             let columns: Vec<Vec<Node>> = (0..n)
                 .map(|j| (0..n).map(|i| graph.constant(matrix[(i, j)])).collect())
@@ -244,9 +248,11 @@ mod tests {
             }
             let worst = poles.iter().map(|pole| pole.re).fold(f64::NEG_INFINITY, f64::max);
             prop_assume!((worst + MARGIN).abs() > 1e-4);
-            let column = routh(&mut graph, polynomial, MARGIN);
-            let is_positive = column.iter().all(|node| graph.value(*node).expect("a number") > 0.0);
-            prop_assert_eq!(is_positive, worst < -MARGIN);
+            for is_relative in [false, true] {
+                let column = routh(&mut graph, polynomial.clone(), MARGIN, is_relative);
+                let is_positive = column.iter().all(|node| graph.value(*node).expect("a number") > 0.0);
+                prop_assert_eq!(is_positive, worst < -MARGIN);
+            }
         }
     }
 }

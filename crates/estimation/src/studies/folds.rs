@@ -4,8 +4,8 @@ use crate::fit::{Observer, fit};
 use crate::posed::Posed;
 use crate::problem::error::ProblemError;
 use crate::problem::file::{ProblemFile, RunLine};
-use crate::result::Fit;
-use crate::studies::validation::{GoesOn, Judged, validated};
+use crate::result::{Fit, Found};
+use crate::studies::validation::{GoesOn, Judged, hold, validated};
 use crate::system::part::Part;
 use pilotage_cosim::description::InstanceDescription;
 use pilotage_sqp::Status;
@@ -102,6 +102,11 @@ fn refit(
     goes_on: &GoesOn<'_>,
 ) -> Result<Fit, ProblemError> {
     file.options.starts = 1;
+    let fitted: Vec<RunLine> = file.runs.iter().filter(|run| run.fits).cloned().collect();
+    let is_set = |found: &&Found| fitted.iter().all(|run| run.is_set(&found.name));
+    for found in whole.parameters.iter().filter(is_set) {
+        hold(file, found);
+    }
     let mut posed = Posed::new(file, open)?;
     let labels: Vec<&String> = (posed.data.iter())
         .flat_map(|run| [Some(&run.line.name), run.line.subject.as_ref()])

@@ -139,20 +139,30 @@ fn fixed(file: &ProblemFile, fit: &Fit) -> ProblemFile {
     file.parameters
         .retain(|line| line.fixed || (is_name(line) && line.value.is_some()));
     for found in fit.parameters.iter().filter(|found| !found.is_tied) {
-        if let Some((measured, what)) = sensor(&file, &found.name) {
-            let value = Calibration::Found(found.mean());
-            match what {
-                "gain" => file.measured[measured].gain = value,
-                _ => file.measured[measured].offset = value,
-            }
-        } else {
-            file.parameters.push(line(found));
-        }
+        hold(&mut file, found);
         for run in &mut file.runs {
             set_subject(run, found);
         }
     }
     file
+}
+
+/// Fixes a parameter at its estimate.
+pub(crate) fn hold(file: &mut ProblemFile, found: &Found) {
+    match sensor(file, &found.name) {
+        Some((measured, what)) => {
+            let value = Calibration::Found(found.mean());
+            match what {
+                "gain" => file.measured[measured].gain = value,
+                _ => file.measured[measured].offset = value,
+            }
+        }
+        None => {
+            let is_other = |own: &Sought| own.name.value != found.name;
+            file.parameters.retain(is_other);
+            file.parameters.push(line(found));
+        }
+    }
 }
 
 /// The measured signal and the sensor quantity (gain or offset) that a name refers to.

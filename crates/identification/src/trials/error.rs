@@ -82,6 +82,19 @@ pub enum TrialError {
         /// The value.
         value: f64,
     },
+    /// The times are implausibly far apart.
+    #[error(
+        "{file}: the run lasts {duration:e} s; expected at most {limit:e} s: give the times their unit, as in `time [ms]` or \
+         `time [us]`"
+    )]
+    Long {
+        /// The file.
+        file: String,
+        /// Its duration \[s\].
+        duration: f64,
+        /// The limit \[s\].
+        limit: f64,
+    },
     /// A position or target is implausibly large.
     #[error(
         "{file}: {column} = {value:e} m at {time} s; expected less than {limit:e} m in magnitude: empty the cell if it is an \

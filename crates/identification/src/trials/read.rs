@@ -11,6 +11,9 @@ use std::path::Path;
 /// Limit on the magnitude of positions and targets \[m\]: more than twice the distance to the Moon.
 const FARTHEST: f64 = 1e9;
 
+/// Limit on the duration of a run \[s\]: eleven days.
+const LONGEST: f64 = 1e6;
+
 /// Minimum number of recorded positions: fewer do not determine six parameters.
 const MIN_SAMPLES: usize = 10;
 
@@ -125,6 +128,14 @@ impl Trial {
                 file: file(),
                 found,
                 expected: MIN_SAMPLES,
+            });
+        }
+        let duration = self.duration();
+        if duration > LONGEST {
+            return Err(TrialError::Long {
+                file: file(),
+                duration,
+                limit: LONGEST,
             });
         }
         let far = [("position", &self.position), ("target", &self.target)];

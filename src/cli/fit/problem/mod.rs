@@ -156,8 +156,8 @@ fn refitted(
     }
 }
 
-/// Fits a problem and returns its page.
-pub fn page_of(path: &Path) -> Result<String, Failure> {
+/// Fits a problem and returns its page, and whether the fit has an answer.
+pub fn page_of(path: &Path) -> Result<(String, bool), Failure> {
     let file = ProblemFile::read(path)?;
     let posed = Posed::new(&file, &part::open)?;
     let fit = crate::estimation::fit(&posed, &mut |_| ControlFlow::Continue(()));
@@ -171,7 +171,10 @@ pub fn page_of(path: &Path) -> Result<String, Failure> {
         processes: &processes(&posed, &fit),
         checked: &checks::Checked::default(),
     };
-    Ok(page::page(&outcome, &made()))
+    if !fit.is_answer() {
+        terminal::note(&format!("{}: {}", path.display(), fit.verdict()));
+    }
+    Ok((page::page(&outcome, &made()), fit.is_answer()))
 }
 
 fn check_outputs(args: &Args, path: &Path, fitted: &[Fitted]) -> Result<(), Failure> {

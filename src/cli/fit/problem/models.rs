@@ -76,7 +76,7 @@ impl Fitted {
             return Ok(());
         };
         let prefix = format!("{}.", self.instance);
-        let mut head = format!("{HEAD} from {}: {}\n", problem.display(), fit.ending());
+        let mut head = format!("{HEAD} from {}: {}\n", problem.display(), fit.verdict());
         let mut values: Vec<(String, f64)> = Vec::new();
         for (found, is_sought) in all_of(posed, fit) {
             let Some(name) = found.name.strip_prefix(&prefix) else {

@@ -376,7 +376,7 @@ pub fn averaged(own: &Judged) -> Option<String> {
         .collect();
     (!names.is_empty()).then(|| {
         format!(
-            "{}: no fitted run has its subject, so it has the mean of the others for {}\n",
+            "{}: no fitted run of its subject determines {}; the mean of the others is used\n",
             own.run.name,
             names.join(", ")
         )
