@@ -48,7 +48,7 @@ pub fn compare(
         let observer: &mut Observer<'_> = &mut |_| goes_on();
         Ok(fit(posed, observer))
     })?;
-    compare_fits(files, whole, open, ask)
+    compared(files, &posed, whole, (open, ask))
 }
 
 /// As [`compare`], where the fits to all runs are known.
@@ -61,7 +61,15 @@ pub fn compare_fits(
     open: OpenInParallel<'_>,
     ask: &Ask<'_>,
 ) -> Result<Compared, ProblemError> {
-    let posed = posed(files, open)?;
+    compared(files, &posed(files, open)?, whole, (open, ask))
+}
+
+fn compared(
+    files: &[ProblemFile],
+    posed: &[Posed<'_>],
+    whole: Vec<Fit>,
+    (open, ask): (OpenInParallel<'_>, &Ask<'_>),
+) -> Result<Compared, ProblemError> {
     let runs = fitted(&files[0]);
     let all = files.len() * (1 + runs.len());
     // Runs have the same order in all files, possibly with validation runs between them.
@@ -97,7 +105,7 @@ pub fn compare_fits(
             .map(|k| files[0].runs[*k].name.clone())
             .collect(),
         choice: choose(&figures).filter(|_| have_answers),
-        candidates: (whole.into_iter().zip(figures).zip(&posed))
+        candidates: (whole.into_iter().zip(figures).zip(posed))
             .map(|((fit, figures), posed)| Candidate {
                 is_begun: posed.free_states().next().is_some(),
                 fit,

@@ -3,7 +3,6 @@
 use super::inputs::{Key, Span};
 use super::{Assembly, Done};
 use crate::posed::assembly::made::Stands;
-use crate::posed::data::RunData;
 use crate::posed::names::Of;
 use crate::posed::unknowns::{Meaning, Unknown};
 use crate::problem::error::ProblemError;
@@ -16,10 +15,10 @@ impl Assembly<'_> {
     /// Assigns each unknown its place.
     pub(super) fn find_unknowns(&mut self) -> Done<()> {
         for unknown in &self.parameters.unknowns {
-            let seeking = self.seeking(&unknown.name).count();
-            let per = match (self.data.len(), seeking) {
-                (1, _) | (_, 0) => Per::All,
-                _ => unknown.per,
+            let is_set_in_all = self.data.iter().all(|run| run.line.is_set(&unknown.name));
+            let per = match self.data.len() == 1 || is_set_in_all {
+                true => Per::All,
+                false => unknown.per,
             };
             let stands = match per {
                 Per::All => {
@@ -39,12 +38,7 @@ impl Assembly<'_> {
         Ok(())
     }
 
-    /// The runs in which a sought parameter has its sought value, since they do not set it.
-    pub(super) fn seeking<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a RunData<'a>> {
-        self.data.iter().filter(move |run| !run.line.is_set(name))
-    }
-
-    /// Adds a shared parameter for each subject.
+    /// Adds a shared parameter for each subject with a run that does not set it.
     fn find_subjects(&mut self, name: &str) -> Done<Vec<(String, usize)>> {
         let mut subjects: Vec<(String, usize)> = Vec::new();
         for run in self.data.iter().filter(|run| !run.line.is_set(name)) {
