@@ -3,7 +3,7 @@
 
 use super::mesh::Run;
 use super::node::Differentiated;
-use super::reference::{Reference, Stop};
+use super::reference::{MOST_STEPS, Reference, Stop};
 
 /// Minimum number of steps per mesh interval: three steps of a method of order 5 in one have about 3⁶ times the error
 /// of a single step, which is accurate enough for an initial mesh.
@@ -18,6 +18,8 @@ pub struct Quality {
     pub tolerance: f64,
     /// Typical magnitudes of the states.
     pub magnitudes: Vec<f64>,
+    /// Maximum number of steps of the whole run. The solution ends at the sample before that.
+    pub most_steps: usize,
 }
 
 /// A simulated run.
@@ -49,6 +51,7 @@ impl Differentiated {
         let Quality {
             tolerance,
             magnitudes,
+            most_steps,
         } = quality;
         let mut solution = Reference::new((self, run), theta, magnitudes, *tolerance);
         let mut course = Course {
@@ -60,6 +63,8 @@ impl Differentiated {
         };
         for ends in run.time.windows(2) {
             if course.is_whole && ends[0] < ends[1] {
+                let left = most_steps.saturating_sub(course.time.len() - 1);
+                solution.patience = left.min(MOST_STEPS);
                 course.is_whole = course.advance(&mut solution, (ends[0], ends[1]), stop);
             } else {
                 course.push(ends[1], course.states[course.states.len() - 1].clone());

@@ -7,7 +7,7 @@ use pilotage_ode::{Method, Solver, SolverOptions, System};
 use std::convert::Infallible;
 
 /// Maximum number of steps between two times, unless [`Reference::patience`] is set.
-const MOST_STEPS: usize = 20_000;
+pub(super) const MOST_STEPS: usize = 20_000;
 /// Number of steps between two queries of the stop condition.
 const ASKED: usize = 64;
 

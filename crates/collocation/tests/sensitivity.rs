@@ -43,6 +43,7 @@ fn simulated(model: &Differentiated, run: &Run, theta: &[f64], initial: &[f64]) 
     let quality = Quality {
         tolerance: 1e-12,
         magnitudes: vec![1.0; 2],
+        most_steps: usize::MAX,
     };
     let course = model.course(run, theta, initial, &quality, &|| false);
     let states: Vec<Vec<f64>> = course.at_samples().cloned().collect();

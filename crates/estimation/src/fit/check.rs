@@ -60,6 +60,7 @@ pub(super) fn free_run(
         let quality = Quality {
             tolerance: TOLERANCE,
             magnitudes: magnitudes(j),
+            most_steps: usize::MAX,
         };
         posed.model.course(run, theta, &initial[j], &quality, stop)
     };

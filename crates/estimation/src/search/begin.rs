@@ -8,7 +8,12 @@ use pilotage_collocation::{Collocation, Course, Quality, Run, Scales, Scheme, St
 use rayon::prelude::*;
 
 /// Approximate maximum number of nodes added to the samples on initial meshes.
-const MOST_STEPS: usize = 4000;
+const MOST_NODES: usize = 4000;
+
+/// Maximum number of steps of a simulation, as a multiple of its samples and of the nodes that its mesh may have. Parameters
+/// with which a run needs more are far from any answer, such as those of a loop that diverges: with the time that these
+/// steps take, many other starts can be tried.
+const STEPS_PER_NODE: usize = 20;
 
 /// Error tolerance of a simulation step, relative to the states.
 const TOLERANCE: f64 = 1e-6;
@@ -55,9 +60,10 @@ pub(crate) fn at_point(
     let mut paths = match followed {
         Some(followed) => (point.initial.par_iter().enumerate())
             .map(|(j, initial)| {
-                let quality = quality(sizes(posed, initial));
+                let samples = posed.runs[j].time.len();
+                let quality = quality(posed, samples, sizes(posed, initial));
                 let mut course = followed.simulate(j, point.theta, initial, &quality, stop);
-                course.thin(MOST_STEPS);
+                course.thin(MOST_NODES);
                 course
             })
             .collect(),
@@ -80,7 +86,7 @@ fn suited(courses: &[Course]) -> Scheme {
 
 /// Simulations of the runs from a point, with as many steps as their meshes need.
 fn courses(posed: &Posed<'_>, point: &Point<'_>, stop: &Stop<'_>) -> Vec<Course> {
-    let most = MOST_STEPS.div_ceil(posed.runs.len().max(1));
+    let most = most_nodes(posed);
     let simulated = |(run, initial): (&Run, &Vec<f64>)| {
         let mut course = course(posed, run, point.theta, initial, stop);
         course.thin(most);
@@ -94,9 +100,8 @@ fn courses(posed: &Posed<'_>, point: &Point<'_>, stop: &Stop<'_>) -> Vec<Course>
 /// unless it turns out to be smaller.
 fn course(posed: &Posed<'_>, run: &Run, theta: &[f64], initial: &[f64], stop: &Stop<'_>) -> Course {
     let simulated = |magnitudes: &[f64]| {
-        posed
-            .model
-            .course(run, theta, initial, &quality(magnitudes.to_vec()), stop)
+        let quality = quality(posed, run.time.len(), magnitudes.to_vec());
+        posed.model.course(run, theta, initial, &quality, stop)
     };
     let assumed = sizes(posed, initial);
     let course = simulated(&assumed);
@@ -113,11 +118,17 @@ fn course(posed: &Posed<'_>, run: &Run, theta: &[f64], initial: &[f64], stop: &S
     }
 }
 
-fn quality(magnitudes: Vec<f64>) -> Quality {
+fn quality(posed: &Posed<'_>, samples: usize, magnitudes: Vec<f64>) -> Quality {
     Quality {
         tolerance: TOLERANCE,
         magnitudes,
+        most_steps: STEPS_PER_NODE * (samples + most_nodes(posed)),
     }
+}
+
+/// Maximum number of nodes added to the samples of a run.
+fn most_nodes(posed: &Posed<'_>) -> usize {
+    MOST_NODES.div_ceil(posed.runs.len().max(1))
 }
 
 /// Initial states of a run with these own parameters.
