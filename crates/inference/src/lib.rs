@@ -57,4 +57,4 @@ pub use covariance::{Covariance, Joint, Method};
 pub use data::{Data, Run};
 pub use inference::{Direction, Inference, Obstacle};
 pub use interval::{Class, Interval, LEVEL, quantile};
-pub use row::{Noise, Row};
+pub use row::{Noise, Row, normal_equations};

@@ -1,6 +1,15 @@
 //! Terms of a log likelihood as rows of a least-squares problem.
 
+use nalgebra::{DMatrix, DVector};
 use std::f64::consts::SQRT_2;
+
+/// The normal equations `(AᵀA, Aᵀr)` of a least-squares problem with these rows and residuals.
+pub fn normal_equations(
+    rows: &DMatrix<f64>,
+    residuals: &DVector<f64>,
+) -> (DMatrix<f64>, DVector<f64>) {
+    (rows.tr_mul(rows), rows.tr_mul(residuals))
+}
 
 /// Noise of a measured value, in terms of its residual `z = (y - h)/sd`.
 ///

@@ -5,6 +5,7 @@ use super::likelihood::Likelihood;
 use super::limits::Limits;
 use crate::posed::Posed;
 use nalgebra::{DMatrix, DVector};
+use pilotage_inference::normal_equations;
 use pilotage_sqp::problem::Pattern;
 use pilotage_sqp::{Hessian, Problem, SparseProblem};
 use std::sync::{Arc, Mutex};
@@ -163,8 +164,9 @@ impl<'p> Program<'p> {
             let mut block = DMatrix::zeros(width, width);
             for (rows, residuals) in run.scored() {
                 let weight = 2.0 * self.likelihood.weight(j);
-                block += rows.tr_mul(&rows) * weight;
-                let score = rows.tr_mul(&residuals) * -weight;
+                let (matrix, right) = normal_equations(&rows, &residuals);
+                block += matrix * weight;
+                let score = right * -weight;
                 let places = (0..self.shared).chain(self.own[j].clone());
                 places
                     .zip(&score)
