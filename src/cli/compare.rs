@@ -51,7 +51,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     interrupt::listen("stopping")?;
     let folds = Folds::until(Deadline::after(args.time_limit));
     let compared = compare(&files, &part::open, &|done, all| folds.ask(done, all))?;
-    let is_whole = folds.end();
+    let is_whole = folds.end_with_note();
     let names: Vec<&str> = files.iter().map(|file| file.file.as_str()).collect();
     terminal::print(&match args.json {
         true => format!("{:#}\n", to_json(&names, &compared)),

@@ -9,7 +9,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Note about a comparison that Ctrl-C or the time limit has ended.
-pub const STOPPED: &str = "some of these fits were stopped before the end, and the comparison depends on when: allow more time";
+const STOPPED: &str = "some of these fits were stopped before the end, and the comparison depends on when: allow more time";
 
 /// Shows the number of completed fits, and checks for Ctrl-C and the time limit.
 pub struct Folds {
@@ -40,16 +40,21 @@ impl Folds {
         asked
     }
 
-    /// Clears the display, and reports whether all fits could come to their ends.
+    /// As [`end`](Self::end), with a note if fits were stopped.
+    pub fn end_with_note(&self) -> bool {
+        let is_whole = self.end();
+        if !is_whole {
+            terminal::note(STOPPED);
+        }
+        is_whole
+    }
+
+    /// Clears the display, and returns whether no fit was stopped.
     pub fn end(&self) -> bool {
         self.spinner
             .lock()
             .unwrap_or_else(|e| e.into_inner())
             .clear();
-        let was_cut = self.was_cut.load(Ordering::Relaxed);
-        if was_cut {
-            terminal::note(STOPPED);
-        }
-        !was_cut
+        !self.was_cut.load(Ordering::Relaxed)
     }
 }

@@ -20,6 +20,8 @@ pub struct Ordered {
     /// from rest at its first recorded position; NaN if it cannot be simulated, or if the fit to the other trials is
     /// not valid.
     pub figures: Contender,
+    /// Whether no fit was stopped: neither that to all trials nor one to the others.
+    pub is_whole: bool,
 }
 
 /// Fits pilots of these orders. If the observer stops a fit, higher orders are not fitted, and the trials that are left to
@@ -63,6 +65,7 @@ pub fn ordered(
                 held_out,
             },
             fit: whole,
+            is_whole: !is_stopped.get(),
         });
     }
     Ok(all)

@@ -4,10 +4,11 @@ use super::watch::Watch;
 use super::{Args, MAX_ORDER};
 use crate::cli::compare::{self, Line, coloured, comparisons_json, figures_json, table, words};
 use crate::cli::deadline::Deadline;
-use crate::cli::folds::{Folds, STOPPED};
+use crate::cli::folds::Folds;
 use crate::cli::{Failure, terminal};
-use crate::estimation::comparison::compare_fits;
-use crate::estimation::{self, ProblemFile, part};
+use crate::estimation::comparison::{Candidate, Compared};
+use crate::estimation::orders::Ordered as Solved;
+use crate::estimation::{self, Fit, ProblemFile, part};
 use crate::identification::orders::{self, Ordered};
 use crate::identification::{FitOptions, InitialState, Objective, TrialSet};
 use crate::inference::choice::{Comparison, Contender, choose};
@@ -47,33 +48,44 @@ impl Orders {
         &self,
         file: &ProblemFile,
         deadline: Deadline,
-    ) -> Result<Chosen<estimation::orders::Ordered>, Failure> {
+    ) -> Result<Chosen<(ProblemFile, Fit)>, Failure> {
         let folds = Folds::until(deadline);
         let range = u32::from(*self.0.start())..=u32::from(*self.0.end());
-        let all = estimation::orders::ordered(file, range, &part::open, &|| folds.ask(0, 1))?;
-        let (mut known, last): (Vec<_>, Vec<_>) =
-            all.into_iter().partition(|own| own.fit.is_answer());
-        let last = last
-            .iter()
-            .map(|own| (own.order as usize, own.fit.ending()));
+        let ask = |done: usize, all: usize| folds.ask(done, all);
+        let all = estimation::orders::ordered(file, range, &part::open, &ask)?;
+        let is_whole = folds.end();
+        let is_known = |own: &Solved| own.candidate.fit.is_answer() && own.is_whole;
+        let (known, last): (Vec<Solved>, Vec<Solved>) = all.into_iter().partition(is_known);
+        let last = last.iter().map(|own| {
+            let fit = &own.candidate.fit;
+            let status = (!fit.is_answer()).then(|| fit.ending());
+            (own.order as usize, status)
+        });
         let last = unanswered(last);
         if known.is_empty() {
-            return Ok(Chosen::none(last, folds.end()));
+            return Ok(Chosen::none(last, is_whole));
         }
-        let files: Vec<ProblemFile> = known.iter().map(|own| own.file.clone()).collect();
-        let fits = known.iter().map(|own| own.fit.clone()).collect();
-        let compared = compare_fits(&files, fits, &part::open, &|done, all| folds.ask(done, all))?;
-        let is_whole = folds.end();
-        let names: Vec<String> = known
-            .iter()
-            .map(|own| format!("order {}", own.order))
-            .collect();
+        let names = known.iter().map(|own| format!("order {}", own.order));
+        let names: Vec<String> = names.collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let (mut files, candidates): (Vec<ProblemFile>, Vec<Candidate>) = known
+            .into_iter()
+            .map(|own| (own.file, own.candidate))
+            .unzip();
+        let mut compared = Compared::of(file, candidates);
+        let (text, json) = (
+            compare::to_text(&names, &compared) + &last,
+            compare::to_json(&names, &compared),
+        );
         let taken = compared.choice.as_ref().map(|(taken, _)| *taken);
+        let taken = taken.map(|taken| {
+            let candidate = compared.candidates.swap_remove(taken);
+            (files.swap_remove(taken), candidate.fit)
+        });
         Ok(Chosen {
-            text: compare::to_text(&names, &compared) + &last,
-            json: compare::to_json(&names, &compared),
-            taken: taken.map(|taken| known.swap_remove(taken)),
+            text,
+            json,
+            taken,
             is_whole,
         }
         .with_ending())
@@ -90,15 +102,17 @@ impl Orders {
         check(options)?;
         let mut watch = Watch::new(deadline, None, args.verbose);
         let range = usize::from(*self.0.start())..=usize::from(*self.0.end());
+        let count = range.clone().count();
         let all = orders::ordered(set, options, range, &mut |progress| watch.see(progress));
         watch.end();
-        let is_whole = deadline.ask().is_continue();
-        if !is_whole {
-            terminal::note(STOPPED);
-        }
+        let all = all?;
+        let is_whole = all.len() == count && all.iter().all(|own| own.is_whole);
         let (mut known, last): (Vec<_>, Vec<_>) =
-            all?.into_iter().partition(|own| own.fit.is_answer());
-        let last = unanswered((last.iter()).map(|own| (own.order, own.fit.status.as_str())));
+            (all.into_iter()).partition(|own| own.fit.is_answer() && own.is_whole);
+        let last = unanswered(last.iter().map(|own| {
+            let status = (!own.fit.is_answer()).then(|| own.fit.status.as_str());
+            (own.order, status)
+        }));
         if known.is_empty() {
             return Ok(Chosen::none(last, is_whole));
         }
@@ -141,10 +155,13 @@ impl<T> Chosen<T> {
     }
 }
 
-/// Reasons why orders are not compared.
-fn unanswered<'a>(all: impl Iterator<Item = (usize, &'a str)>) -> String {
-    all.map(|(order, status)| {
-        format!("order {order} has no answer ({status}), and is not compared\n")
+/// Reasons why orders are not compared: the status of a fit without an answer, none if fits to some of the runs were stopped.
+fn unanswered<'a>(all: impl Iterator<Item = (usize, Option<&'a str>)>) -> String {
+    all.map(|(order, status)| match status {
+        Some(status) => format!("order {order} has no answer ({status}), and is not compared\n"),
+        None => {
+            format!("order {order} is not compared: not every run was left out before the end\n")
+        }
     })
     .collect()
 }

@@ -18,7 +18,7 @@ Examples:
   pilotage init run*.csv -o problem.toml
 
   # Another pilot and another vehicle, built in (`pilotage models`) or from files.
-  pilotage init run*.csv --pilot crossover --vehicle double_integrator -o problem.toml
+  pilotage init run*.csv --pilot lead_lag --vehicle double_integrator -o problem.toml
   pilotage init run*.csv --pilot my_pilot.toml --vehicle my_aircraft.toml -o problem.toml
 
   # Parameters of one model: columns with the names of its inputs drive it, columns with the names of its outputs or

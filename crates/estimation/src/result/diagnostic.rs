@@ -285,7 +285,11 @@ impl fmt::Display for Diagnostic {
             ),
             Self::Violated { name, by } => write!(
                 f,
-                "{name} is violated by {by:.1e} (scaled): what is asked for there may not go with the rest"
+                "{name} is violated by {by:.1e} (scaled): what is asked for there may not go with the rest{}",
+                match name == "the stability of the closed loop" {
+                    true => "; a pilot without lead, such as `crossover`, stabilises no vehicle that integrates twice",
+                    false => "",
+                }
             ),
             Self::BeyondLimit { name, by } => write!(
                 f,

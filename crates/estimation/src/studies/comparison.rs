@@ -48,37 +48,38 @@ pub fn compare(
         let observer: &mut Observer<'_> = &mut |_| goes_on();
         Ok(fit(posed, observer))
     })?;
-    compared(files, &posed, whole, (open, ask))
+    let problems: Vec<_> = files.iter().zip(&posed).zip(whole).collect();
+    let candidates = candidates(problems, (open, ask), (files.len(), all))?;
+    Ok(Compared::of(&files[0], candidates))
 }
 
-/// As [`compare`], where the fits to all runs are known.
-///
-/// # Errors
-/// As [`compare`].
-pub fn compare_fits(
-    files: &[ProblemFile],
-    whole: Vec<Fit>,
-    open: OpenInParallel<'_>,
-    ask: &Ask<'_>,
-) -> Result<Compared, ProblemError> {
-    compared(files, &posed(files, open)?, whole, (open, ask))
-}
-
-fn compared(
-    files: &[ProblemFile],
-    posed: &[Posed<'_>],
-    whole: Vec<Fit>,
-    (open, ask): (OpenInParallel<'_>, &Ask<'_>),
-) -> Result<Compared, ProblemError> {
-    let runs = fitted(&files[0]);
-    let all = files.len() * (1 + runs.len());
-    // Runs have the same order in all files, possibly with validation runs between them.
-    let folds = files.iter().zip(&whole).flat_map(|(file, whole)| {
+impl Compared {
+    /// Selects one of these candidates, of problems with the runs of this one.
+    pub fn of(file: &ProblemFile, candidates: Vec<Candidate>) -> Self {
+        let figures: Vec<Contender> = candidates.iter().map(|own| own.figures.clone()).collect();
+        let have_answers = candidates.iter().all(|own| own.fit.is_answer());
         let runs = fitted(file).into_iter();
-        runs.map(move |run| ((file, whole), run))
+        Self {
+            runs: runs.map(|k| file.runs[k].name.clone()).collect(),
+            choice: choose(&figures).filter(|_| have_answers),
+            candidates,
+        }
+    }
+}
+
+/// Fits problems without each of their runs; `count` has the number of fits done before and that of all.
+pub(crate) fn candidates(
+    problems: Vec<((&ProblemFile, &Posed<'_>), Fit)>,
+    (open, ask): (OpenInParallel<'_>, &Ask<'_>),
+    count: (usize, usize),
+) -> Result<Vec<Candidate>, ProblemError> {
+    // Runs have the same order in all files, possibly with validation runs between them.
+    let folds = problems.iter().flat_map(|((file, _), whole)| {
+        let runs = fitted(file).into_iter();
+        runs.map(move |run| ((*file, whole), run))
     });
     let folds: Vec<_> = folds.collect();
-    let surprises = each(&folds, (files.len(), all), ask, |(own, run), goes_on| {
+    let surprises = each(&folds, count, ask, |(own, run), goes_on| {
         let (file, whole) = *own;
         let noises: Vec<Noise> = file.measured.iter().map(|own| own.noise).collect();
         let judged = match whole.is_answer() {
@@ -87,32 +88,18 @@ fn compared(
         };
         Ok(judged.map_or(f64::NAN, |run| run.surprise(&noises)))
     })?;
-    let figures = posed
-        .iter()
-        .zip(&whole)
-        .zip(surprises.chunks(runs.len().max(1)));
-    let figures = figures.map(|((posed, fit), held_out)| Contender {
-        unknowns: posed.count(),
-        samples: fit.samples,
-        surprise: 2.0 * fit.nllh,
-        held_out: held_out.to_vec(),
-    });
-    let figures: Vec<Contender> = figures.collect();
-    let have_answers = whole.iter().all(Fit::is_answer);
-    Ok(Compared {
-        runs: runs
-            .iter()
-            .map(|k| files[0].runs[*k].name.clone())
-            .collect(),
-        choice: choose(&figures).filter(|_| have_answers),
-        candidates: (whole.into_iter().zip(figures).zip(posed))
-            .map(|((fit, figures), posed)| Candidate {
-                is_begun: posed.free_states().next().is_some(),
-                fit,
-                figures,
-            })
-            .collect(),
-    })
+    let mut surprises = surprises.into_iter();
+    let candidate = |((file, posed), fit): ((&ProblemFile, &Posed<'_>), Fit)| Candidate {
+        is_begun: posed.free_states().next().is_some(),
+        figures: Contender {
+            unknowns: posed.count(),
+            samples: fit.samples,
+            surprise: 2.0 * fit.nllh,
+            held_out: surprises.by_ref().take(fitted(file).len()).collect(),
+        },
+        fit,
+    };
+    Ok(problems.into_iter().map(candidate).collect())
 }
 
 /// The problems, which must have the same data.

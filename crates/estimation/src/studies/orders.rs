@@ -5,12 +5,13 @@ use crate::posed::Posed;
 use crate::problem::error::ProblemError;
 use crate::problem::file::{Calibration, Deviation, Initial, Per, ProblemFile, Quantity, Sought};
 use crate::result::Fit;
-use crate::studies::folds::OpenInParallel;
-use crate::studies::validation::GoesOn;
+use crate::studies::comparison::{Candidate, candidates};
+use crate::studies::folds::{Ask, OpenInParallel, fitted};
 use pilotage_cosim::description::{InstanceSource, Spanned};
 use pilotage_language::file::Formula;
 use pilotage_models::library;
 use std::ops::RangeInclusive;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// An added pole is this many times as fast as the geometric mean of the existing poles.
 const FASTER: f64 = 3.0;
@@ -24,13 +25,16 @@ pub struct Ordered {
     pub order: u32,
     /// The problem, with start values at the result of the fit.
     pub file: ProblemFile,
-    /// The fit.
-    pub fit: Fit,
+    /// The fit, and how well it predicts runs that are left out.
+    pub candidate: Candidate,
+    /// Whether no fit was stopped: neither that to all runs nor one to the others.
+    pub is_whole: bool,
 }
 
 /// Fits the problem with each of these orders of the only instance whose model has an order (`linear`). The transfer
 /// function of each order begins at the previous solution, if there is one, with an added fast pole and a zero near it,
-/// so that a larger order does not fit worse than a smaller one. Where `goes_on` stops a fit, higher orders are not fitted.
+/// so that a larger order does not fit worse than a smaller one. Each order is fitted without each run too before the next
+/// one. If `ask` stops a fit, higher orders are not fitted. `ask` is passed the number of completed fits and their total.
 ///
 /// # Errors
 /// When not exactly one instance has an order, or a coefficient has any setting beyond a plain search: coefficients of
@@ -39,24 +43,40 @@ pub fn ordered(
     file: &ProblemFile,
     orders: RangeInclusive<u32>,
     open: OpenInParallel<'_>,
-    goes_on: &GoesOn<'_>,
+    ask: &Ask<'_>,
 ) -> Result<Vec<Ordered>, ProblemError> {
     let instance = instance(file)?;
     check(file, &instance)?;
+    let fits = 1 + fitted(file).len();
+    let total = orders.clone().count() * fits;
+    let is_stopped = AtomicBool::new(false);
+    let ask = |done: usize, total: usize| {
+        let asked = ask(done, total);
+        is_stopped.fetch_or(asked.is_break(), Ordering::Relaxed);
+        asked
+    };
     let mut all: Vec<Ordered> = Vec::new();
-    for order in orders.take_while(|_| goes_on().is_continue()) {
-        let before = all.last().filter(|own| own.fit.is_answer());
-        let start = before.map(|own| grown(&coefficients(&own.fit, &instance)));
+    for order in orders {
+        let done = all.len() * fits;
+        if ask(done, total).is_break() {
+            break;
+        }
+        let before = all.last().map(|own| &own.candidate.fit);
+        let before = before.filter(|own| own.is_answer());
+        let start = before.map(|own| grown(&coefficients(own, &instance)));
         let mut file = with_order(file, &instance, order, start.as_deref());
-        let found = {
+        let candidate = {
             let posed = Posed::new(&file, open)?;
-            let observer: &mut Observer<'_> = &mut |_| goes_on();
-            fit(&posed, observer)
+            let observer: &mut Observer<'_> = &mut |_| ask(done, total);
+            let whole = fit(&posed, observer);
+            let problem = vec![((&file, &posed), whole)];
+            candidates(problem, (open, &ask), (done + 1, total))?.remove(0)
         };
-        let is_answer = found.is_answer();
+        let is_answer = candidate.fit.is_answer();
         file.options.starts = 1;
         for line in &mut file.parameters {
-            let own = found
+            let own = candidate
+                .fit
                 .parameters
                 .iter()
                 .find(|own| own.name == line.name.value);
@@ -67,7 +87,8 @@ pub fn ordered(
         all.push(Ordered {
             order,
             file,
-            fit: found,
+            candidate,
+            is_whole: !is_stopped.load(Ordering::Relaxed),
         });
     }
     Ok(all)

@@ -64,7 +64,7 @@ impl Checks {
         let per_run = is_asked(self.per_run)
             .then(|| per_run((file, fit), &part::open, &ask))
             .transpose()?;
-        let is_whole = folds.end();
+        let is_whole = folds.end_with_note();
         let names = fitted(file).into_iter().map(|k| file.runs[k].name.clone());
         Ok(Checked {
             is_whole,

@@ -59,7 +59,7 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         let found = orders.problem(&file, deadline)?;
         orders::print_choice(args, &found)?;
         match found.taken {
-            Some(taken) => (file, known) = (taken.file, Some(taken.fit)),
+            Some(taken) => (file, known) = (taken.0, Some(taken.1)),
             None => return args.without_order(&found.json),
         }
         chosen = Some((found.json, found.is_whole));
