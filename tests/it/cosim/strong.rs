@@ -2,10 +2,12 @@
 
 use super::blocks::RandomLoop;
 use super::components::{Linear, Log, Signal, simulate};
+use crate::command::example;
 use pilotage::cosim::{
     Abilities, Algorithm, Clock, Control, Coupling, Divergence, Ending, SeriesRecorder, System,
-    Transfer, run,
+    Transfer, native_component, run,
 };
+use pilotage::models::{AnyModel, TextModel};
 
 /// P controller `u = 2 (1 - y)` and integrator `ẏ = u`, with `y - 1` as the state.
 fn controller_and_integrator(change: impl Fn(Linear) -> Linear) -> System {
@@ -46,6 +48,35 @@ fn the_published_example_is_right_within_two_parts_in_a_thousand() {
             );
         }
     }
+}
+
+/// Components with derivatives of their outputs: those of the controller, which has direct feedthrough, are the ones for the
+/// slope with which its input ends. The corrections converge and the error is of fourth order.
+#[test]
+fn a_loop_with_direct_feedthrough_is_of_fourth_order() {
+    let system = |step: f64, control: Option<f64>| {
+        let mut system = System::new();
+        for (name, file) in [("controller", "proportional"), ("plant", "integral")] {
+            let model = TextModel::read(&example("models").join(format!("{file}.toml"))).unwrap();
+            let component = native_component::of_model(AnyModel::Text(model));
+            system.add(name, component).unwrap();
+        }
+        system.connect("controller.u", "plant.u").unwrap();
+        system.connect("plant.y", "controller.y").unwrap();
+        let clock = Clock::new(0.0, 1.0, step).unwrap();
+        let coupling = Coupling {
+            control: control.map(|tolerance| Control::new(tolerance, &clock)),
+            ..Algorithm::Strong.into()
+        };
+        let (run, recorder) = simulate(system, 1.0, step, coupling);
+        assert_eq!(run.report.steps.unconverged, 0);
+        let error = last(&recorder, "plant.y") - 1.0 + (-2.0_f64).exp();
+        (error.abs(), run.report.steps.accepted)
+    };
+    let [(coarse, _), (fine, _)] = [0.1, 0.05].map(|step| system(step, None));
+    assert!(coarse < 2e-6 && coarse / fine > 12.0, "{coarse} {fine}");
+    let (error, steps) = system(0.1, Some(1e-6));
+    assert!(error < 1e-6 && steps < 100, "{error} in {steps} steps");
 }
 
 /// `y(1)` to 1e-6 in at most 300 steps.

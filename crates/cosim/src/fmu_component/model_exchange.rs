@@ -73,7 +73,8 @@ pub(super) fn abilities(description: &ModelDescription, access: &Access) -> Abil
         variable_steps: true,
         input_derivatives: !access.has_singles(),
         output_derivatives: access.is_simple(),
-        ..Abilities::default()
+        directional_derivatives: me.is_some_and(|me| me.provides_directional_derivative)
+            && access.is_simple(),
     }
 }
 
@@ -192,6 +193,17 @@ impl Component for ModelExchangeComponent {
         slopes: &mut [f64],
     ) -> Result<(), ComponentError> {
         Ok(self.run.output_slopes(handles, self.glance, slopes)?)
+    }
+
+    fn directional_derivative(
+        &mut self,
+        outputs: &[u32],
+        inputs: &[u32],
+        seed: &[f64],
+        result: &mut [f64],
+    ) -> Result<(), ComponentError> {
+        let instance = self.run.instance();
+        Ok(instance.directional_derivative(outputs, inputs, seed, result)?)
     }
 
     fn linearize(&mut self, _step: f64) -> Result<Linear, ComponentError> {

@@ -166,6 +166,24 @@ impl Exchange {
         able.try_for_each(|wired| wired.restore(BEGIN))
     }
 
+    /// Before the first step, components know no derivatives of their inputs: adds their effect on the derivatives of
+    /// outputs with direct feedthrough, along each chain of such components. Loops of them are left as they are.
+    pub(super) fn complete_slopes(&mut self) -> Result<(), Failure> {
+        let own = self.values.slopes.clone();
+        for _ in 0..=self.wired.len() {
+            let before = self.values.slopes.clone();
+            self.values.slopes.clone_from(&own);
+            for wired in &mut self.wired {
+                wired.add_to_slopes(&mut self.values, |p| before[p])?;
+            }
+            if self.values.slopes == before {
+                return Ok(());
+            }
+        }
+        self.values.slopes = own;
+        Ok(())
+    }
+
     /// Appends the values in the row to the history as a communication point.
     pub(super) fn keep(&mut self, time: f64) {
         let (row, slopes) = (&self.values.row, &self.values.slopes);

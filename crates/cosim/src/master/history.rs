@@ -9,12 +9,13 @@ const KEPT: usize = 3;
 const TRANSIENT: f64 = 2.0;
 
 /// Approximation of a value within a step: its mean, the line `mean ± lean` with the same first moment (the projection
-/// on polynomials of degree 1), and its value at the end.
+/// on polynomials of degree 1), and its value and time derivative at the end.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct InputProfile {
     pub(super) mean: f64,
     pub(super) lean: f64,
     pub(super) end: f64,
+    pub(super) slope: f64,
 }
 
 impl InputProfile {
@@ -24,6 +25,7 @@ impl InputProfile {
             mean: value,
             lean: 0.0,
             end: value,
+            slope: 0.0,
         }
     }
 
@@ -73,6 +75,7 @@ impl Transient {
             mean: end.value - 0.5 * rise + part,
             lean: 0.5 * rise + 3.0 * part * (2.0 * self.length - 1.0),
             end: end.value,
+            slope: end.slope,
         }
     }
 }
@@ -156,14 +159,19 @@ impl History {
             return InputProfile::held(y);
         }
         let first = self.first_difference(p);
-        let (mut mean, mut end) = (y + 0.5 * h * first, y + h * first);
+        let (mut mean, mut end, mut slope) = (y + 0.5 * h * first, y + h * first, first);
         if degree == 2 {
             let (h1, second) = (self.times[0] - self.times[1], self.second_difference(p));
             mean += second * h * (h / 3.0 + h1 / 2.0);
             end += second * h * (h + h1);
+            slope += second * (2.0 * h + h1);
         }
-        let lean = 0.5 * (end - y);
-        InputProfile { mean, lean, end }
+        InputProfile {
+            mean,
+            lean: 0.5 * (end - y),
+            end,
+            slope,
+        }
     }
 
     /// Predicted slope after the next `h` [s]; 0 if it would exceed the output's magnitude within the step, since it
@@ -203,16 +211,21 @@ impl History {
         let begin = self.points[0][p];
         let half = 0.5 * (end.value - begin.value);
         let (mut mean, mut lean) = (0.5 * (begin.value + end.value), half);
+        let mut slope = 2.0 * half / h;
         if self.traits[p].has_slope {
             mean += h / 12.0 * (begin.slope - end.slope);
             lean = (6.0 * half - 0.25 * h * (begin.slope + end.slope)) / 5.0;
+            slope = end.slope;
         } else if degree.min(self.len) >= 2 {
-            mean -= h * h / 6.0 * self.difference_with(p, h, end.value);
+            let second = self.difference_with(p, h, end.value);
+            mean -= h * h / 6.0 * second;
+            slope += second * h;
         }
         InputProfile {
             mean,
             lean,
             end: end.value,
+            slope,
         }
     }
 

@@ -97,6 +97,7 @@ impl Stepper {
             let got = self.exchange.get_outputs(i);
             got.map_err(Failure::at_start)?;
         }
+        self.exchange.complete_slopes().map_err(Failure::at_start)?;
         self.exchange.keep(time);
         self.exchange.history.at_clock();
         let Exchange { wired, values, .. } = &mut self.exchange;

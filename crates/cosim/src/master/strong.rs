@@ -163,22 +163,23 @@ impl Strong {
             substeps(exchange, self.once[k], h)?;
         }
         self.substeps(exchange, h)?;
-        let (mut size, mut is_slow, mut matrices) = (self.difference(exchange, h), false, 0);
+        let (mut size, mut before) = (self.difference(exchange, h), f64::INFINITY);
+        let (mut is_slow, mut matrices) = (false, 0);
         for _ in 0..self.iteration.max {
             if size <= self.iteration.tolerance {
                 return Ok(true);
             }
-            if is_slow && matrices == MAX_MATRICES {
+            if size >= before && matrices == MAX_MATRICES {
                 break;
             }
-            if is_slow || !self.has_matrix {
+            if is_slow && matrices < MAX_MATRICES || !self.has_matrix {
                 self.renew(exchange, h)?;
                 steps.matrices += 1;
                 matrices += 1;
             }
             self.correct(exchange, h)?;
             steps.corrections += 1;
-            let before = std::mem::replace(&mut size, self.difference(exchange, h));
+            before = std::mem::replace(&mut size, self.difference(exchange, h));
             is_slow = size > SLOW * before;
         }
         let has_converged = size <= self.iteration.tolerance;

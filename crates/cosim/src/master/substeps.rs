@@ -11,7 +11,8 @@ impl Wired {
     ///
     /// For the states, inputs are ramps or the middle of each part's line. Outputs with direct feedthrough need the
     /// input values at the end; if these differ, they are taken from an extra last part that ends there, before the
-    /// component is restored and takes the actual last part.
+    /// component is restored and takes the actual last part. The derivatives of these outputs are those for the inputs'
+    /// derivatives at the end too, if the component has directional derivatives.
     pub(super) fn substeps(
         &mut self,
         values: &mut Values,
@@ -45,6 +46,12 @@ impl Wired {
                 }
                 self.step(begin, step, true)?;
                 self.get_outputs(values).map_err(failed)?;
+                let given = |p: usize| match is_ramp {
+                    true => 2.0 * profiles[p].to_end().lean / h,
+                    false => 0.0,
+                };
+                self.add_to_slopes(values, |p| profiles[p].slope - given(p))
+                    .map_err(failed)?;
                 self.restore(LAST_PART).map_err(failed)?;
             }
             match is_ramp {
@@ -59,6 +66,39 @@ impl Wired {
             true => self.get_settled(values).map_err(failed),
             false => self.get_outputs(values).map_err(failed),
         }
+    }
+
+    /// Adds the effect of changes of the inputs' derivatives, by position of the fed output, on the derivatives of the fed
+    /// outputs. Nothing if the component has no directional derivatives.
+    pub(super) fn add_to_slopes(
+        &mut self,
+        values: &mut Values,
+        change: impl Fn(usize) -> f64,
+    ) -> Result<(), Failure> {
+        let is_able = self.abilities.directional_derivatives && self.outputs.feeds_through;
+        if self.within.sloped.is_empty() || !is_able {
+            return Ok(());
+        }
+        for (slope, &p) in self.inputs.slopes.iter_mut().zip(&self.inputs.positions) {
+            *slope = change(p);
+        }
+        for &(position, conversion) in &self.inputs.conversions {
+            self.inputs.slopes[position] *= conversion.factor;
+        }
+        self.calls.gets += 1;
+        let (outputs, inputs) = (&self.within.sloped, &self.inputs.handles);
+        let (seed, effect) = (&self.inputs.slopes, &mut self.within.slope_values);
+        let component = &mut self.component;
+        let got =
+            (self.watch).time(|| component.directional_derivative(outputs, inputs, seed, effect));
+        got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
+        let effects = self
+            .outputs
+            .fed_positions
+            .iter()
+            .zip(&self.within.slope_values);
+        effects.for_each(|(&p, effect)| values.slopes[p] += effect);
+        Ok(())
     }
 
     fn note_used(&mut self, profiles: &[InputProfile], shift: f64) {

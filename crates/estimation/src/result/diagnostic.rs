@@ -287,7 +287,8 @@ impl fmt::Display for Diagnostic {
                 f,
                 "{name} is violated by {by:.1e} (scaled): what is asked for there may not go with the rest{}",
                 match name == "the stability of the closed loop" {
-                    true => "; a pilot without lead, such as `crossover`, stabilises no vehicle that integrates twice",
+                    true =>
+                        "; a pilot without lead, such as `crossover`, stabilises no vehicle that integrates twice",
                     false => "",
                 }
             ),

@@ -47,6 +47,7 @@ fn exact(c: [f64; 4]) -> InputProfile {
         mean,
         lean: 3.0 * moment,
         end: at(c, TIMES[2] + H).value,
+        slope: at(c, TIMES[2] + H).slope,
     }
 }
 
@@ -55,6 +56,7 @@ fn assert_close(found: InputProfile, expected: InputProfile) {
         (found.mean, expected.mean),
         (found.lean, expected.lean),
         (found.end, expected.end),
+        (found.slope, expected.slope),
     ] {
         assert!((found - expected).abs() < 1e-11, "{found} {expected}");
     }
