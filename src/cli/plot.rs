@@ -71,6 +71,12 @@ struct Content {
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     let content = content(&args.inputs)?;
     if args.figure == "list" {
+        if let Some(output) = &args.output {
+            let message = format!("{} needs a figure or table", output.display());
+            return Err(
+                Failure::new(message).hint(format!("--figure NAME, one of\n{}", content.list()))
+            );
+        }
         terminal::print(&content.list())?;
         return Ok(Outcome::Done);
     }

@@ -66,12 +66,21 @@ impl Folder {
         self.pilotage_with(arguments, &[])
     }
 
-    /// Starts `pilotage` here, with variables in the environment; what it says on stderr can be read.
-    pub fn start(&self, arguments: &[&str], variables: &[(&str, &str)]) -> Child {
-        Command::new(env!("CARGO_BIN_EXE_pilotage"))
+    /// A `pilotage` here that Ctrl-C reaches, also where the tests themselves were started without (`nohup`, `&` of a script).
+    pub fn listening(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new("env");
+        command
+            .arg("--default-signal=INT")
+            .arg(env!("CARGO_BIN_EXE_pilotage"))
             .args(arguments)
+            .current_dir(self.0.path());
+        command
+    }
+
+    /// Starts one, with variables in the environment; what it says on stderr can be read.
+    pub fn start(&self, arguments: &[&str], variables: &[(&str, &str)]) -> Child {
+        self.listening(arguments)
             .envs(variables.iter().copied())
-            .current_dir(self.0.path())
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .spawn()

@@ -420,18 +420,16 @@ fn progress_as_json_lines() {
 fn ctrl_c_stops_cleanly_and_keeps_the_rows() {
     let folder = folder(&["good"]);
     // It ends by itself within a minute or two: a child of a killed test would fill the disk.
-    let mut child = Command::new(env!("CARGO_BIN_EXE_pilotage"))
-        .args([
-            "cosim",
-            "good.fmu",
-            "--stop-time",
-            "1e4",
-            "--step",
-            "0.001",
-            "--record",
-            "good.y",
-        ])
-        .current_dir(folder.path("."))
+    let long = [
+        "--stop-time",
+        "1e4",
+        "--step",
+        "0.001",
+        "--record",
+        "good.y",
+    ];
+    let mut child = folder
+        .listening(&[&["cosim", "good.fmu"], &long[..]].concat())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()

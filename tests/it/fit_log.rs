@@ -191,9 +191,8 @@ fn many_flights(folder: &Folder) {
 fn ctrl_c_keeps_the_best_so_far() {
     let folder = Folder::new();
     many_flights(&folder);
-    let mut child = Command::new(env!("CARGO_BIN_EXE_pilotage"))
-        .args(["fit", "many.toml", "--scheme=hermite-simpson", "--log=-"])
-        .current_dir(folder.path(""))
+    let mut child = folder
+        .listening(&["fit", "many.toml", "--scheme=hermite-simpson", "--log=-"])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()

@@ -30,7 +30,8 @@ const PATIENCE: Duration = Duration::from_secs(2);
 pub struct Watch<'r> {
     inner: &'r mut dyn Recorder,
     format: ProgressFormat,
-    bar: ProgressBar,
+    /// Made when it is shown first.
+    bar: Option<ProgressBar>,
     begin: f64,
     duration: f64,
     rows: u64,
@@ -81,7 +82,7 @@ impl<'r> Watch<'r> {
         Self {
             inner,
             format,
-            bar: ProgressBar::hidden(),
+            bar: None,
             begin: clock.start(),
             duration: clock.stop() - clock.start(),
             rows: 0,
@@ -98,7 +99,7 @@ impl<'r> Watch<'r> {
 
     /// Clears the bar, or reports as JSON how the run ended, with the report if the run has begun.
     pub fn end(&mut self, status: &str, time: f64, report: Option<Value>) {
-        self.bar.finish_and_clear();
+        self.bar.iter().for_each(ProgressBar::finish_and_clear);
         self.print_json(status, time, report);
     }
 
@@ -132,15 +133,16 @@ impl<'r> Watch<'r> {
     /// indicatif itself shows nothing if stderr is no terminal.
     fn show_bar(&mut self, time: f64) {
         const LENGTH: f64 = 1000.0;
-        if self.bar.is_hidden() {
+        let elapsed = self.elapsed();
+        let bar = self.bar.get_or_insert_with(|| {
             let target = ProgressDrawTarget::stderr_with_hz(5);
             let style = ProgressStyle::with_template("{wide_bar} {percent} %, {eta} left");
-            self.bar = ProgressBar::with_draw_target(Some(LENGTH as u64), target)
+            ProgressBar::with_draw_target(Some(LENGTH as u64), target)
                 .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
-                .with_elapsed(self.elapsed());
-        }
+                .with_elapsed(elapsed)
+        });
         let position = LENGTH * (time - self.begin) / self.duration;
-        self.bar.set_position(position as u64);
+        bar.set_position(position as u64);
     }
 }
 
