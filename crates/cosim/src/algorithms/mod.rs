@@ -29,7 +29,8 @@ pub enum Algorithm {
     /// fast poles (and jumps through them) do not distort the input. A component that accepts input derivatives
     /// receives the best linear approximation, any other the mean. If a component with direct feedthrough would thereby
     /// see a wrong value at the end, its outputs are taken from a step that ends with the correct input, and its state
-    /// from another step. The outputs at `t_{k+1}` are found by Newton's method, whose matrix comes from finite
+    /// from another step; with directional derivatives, the derivatives of these outputs are those for the input's
+    /// derivative at the end. The outputs at `t_{k+1}` are found by Newton's method, whose matrix comes from finite
     /// differences of repeated steps and is kept while it converges; this also solves algebraic loops between
     /// components. Components without rollback step first, with extrapolated inputs. Non-real values are held through a
     /// step at their values at its end if these settle; discrete reals are held at their values at its beginning.

@@ -92,12 +92,11 @@ impl Wired {
         let got =
             (self.watch).time(|| component.directional_derivative(outputs, inputs, seed, effect));
         got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
-        let effects = self
-            .outputs
-            .fed_positions
-            .iter()
-            .zip(&self.within.slope_values);
-        effects.for_each(|(&p, effect)| values.slopes[p] += effect);
+        let positions = self.outputs.fed_positions.iter();
+        let effects = positions.zip(&self.within.slope_values);
+        for (&p, effect) in effects.filter(|(_, effect)| effect.is_finite()) {
+            values.slopes[p] += effect;
+        }
         Ok(())
     }
 
