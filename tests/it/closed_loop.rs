@@ -3,13 +3,13 @@
 use crate::command::{Folder, exported};
 use crate::joint_ode::Loop;
 use pilotage::cosim::{
-    Algorithm, Clock, Component, Control, Coupling, Ending, NativeComponent, SeriesRecorder,
-    System, fmu_component, run,
+    Algorithm, Clock, Component, Control, Coupling, Ending, SeriesRecorder, System, fmu_component,
+    native_component, run,
 };
 use pilotage::export::{Export, Provenance};
 use pilotage::fmi::InterfaceType;
 use pilotage::fmi::description::FmiVersion;
-use pilotage::models::{Model, Quadcopter};
+use pilotage::models::{AnyModel, Model, Quadcopter};
 use pilotage::series::Series;
 
 /// A pilot who brings the vehicle to its target.
@@ -205,7 +205,7 @@ fn fmus_and_native_components_give_the_same_bits() {
     ] {
         let both: [[Box<dyn Component>; 2]; 2] = [
             components(&folder, InterfaceType::CoSimulation),
-            models().map(|model| Box::new(NativeComponent::new(model)) as Box<dyn Component>),
+            models().map(|model| native_component::of_model(AnyModel::BuiltIn(model))),
         ];
         let [fmus, natives] = both.map(|components| {
             let mut recorder = SeriesRecorder::default();

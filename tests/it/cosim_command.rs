@@ -417,6 +417,48 @@ fn progress_as_json_lines() {
 
 #[cfg(unix)]
 #[test]
+fn outputs_that_depend_on_time_are_the_same_in_both_kinds_up_to_the_end() {
+    let folder = Folder::new();
+    let c = "[model]\nname = \"c\"\n[inputs]\ny = {}\n[parameters]\nw = { start = 3, unit = \"rad/s\" }\n\
+             [outputs]\nu = { value = \"2 * (sin(w * time) - y)\" }\n";
+    let p = "[model]\nname = \"p\"\n[inputs]\nu = {}\n[states]\nx = { der = \"u\" }\n[outputs]\n\
+             y = { value = \"x\" }\n";
+    for (name, text) in [("c", c), ("p", p)] {
+        folder.write(&format!("{name}.toml"), text);
+        let ended = folder.pilotage(&["export", &format!("{name}.toml"), "--fmi", "3"]);
+        assert_eq!(ended.code, 0, "{ended:?}");
+    }
+    let last = |kind: &str| -> f64 {
+        let words = [
+            "cosim",
+            "c.fmu",
+            "p.fmu",
+            "--kind",
+            kind,
+            "--algorithm",
+            "strong",
+        ];
+        let wires = ["--connect", "c.u=p.u", "--connect", "p.y=c.y"];
+        let rest = [
+            "--stop-time",
+            "3",
+            "--step",
+            "0.1",
+            "-o",
+            "r.csv",
+            "--force",
+        ];
+        let ended = folder.pilotage(&[&words[..], &wires, &rest].concat());
+        assert_eq!(ended.code, 0, "{ended:?}");
+        let text = folder.read("r.csv");
+        let cells = text.lines().last().unwrap().split(',');
+        cells.last().unwrap().parse().unwrap()
+    };
+    let [cs, me] = ["cs", "me"].map(last);
+    assert!((cs - me).abs() < 1e-7, "{cs} {me}");
+}
+
+#[test]
 fn ctrl_c_stops_cleanly_and_keeps_the_rows() {
     let folder = folder(&["good"]);
     // It ends by itself within a minute or two: a child of a killed test would fill the disk.

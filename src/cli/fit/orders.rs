@@ -74,7 +74,7 @@ impl Orders {
             .unzip();
         let mut compared = Compared::of(file, candidates);
         let (text, json) = (
-            compare::to_text(&names, &compared) + &last,
+            compare::to_text(&names, &compared),
             compare::to_json(&names, &compared),
         );
         let taken = compared.choice.as_ref().map(|(taken, _)| *taken);
@@ -88,7 +88,7 @@ impl Orders {
             taken,
             is_whole,
         }
-        .with_ending())
+        .with_ending(last))
     }
 
     /// Selects an order for recorded flights.
@@ -120,28 +120,30 @@ impl Orders {
         let choice = choose(&figures);
         let compared = ComparedOrders::new(&known, set);
         Ok(Chosen {
-            text: compared.text(choice.as_ref()) + &last,
+            text: compared.text(choice.as_ref()),
             json: compared.json(choice.as_ref()),
             taken: choice.map(|(taken, _)| known.swap_remove(taken)),
             is_whole,
         }
-        .with_ending())
+        .with_ending(last))
     }
 }
 
 impl<T> Chosen<T> {
-    fn none(text: String, is_whole: bool) -> Self {
+    fn none(last: (String, Value), is_whole: bool) -> Self {
         Self {
-            text,
+            text: String::new(),
             json: json!({ "problems": [], "comparisons": [], "taken": null }),
             taken: None,
             is_whole,
         }
-        .with_ending()
+        .with_ending(last)
     }
 
-    /// Adds whether the comparison is complete.
-    fn with_ending(mut self) -> Self {
+    /// Adds the orders that were not compared, and whether the comparison is complete.
+    fn with_ending(mut self, (words, others): (String, Value)) -> Self {
+        self.text += &words;
+        self.json["not_compared"] = others;
         self.json["complete"] = json!(self.is_whole);
         if !self.is_whole {
             self.text += match self.taken {
@@ -155,15 +157,19 @@ impl<T> Chosen<T> {
     }
 }
 
-/// Reasons why orders are not compared: the status of a fit without an answer, none if fits to some of the runs were stopped.
-fn unanswered<'a>(all: impl Iterator<Item = (usize, Option<&'a str>)>) -> String {
-    all.map(|(order, status)| match status {
+/// Orders that are not compared, with the status of a fit without an answer; none if fits to some of the runs were stopped.
+fn unanswered<'a>(all: impl Iterator<Item = (usize, Option<&'a str>)>) -> (String, Value) {
+    let all: Vec<(usize, Option<&str>)> = all.collect();
+    let words = all.iter().map(|(order, status)| match status {
         Some(status) => format!("order {order} has no answer ({status}), and is not compared\n"),
         None => {
             format!("order {order} is not compared: not every run was left out before the end\n")
         }
-    })
-    .collect()
+    });
+    let objects = all.iter().map(|(order, status)| {
+        json!({ "file": format!("order {order}"), "status": status.unwrap_or("runs-not-left-out") })
+    });
+    (words.collect(), objects.collect())
 }
 
 /// Checks the options: trials that are left out are flown from rest, and their positions are compared.

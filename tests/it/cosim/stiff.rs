@@ -3,10 +3,10 @@
 use super::components::{Linear, Signal, simulate};
 use crate::joint_ode::{Loop, Point};
 use pilotage::cosim::{
-    Algorithm, Clock, Control, Coupling, CouplingError, Ending, NativeComponent, Run, Selection,
-    SeriesRecorder, System, Thinned, run,
+    Algorithm, Clock, Control, Coupling, CouplingError, Ending, Run, Selection, SeriesRecorder,
+    System, Thinned, native_component, run,
 };
-use pilotage::models::{Model, Quadcopter};
+use pilotage::models::{AnyModel, Model, Quadcopter};
 
 const TARGET: f64 = 10.0;
 const STOP: f64 = 15.0;
@@ -25,7 +25,7 @@ fn closed_loop(theta: &[f64]) -> System {
         ("quadcopter", Model::quadcopter(&Quadcopter::default())),
     ] {
         system
-            .add(name, Box::new(NativeComponent::new(model)))
+            .add(name, native_component::of_model(AnyModel::BuiltIn(model)))
             .unwrap();
     }
     system.connect("pilot.stick", "quadcopter.stick").unwrap();
@@ -89,7 +89,7 @@ fn local_errors(theta: &[f64], limit: f64, target: f64, stop: f64) -> LocalError
     let quadcopter = Model::quadcopter(&Quadcopter::default());
     for (name, model) in [("pilot", pilot), ("quadcopter", quadcopter)] {
         system
-            .add(name, Box::new(NativeComponent::new(model)))
+            .add(name, native_component::of_model(AnyModel::BuiltIn(model)))
             .unwrap();
     }
     let fed = [

@@ -79,6 +79,101 @@ fn a_loop_with_direct_feedthrough_is_of_fourth_order() {
     assert!(error < 1e-6 && steps < 100, "{error} in {steps} steps");
 }
 
+/// Models of these texts, connected.
+fn of_models(models: &[(&str, &str)], wires: &[(&str, &str)]) -> System {
+    let mut system = System::new();
+    for (name, text) in models {
+        let text = format!("[model]\nname = \"{name}\"\n{text}");
+        let model = TextModel::parse(&text, name).unwrap();
+        let component = native_component::of_model(AnyModel::Text(model));
+        system.add(*name, component).unwrap();
+    }
+    for (from, to) in wires {
+        system.connect(from, to).unwrap();
+    }
+    system
+}
+
+/// Loops of outputs that depend on inputs at once, with gains of 3 and 0.5: values and slopes are both solved for.
+#[test]
+fn algebraic_loops_are_of_fourth_order_too() {
+    let at_once = |step: f64, control: Option<f64>| {
+        let a = "[inputs]\ny = {}\n[parameters]\nw = { start = 2, unit = \"rad/s\" }\n[outputs]\n\
+                 u = { value = \"sin(w * time) - 3 * y\" }\n";
+        let b = "[inputs]\nu = {}\n[outputs]\ny = { value = \"u\" }\n";
+        let system = of_models(&[("a", a), ("b", b)], &[("a.u", "b.u"), ("b.y", "a.y")]);
+        let clock = Clock::new(0.0, 2.0, step).unwrap();
+        let coupling = Coupling {
+            control: control.map(|tolerance| Control::new(tolerance, &clock)),
+            ..Algorithm::Strong.into()
+        };
+        let (run, recorder) = simulate(system, 2.0, step, coupling);
+        let pairs = recorder
+            .series
+            .time
+            .iter()
+            .zip(&recorder.series.column("a.u").unwrap().values);
+        for (t, u) in pairs {
+            assert!((u - 0.25 * (2.0 * t).sin()).abs() < 1e-9, "{u} at {t} s");
+        }
+        (run.report.steps.unconverged, run.report.steps.accepted)
+    };
+    assert_eq!(at_once(0.1, None), (0, 20));
+    let (unconverged, steps) = at_once(0.1, Some(1e-6));
+    assert!(unconverged == 0 && steps < 200, "{steps}");
+
+    let error = |step: f64| {
+        let controller = "[inputs]\ny = {}\n[states]\ni = { der = \"3 * (1 - y)\" }\n[outputs]\n\
+                          u = { value = \"2 * (1 - y) + i\" }\n";
+        let plant = "[inputs]\nu = {}\n[states]\nx = { der = \"u - x\" }\n[outputs]\n\
+                     y = { value = \"x + 0.25 * u\" }\n";
+        let models = [("controller", controller), ("plant", plant)];
+        let wires = [("controller.u", "plant.u"), ("plant.y", "controller.y")];
+        let (run, recorder) = simulate(of_models(&models, &wires), 2.0, step, Algorithm::Strong);
+        assert_eq!(run.report.steps.unconverged, 0);
+        // The joint equations, by Runge and Kutta with short steps.
+        let rate = |[x, i]: [f64; 2]| {
+            let u = (2.0 * (1.0 - x) + i) / 1.5;
+            [u - x, 3.0 * (1.0 - x - 0.25 * u)]
+        };
+        let h = 1e-3;
+        let after = |s: [f64; 2], k: [f64; 2], h: f64| [s[0] + h * k[0], s[1] + h * k[1]];
+        let joint = (0..2000).fold([0.0, 0.0], |s, _| {
+            let k1 = rate(s);
+            let k2 = rate(after(s, k1, 0.5 * h));
+            let k3 = rate(after(s, k2, 0.5 * h));
+            let k4 = rate(after(s, k3, h));
+            let sum = |j: usize| (k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j]) / 6.0;
+            after(s, [sum(0), sum(1)], h)
+        });
+        let u = (2.0 * (1.0 - joint[0]) + joint[1]) / 1.5;
+        (last(&recorder, "controller.u") - u).abs()
+    };
+    let [coarse, fine] = [0.1, 0.05].map(error);
+    assert!(coarse < 1e-6 && coarse / fine > 10.0, "{coarse} {fine}");
+}
+
+/// A loop without a solution from 1 s on ends with an error instead of ever shorter steps.
+#[test]
+fn an_algebraic_loop_that_loses_its_solution_ends() {
+    let a = "[inputs]\ny = {}\n[parameters]\nw = { start = 1, unit = \"1/s\" }\n[outputs]\n\
+             u = { value = \"y^2 + 0.25 * w * time\" }\n";
+    let b = "[inputs]\nu = {}\n[outputs]\ny = { value = \"u\" }\n";
+    let system = of_models(&[("a", a), ("b", b)], &[("a.u", "b.u"), ("b.y", "a.y")]);
+    let clock = Clock::new(0.0, 2.0, 0.1).unwrap();
+    let coupling = Coupling {
+        control: Some(Control::new(1e-4, &clock)),
+        ..Algorithm::Strong.into()
+    };
+    let mut recorder = SeriesRecorder::default();
+    let ended = run(system, &clock, None, coupling, &mut recorder).unwrap();
+    let Ending::Failed { source, time, .. } = ended.ending else {
+        panic!("{:?}", ended.ending);
+    };
+    assert!((0.9..1.1).contains(&time), "{time}");
+    assert!(source.to_string().contains("do not converge"), "{source}");
+}
+
 /// `y(1)` to 1e-6 in at most 300 steps.
 #[test]
 fn error_control_keeps_the_tolerance_in_few_steps() {

@@ -1,6 +1,7 @@
 //! The components in the stepping loop and the values exchanged between them.
 
 use super::history::{History, InputProfile, Outcome};
+use super::lu::{Lu, SINGULAR};
 use super::wired::{BEGIN, Failure, Values, Wired};
 use super::{Ending, Look, Stage};
 use crate::algorithms::Algorithm;
@@ -167,20 +168,42 @@ impl Exchange {
     }
 
     /// Before the first step, components know no derivatives of their inputs: adds their effect on the derivatives of
-    /// outputs with direct feedthrough, along each chain of such components. Loops of them are left as they are.
+    /// outputs with direct feedthrough, `(I - D) s = s₀`.
     pub(super) fn complete_slopes(&mut self) -> Result<(), Failure> {
-        let own = self.values.slopes.clone();
-        for _ in 0..=self.wired.len() {
-            let before = self.values.slopes.clone();
-            self.values.slopes.clone_from(&own);
-            for wired in &mut self.wired {
-                wired.add_to_slopes(&mut self.values, |p| before[p])?;
-            }
-            if self.values.slopes == before {
-                return Ok(());
+        if self.wired.iter().all(|own| own.within.sloped.is_empty()) {
+            return Ok(());
+        }
+        let mut matrix = Lu::new(self.fed.len());
+        self.add_feedthrough(&mut matrix, Some)?;
+        if matrix.factor(SINGULAR) {
+            matrix.solve(&mut self.values.slopes);
+        }
+        Ok(())
+    }
+
+    /// Sets a matrix to `I - D`, where D has the derivatives of the fed outputs by the fed outputs of others through direct
+    /// feedthrough, as far as components have them and use derivatives of outputs; `place` is the row of a position.
+    pub(super) fn add_feedthrough(
+        &mut self,
+        matrix: &mut Lu,
+        place: impl Fn(usize) -> Option<usize>,
+    ) -> Result<(), Failure> {
+        matrix.set_identity();
+        for wired in &mut self.wired {
+            for input in 0..wired.inputs.positions.len() {
+                let p = wired.inputs.positions[input];
+                let is_first = !wired.inputs.positions[..input].contains(&p);
+                let (Some(column), true) = (place(p), is_first) else {
+                    continue;
+                };
+                let effects = wired.effect_on_slopes(|own| f64::from(u8::from(own == p)))?;
+                for (q, effect) in effects {
+                    if let Some(row) = place(q) {
+                        matrix.add(row, column, -effect);
+                    }
+                }
             }
         }
-        self.values.slopes = own;
         Ok(())
     }
 

@@ -1,5 +1,8 @@
 //! A dense matrix factored in place, so that it can be updated in the stepping loop without allocation.
 
+/// Pivots below this part of the largest entry are noise of finite differences.
+pub(super) const SINGULAR: f64 = 1e-8;
+
 /// A square matrix in row-major order; after [`factor`](Self::factor) its LU decomposition with partial pivoting.
 #[derive(Debug, Default)]
 pub(super) struct Lu {

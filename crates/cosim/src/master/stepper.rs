@@ -17,6 +17,9 @@ const REJECTIONS_AT_A_JUMP: u32 = 3;
 /// Error of a step relative to the tolerance, assumed if strong coupling did not converge.
 const UNCONVERGED: f64 = 8.0;
 
+/// Maximum number of successive very short steps whose corrections did not converge: no event, but a loop that has no solution.
+const MOST_UNCONVERGED: u32 = 100;
+
 /// Maximum number of halvings of a fixed step, and shortest part of it that is halved.
 const MAX_PARTS: u32 = 4096;
 const SHORTEST_PART: f64 = 1e-7;
@@ -46,6 +49,8 @@ pub(super) struct Stepper {
     points: u64,
     /// Remaining halvings of the current step.
     parts_left: u32,
+    /// Number of successive very short steps whose corrections did not converge.
+    unconverged: u32,
     room: Vec<f64>,
     /// Whether the components step concurrently.
     pub(super) parallel: bool,
@@ -84,6 +89,7 @@ impl Stepper {
             },
             points: 0,
             parts_left: 0,
+            unconverged: 0,
             room: vec![0.0; exchange.values.row.len()],
             parallel: coupling.parallel && is_plain,
             sampler: Sampler::new(coupling.measure),
@@ -213,7 +219,7 @@ impl Stepper {
         if self.strong.is_some() {
             self.exchange.save().map_err(|failure| failure.at(t))?;
         }
-        self.attempt(h, false)?;
+        let has_converged = self.attempt(h, false)?;
         let can_halve = self.can_vary && self.parts_left > 0 && part > SHORTEST_PART;
         let can_go_back = self.strong.is_some() && self.can_reject;
         match can_go_back.then(|| self.misled(part)).flatten() {
@@ -222,7 +228,7 @@ impl Stepper {
                 return Err(self.exchange.wired[instance].misled(input, t, h));
             }
             _ => {
-                self.accept(end, h);
+                self.accept(end, h, has_converged);
                 return Ok(());
             }
         }
@@ -252,7 +258,8 @@ impl Stepper {
         Ok(is_consistent)
     }
 
-    fn accept(&mut self, end: f64, h: f64) {
+    fn accept(&mut self, end: f64, h: f64, has_converged: bool) {
+        self.steps.unconverged += u64::from(!has_converged);
         self.measure(h);
         self.count(h);
         self.exchange.keep(end);
@@ -280,8 +287,10 @@ impl Stepper {
             self.exchange.save().map_err(failed)?;
             // Equal parts of the remainder may be longer by rounding.
             let may_reject = self.can_reject && h > 1.01 * control.min_step;
+            let mut has_converged = true;
             let error = match self.attempt(h, self.can_reject) {
-                Ok(has_converged) => {
+                Ok(is_consistent) => {
+                    has_converged = is_consistent;
                     let error = self.error(h)? / control.tolerance;
                     if has_converged {
                         error
@@ -306,7 +315,14 @@ impl Stepper {
                 controller.reject(h, error);
                 continue;
             }
-            self.accept(next, h);
+            self.accept(next, h, has_converged);
+            self.unconverged = match has_converged || h > SHORTEST_PART * control.max_step {
+                true => 0,
+                false => self.unconverged + 1,
+            };
+            if self.unconverged == MOST_UNCONVERGED {
+                return Err(self.exchange.wired[0].diverged(next, h));
+            }
             controller.accept(h, error);
             if error > 1.0 {
                 self.steps.over_tolerance += 1;

@@ -3,13 +3,16 @@
 use super::Ending;
 use super::exchange::Exchange;
 use super::history::Outcome;
-use super::lu::Lu;
+use super::lu::{Lu, SINGULAR};
 use super::wired::{BEGIN, Failure};
 use crate::algorithms::{Coupling, Iteration, MAX_EXTRAPOLATION};
 use crate::report::Steps;
 
 /// A correction that leaves more than this part of the difference triggers a new matrix.
 const SLOW: f64 = 0.1;
+
+/// With the last matrix, a correction that leaves more than this part is the last.
+const HOPELESS: f64 = 0.5;
 
 /// Maximum number of matrices per step.
 const MAX_MATRICES: u32 = 3;
@@ -20,9 +23,6 @@ const DIFFERENCE: f64 = 1e-5;
 
 /// Maximum number of repetitions of a step because non-real values changed within it.
 const MAX_REPETITIONS: u32 = 4;
-
-/// Pivots below this part of the largest entry are noise of the finite differences.
-const SINGULAR: f64 = 1e-8;
 
 /// Finds the outputs `z` at the end of a step with `F(z) = z`, where `F` is one step of all components whose inputs go
 /// from the outputs at its beginning to `z`.
@@ -47,9 +47,12 @@ pub(super) struct Strong {
     place: Vec<Option<usize>>,
     tried: Vec<Outcome>,
     found: Vec<Outcome>,
+    /// Corrections of the values and of the slopes.
     correction: Vec<f64>,
-    /// `I - ∂F/∂z`.
+    slope_correction: Vec<f64>,
+    /// `I - ∂F/∂z`, and the same for the slopes: through direct feedthrough only.
     matrix: Lu,
+    slope_matrix: Lu,
     has_matrix: bool,
 }
 
@@ -97,7 +100,9 @@ impl Strong {
             tried: vec![Outcome::default(); n],
             found: vec![Outcome::default(); n],
             correction: vec![0.0; n],
+            slope_correction: vec![0.0; n],
             matrix: Lu::new(n),
+            slope_matrix: Lu::new(n),
             has_matrix: false,
         }
     }
@@ -169,7 +174,7 @@ impl Strong {
             if size <= self.iteration.tolerance {
                 return Ok(true);
             }
-            if size >= before && matrices == MAX_MATRICES {
+            if size > HOPELESS * before && matrices == MAX_MATRICES {
                 break;
             }
             if is_slow && matrices < MAX_MATRICES || !self.has_matrix {
@@ -182,9 +187,7 @@ impl Strong {
             before = std::mem::replace(&mut size, self.difference(exchange, h));
             is_slow = size > SLOW * before;
         }
-        let has_converged = size <= self.iteration.tolerance;
-        steps.unconverged += u64::from(!has_converged);
-        Ok(has_converged)
+        Ok(size <= self.iteration.tolerance)
     }
 
     /// Steps components without rollback first, with extrapolated inputs; their outputs are then known.
@@ -235,15 +238,16 @@ impl Strong {
     /// A step of the simplified Newton method, followed by a step of the components with its result.
     fn correct(&mut self, exchange: &mut Exchange, h: f64) -> Result<(), Ending> {
         let pairs = self.found.iter().zip(&self.tried);
-        for (correction, (found, tried)) in self.correction.iter_mut().zip(pairs) {
-            *correction = found.value - tried.value;
+        let corrections = self.correction.iter_mut().zip(&mut self.slope_correction);
+        for ((value, slope), (found, tried)) in corrections.zip(pairs) {
+            (*value, *slope) = (found.value - tried.value, found.slope - tried.slope);
         }
         self.matrix.solve(&mut self.correction);
-        // The slopes have little influence; they follow by substitution.
-        let pairs = self.correction.iter().zip(&self.found);
-        for (tried, (correction, found)) in self.tried.iter_mut().zip(pairs) {
-            tried.value += correction;
-            tried.slope = found.slope;
+        self.slope_matrix.solve(&mut self.slope_correction);
+        let pairs = self.correction.iter().zip(&self.slope_correction);
+        for (tried, (value, slope)) in self.tried.iter_mut().zip(pairs) {
+            tried.value += value;
+            tried.slope += slope;
         }
         self.set_profiles(exchange, h);
         for &i in &self.repeated {
@@ -268,10 +272,15 @@ impl Strong {
                 }
             }
         }
-        if !self.matrix.factor(SINGULAR) {
-            self.matrix.set_identity();
-            let is_regular = self.matrix.factor(SINGULAR);
-            debug_assert!(is_regular, "the identity");
+        let place = |p: usize| self.place[p];
+        let added = exchange.add_feedthrough(&mut self.slope_matrix, place);
+        added.map_err(|failure| failure.at(exchange.history.time()))?;
+        for matrix in [&mut self.matrix, &mut self.slope_matrix] {
+            if !matrix.factor(SINGULAR) {
+                matrix.set_identity();
+                let is_regular = matrix.factor(SINGULAR);
+                debug_assert!(is_regular, "the identity");
+            }
         }
         self.has_matrix = true;
         Ok(())

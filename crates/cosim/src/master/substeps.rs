@@ -50,8 +50,10 @@ impl Wired {
                     true => 2.0 * profiles[p].to_end().lean / h,
                     false => 0.0,
                 };
-                self.add_to_slopes(values, |p| profiles[p].slope - given(p))
-                    .map_err(failed)?;
+                let effects = self.effect_on_slopes(|p| profiles[p].slope - given(p));
+                for (p, effect) in effects.map_err(failed)? {
+                    values.slopes[p] += effect;
+                }
                 self.restore(LAST_PART).map_err(failed)?;
             }
             match is_ramp {
@@ -68,36 +70,38 @@ impl Wired {
         }
     }
 
-    /// Adds the effect of changes of the inputs' derivatives, by position of the fed output, on the derivatives of the fed
-    /// outputs. Nothing if the component has no directional derivatives.
-    pub(super) fn add_to_slopes(
+    /// Positions of the fed outputs with direct feedthrough, and the effect on their derivatives of these changes of the
+    /// inputs' derivatives, by the position of the output that feeds them. None if the component has no directional derivatives
+    /// or its derivatives are not used.
+    pub(super) fn effect_on_slopes(
         &mut self,
-        values: &mut Values,
         change: impl Fn(usize) -> f64,
-    ) -> Result<(), Failure> {
+    ) -> Result<impl Iterator<Item = (usize, f64)>, Failure> {
         let is_able = self.abilities.directional_derivatives && self.outputs.feeds_through;
-        if self.within.sloped.is_empty() || !is_able {
-            return Ok(());
+        let positions = match self.within.sloped.is_empty() || !is_able {
+            true => &[],
+            false => &self.outputs.fed_positions[..],
+        };
+        if !positions.is_empty() {
+            for (slope, &p) in self.inputs.slopes.iter_mut().zip(&self.inputs.positions) {
+                *slope = change(p);
+            }
+            for &(position, conversion) in &self.inputs.conversions {
+                self.inputs.slopes[position] *= conversion.factor;
+            }
+            self.calls.gets += 1;
+            let (outputs, inputs) = (&self.within.sloped, &self.inputs.handles);
+            let (seed, effect) = (&self.inputs.slopes, &mut self.within.slope_values);
+            let component = &mut self.component;
+            let asked = || component.directional_derivative(outputs, inputs, seed, effect);
+            let got = self.watch.time(asked);
+            got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
         }
-        for (slope, &p) in self.inputs.slopes.iter_mut().zip(&self.inputs.positions) {
-            *slope = change(p);
-        }
-        for &(position, conversion) in &self.inputs.conversions {
-            self.inputs.slopes[position] *= conversion.factor;
-        }
-        self.calls.gets += 1;
-        let (outputs, inputs) = (&self.within.sloped, &self.inputs.handles);
-        let (seed, effect) = (&self.inputs.slopes, &mut self.within.slope_values);
-        let component = &mut self.component;
-        let got =
-            (self.watch).time(|| component.directional_derivative(outputs, inputs, seed, effect));
-        got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
-        let positions = self.outputs.fed_positions.iter();
-        let effects = positions.zip(&self.within.slope_values);
-        for (&p, effect) in effects.filter(|(_, effect)| effect.is_finite()) {
-            values.slopes[p] += effect;
-        }
-        Ok(())
+        let effects = positions
+            .iter()
+            .copied()
+            .zip(self.within.slope_values.iter().copied());
+        Ok(effects.filter(|(_, effect)| effect.is_finite()))
     }
 
     fn note_used(&mut self, profiles: &[InputProfile], shift: f64) {

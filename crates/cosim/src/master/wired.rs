@@ -136,6 +136,17 @@ impl Wired {
         self.failure(Stage::SetInputs, source.into()).at(t)
     }
 
+    /// Error: the corrections do not converge however short the steps to `t`, the last by `h` [s].
+    #[cold]
+    pub(super) fn diverged(&self, t: f64, h: f64) -> Ending {
+        let source = format!(
+            "the corrections of strong coupling do not converge, even in steps of {h:.1e} s: is there a loop of outputs that \
+             depend on inputs at once, without a solution or with several? Set --min-step to go on with a warning, or put a lag \
+             into the loop"
+        );
+        self.failure(Stage::SetInputs, source.into()).at(t)
+    }
+
     /// Sets the inputs to the values in the row.
     #[inline(always)]
     pub(super) fn set_newest(&mut self, values: &Values) -> Result<(), Failure> {

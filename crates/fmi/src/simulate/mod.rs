@@ -226,8 +226,8 @@ impl ModelExchangeRun {
     }
 
     /// Time derivatives of real outputs at the current time [their units per second], with the inputs continued: by
-    /// second-order forward differences over `span` \[s\], ignoring events, with the states extrapolated along their
-    /// derivatives. 0 after the model has requested the end.
+    /// second-order differences over `span` \[s\], forward or, at the stop time, backward, ignoring events, with the states
+    /// extrapolated along their derivatives. 0 after the model has requested the end.
     ///
     /// # Panics
     /// If the numbers of slopes and references differ.
@@ -249,11 +249,16 @@ impl ModelExchangeRun {
             self.model.instance.get_derivatives(&mut rates)?;
         }
         let mut values = vec![0.0; references.len()];
+        // An FMU may know nothing of times beyond the stop time.
+        let span = match t + 2.0 * span > self.stop {
+            true => -span,
+            false => span,
+        };
         for (part, weight) in [(0.0, -1.5), (1.0, 2.0), (2.0, -0.5)] {
             let ahead = part * span;
             let states = x.iter().zip(&rates).map(|(x, rate)| x + ahead * rate);
             let states: Vec<f64> = states.collect();
-            self.model.put_ahead(t, ahead, self.stop, &states)?;
+            self.model.put(t + ahead, &states)?;
             self.model.instance.get_real(references, &mut values)?;
             for (slope, value) in slopes.iter_mut().zip(&values) {
                 *slope += weight / span * value;

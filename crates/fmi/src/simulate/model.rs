@@ -112,20 +112,9 @@ impl Model {
 
     /// Sets time and states of the instance.
     pub(super) fn put(&mut self, t: f64, x: &[f64]) -> Result<(), CallError> {
-        self.put_ahead(t, 0.0, f64::INFINITY, x)
-    }
-
-    /// Sets the states `x` and the time `ahead` [s] after `t`, at most `stop`.
-    pub(super) fn put_ahead(
-        &mut self,
-        t: f64,
-        ahead: f64,
-        stop: f64,
-        x: &[f64],
-    ) -> Result<(), CallError> {
-        self.instance.set_time((t + ahead).min(stop.max(t)))?;
+        self.instance.set_time(t)?;
         if self.inputs.is_sloped {
-            self.set_inputs(t + ahead)?;
+            self.set_inputs(t)?;
         }
         match x.is_empty() {
             true => Ok(()),
