@@ -3,12 +3,15 @@
 /// Pivots below this part of the largest entry are noise of finite differences.
 pub(super) const SINGULAR: f64 = 1e-8;
 
-/// A square matrix in row-major order; after [`factor`](Self::factor) its LU decomposition with partial pivoting.
+/// A square matrix in row-major order; after [`factor`](Self::factor) its LU decomposition with partial pivoting, of rows and
+/// columns scaled to entries of at most about one: outputs have units of any size.
 #[derive(Debug, Default)]
 pub(super) struct Lu {
     n: usize,
     entries: Vec<f64>,
     pivots: Vec<usize>,
+    rows: Vec<f64>,
+    columns: Vec<f64>,
 }
 
 impl Lu {
@@ -17,6 +20,8 @@ impl Lu {
             n,
             entries: vec![0.0; n * n],
             pivots: vec![0; n],
+            rows: vec![1.0; n],
+            columns: vec![1.0; n],
         }
     }
 
@@ -31,11 +36,12 @@ impl Lu {
         self.entries[row * self.n + column] += value;
     }
 
-    /// Factors the matrix; `false` if a pivot is not finite or below `singular` times the largest entry (entries from
-    /// finite differences are never exactly singular).
+    /// Factors the matrix; `false` if a pivot of the scaled matrix is not finite or below `singular` times its largest entry
+    /// (entries from finite differences are never exactly singular).
     #[must_use]
     pub(super) fn factor(&mut self, singular: f64) -> bool {
         let n = self.n;
+        self.scale();
         let largest = self.entries.iter().fold(0.0_f64, |max, v| max.max(v.abs()));
         for k in 0..n {
             let size = |&i: &usize| self.entries[i * n + k].abs();
@@ -63,9 +69,31 @@ impl Lu {
         true
     }
 
+    /// Scales rows, then columns, by powers of two, which round nothing.
+    fn scale(&mut self) {
+        let n = self.n;
+        let power = |largest: f64| match largest > 0.0 && largest.is_finite() {
+            true => largest.log2().round().exp2().recip(),
+            false => 1.0,
+        };
+        for (row, scale) in self.entries.chunks_exact_mut(n.max(1)).zip(&mut self.rows) {
+            *scale = power(row.iter().fold(0.0, |max, v| max.max(v.abs())));
+            row.iter_mut().for_each(|v| *v *= *scale);
+        }
+        for (j, scale) in self.columns.iter_mut().enumerate() {
+            let column = self.entries[j..].iter().step_by(n);
+            *scale = power(column.fold(0.0, |max, v| max.max(v.abs())));
+            let column = self.entries[j..].iter_mut().step_by(n);
+            column.for_each(|v| *v *= *scale);
+        }
+    }
+
     /// Solves with the factored matrix, in place.
     pub(super) fn solve(&self, x: &mut [f64]) {
         let n = self.n;
+        x.iter_mut()
+            .zip(&self.rows)
+            .for_each(|(x, scale)| *x *= scale);
         for k in 0..n {
             x.swap(k, self.pivots[k]);
         }
@@ -80,6 +108,9 @@ impl Lu {
             let known: f64 = row[i + 1..].iter().zip(later).map(|(a, b)| a * b).sum();
             x[i] = (x[i] - known) / row[i];
         }
+        x.iter_mut()
+            .zip(&self.columns)
+            .for_each(|(x, scale)| *x *= scale);
     }
 }
 
@@ -105,6 +136,22 @@ mod tests {
         for (found, expected) in x.iter().zip([1.0, 2.0, 3.0]) {
             assert!((found - expected).abs() < 1e-14, "{x:?}");
         }
+    }
+
+    /// `x = 3e10 y`, `y = -1e-10 x + 4`: outputs in small and in large units.
+    #[test]
+    fn units_of_any_size_are_no_singularity() {
+        let mut lu = Lu::new(2);
+        for (k, value) in [1.0, -3e10, 1e-10, 1.0].into_iter().enumerate() {
+            lu.add(k / 2, k % 2, value);
+        }
+        assert!(lu.factor(1e-8));
+        let mut x = [0.0, 4.0];
+        lu.solve(&mut x);
+        assert!(
+            (x[0] / 3e10 - 1.0).abs() < 1e-14 && (x[1] - 1.0).abs() < 1e-14,
+            "{x:?}"
+        );
     }
 
     #[test]
