@@ -12,7 +12,7 @@ use crate::report::Steps;
 const SLOW: f64 = 0.1;
 
 /// With the last matrix, a correction that leaves more than this part is the last.
-const HOPELESS: f64 = 0.5;
+const HOPELESS: f64 = 0.9;
 
 /// Maximum number of matrices per step.
 const MAX_MATRICES: u32 = 3;
