@@ -415,7 +415,6 @@ fn progress_as_json_lines() {
     assert_eq!(last["report"]["steps"]["accepted"], 4);
 }
 
-#[cfg(unix)]
 #[test]
 fn outputs_that_depend_on_time_are_the_same_in_both_kinds_up_to_the_end() {
     let folder = Folder::new();
@@ -458,6 +457,7 @@ fn outputs_that_depend_on_time_are_the_same_in_both_kinds_up_to_the_end() {
     assert!((cs - me).abs() < 1e-7, "{cs} {me}");
 }
 
+#[cfg(unix)]
 #[test]
 fn ctrl_c_stops_cleanly_and_keeps_the_rows() {
     let folder = folder(&["good"]);

@@ -170,7 +170,7 @@ impl Exchange {
     /// Before the first step, components know no derivatives of their inputs: adds their effect on the derivatives of
     /// outputs with direct feedthrough, `(I - D) s = s₀`.
     pub(super) fn complete_slopes(&mut self) -> Result<(), Failure> {
-        if self.wired.iter().all(|own| own.within.sloped.is_empty()) {
+        if !self.wired.iter().any(Wired::passes_slopes) {
             return Ok(());
         }
         let mut matrix = Lu::new(self.fed.len());
@@ -189,11 +189,10 @@ impl Exchange {
         place: impl Fn(usize) -> Option<usize>,
     ) -> Result<(), Failure> {
         matrix.set_identity();
-        for wired in &mut self.wired {
-            for input in 0..wired.inputs.positions.len() {
-                let p = wired.inputs.positions[input];
-                let is_first = !wired.inputs.positions[..input].contains(&p);
-                let (Some(column), true) = (place(p), is_first) else {
+        for wired in self.wired.iter_mut().filter(|own| own.passes_slopes()) {
+            for input in 0..wired.inputs.distinct.len() {
+                let p = wired.inputs.distinct[input];
+                let Some(column) = place(p) else {
                     continue;
                 };
                 let effects = wired.effect_on_slopes(|own| f64::from(u8::from(own == p)))?;

@@ -262,12 +262,9 @@ impl Strong {
         self.matrix.set_identity();
         for k in 0..self.repeated.len() {
             let i = self.repeated[k];
-            for input in 0..exchange.wired[i].inputs.positions.len() {
-                let inputs = &exchange.wired[i].inputs.positions;
-                let p = inputs[input];
-                // An output may feed several inputs of a component.
-                let is_first = !inputs[..input].contains(&p);
-                if let (Some(column), true) = (self.place[p], is_first) {
+            for input in 0..exchange.wired[i].inputs.distinct.len() {
+                let p = exchange.wired[i].inputs.distinct[input];
+                if let Some(column) = self.place[p] {
                     self.differentiate(exchange, h, i, p, column)?;
                 }
             }

@@ -46,13 +46,15 @@ impl Wired {
                 }
                 self.step(begin, step, true)?;
                 self.get_outputs(values).map_err(failed)?;
-                let given = |p: usize| match is_ramp {
-                    true => 2.0 * profiles[p].to_end().lean / h,
-                    false => 0.0,
-                };
-                let effects = self.effect_on_slopes(|p| profiles[p].slope - given(p));
-                for (p, effect) in effects.map_err(failed)? {
-                    values.slopes[p] += effect;
+                if self.passes_slopes() {
+                    let given = |p: usize| match is_ramp {
+                        true => 2.0 * profiles[p].to_end().lean / h,
+                        false => 0.0,
+                    };
+                    let effects = self.effect_on_slopes(|p| profiles[p].slope - given(p));
+                    for (p, effect) in effects.map_err(failed)? {
+                        values.slopes[p] += effect;
+                    }
                 }
                 self.restore(LAST_PART).map_err(failed)?;
             }
@@ -70,37 +72,33 @@ impl Wired {
         }
     }
 
-    /// Positions of the fed outputs with direct feedthrough, and the effect on their derivatives of these changes of the
-    /// inputs' derivatives, by the position of the output that feeds them. None if the component has no directional derivatives
-    /// or its derivatives are not used.
+    /// Whether derivatives of inputs act on those of outputs at once, and these are used.
+    pub(super) fn passes_slopes(&self) -> bool {
+        let is_able = self.abilities.directional_derivatives && self.outputs.feeds_through;
+        is_able && !self.within.sloped.is_empty()
+    }
+
+    /// Positions of the fed outputs of a component that [passes slopes](Self::passes_slopes), and the effect on their
+    /// derivatives of these changes of the inputs' derivatives, by the position of the output that feeds them.
     pub(super) fn effect_on_slopes(
         &mut self,
         change: impl Fn(usize) -> f64,
     ) -> Result<impl Iterator<Item = (usize, f64)>, Failure> {
-        let is_able = self.abilities.directional_derivatives && self.outputs.feeds_through;
-        let positions = match self.within.sloped.is_empty() || !is_able {
-            true => &[],
-            false => &self.outputs.fed_positions[..],
-        };
-        if !positions.is_empty() {
-            for (slope, &p) in self.inputs.slopes.iter_mut().zip(&self.inputs.positions) {
-                *slope = change(p);
-            }
-            for &(position, conversion) in &self.inputs.conversions {
-                self.inputs.slopes[position] *= conversion.factor;
-            }
-            self.calls.gets += 1;
-            let (outputs, inputs) = (&self.within.sloped, &self.inputs.handles);
-            let (seed, effect) = (&self.inputs.slopes, &mut self.within.slope_values);
-            let component = &mut self.component;
-            let asked = || component.directional_derivative(outputs, inputs, seed, effect);
-            let got = self.watch.time(asked);
-            got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
+        for (slope, &p) in self.inputs.slopes.iter_mut().zip(&self.inputs.positions) {
+            *slope = change(p);
         }
-        let effects = positions
-            .iter()
-            .copied()
-            .zip(self.within.slope_values.iter().copied());
+        for &(position, conversion) in &self.inputs.conversions {
+            self.inputs.slopes[position] *= conversion.factor;
+        }
+        self.calls.gets += 1;
+        let (outputs, inputs) = (&self.within.sloped, &self.inputs.handles);
+        let (seed, effect) = (&self.inputs.slopes, &mut self.within.slope_values);
+        let component = &mut self.component;
+        let asked = || component.directional_derivative(outputs, inputs, seed, effect);
+        let got = self.watch.time(asked);
+        got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
+        let positions = self.outputs.fed_positions.iter().copied();
+        let effects = positions.zip(self.within.slope_values.iter().copied());
         Ok(effects.filter(|(_, effect)| effect.is_finite()))
     }
 

@@ -24,6 +24,8 @@ pub(super) struct Inputs {
     pub(super) handles: Vec<u32>,
     pub(super) slots: Vec<usize>,
     pub(super) positions: Vec<usize>,
+    /// These positions, each once: an output may feed several inputs of a component.
+    pub(super) distinct: Vec<usize>,
     /// Buffers for values and slopes.
     pub(super) values: Vec<f64>,
     pub(super) slopes: Vec<f64>,
@@ -40,11 +42,16 @@ impl Inputs {
         let reals = || (wires.iter()).filter_map(|wire| Some((wire, wire.real?)));
         let others = wires.iter().filter(|wire| wire.real.is_none());
         let conversions = reals().map(|(_, (_, conversion))| conversion).enumerate();
-        let n = reals().count();
+        let positions: Vec<usize> = reals().map(|(_, (position, _))| position).collect();
+        let is_first = |&(k, p): &(usize, &usize)| !positions[..k].contains(p);
+        let distinct = positions.iter().enumerate().filter(is_first);
+        let distinct = distinct.map(|(_, &p)| p).collect();
+        let n = positions.len();
         Self {
             handles: reals().map(|(wire, _)| wire.handle).collect(),
             slots: reals().map(|(wire, _)| wire.slot).collect(),
-            positions: reals().map(|(_, (position, _))| position).collect(),
+            positions,
+            distinct,
             values: vec![0.0; n],
             slopes: vec![0.0; n],
             conversions: conversions

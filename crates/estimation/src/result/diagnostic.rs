@@ -286,7 +286,7 @@ impl fmt::Display for Diagnostic {
             Self::Violated { name, by } => write!(
                 f,
                 "{name} is violated by {by:.1e} (scaled): what is asked for there may not go with the rest{}",
-                match name == "the stability of the closed loop" {
+                match name.ends_with(CLOSED_LOOP) {
                     true =>
                         "; a pilot without lead, such as `crossover`, stabilises no vehicle that integrates twice",
                     false => "",

@@ -48,7 +48,7 @@ pub fn compare(
         let observer: &mut Observer<'_> = &mut |_| goes_on();
         Ok(fit(posed, observer))
     })?;
-    let problems: Vec<_> = files.iter().zip(&posed).zip(whole).collect();
+    let problems: Vec<_> = posed.iter().zip(whole).collect();
     let candidates = candidates(problems, (open, ask), (files.len(), all))?;
     Ok(Compared::of(&files[0], candidates))
 }
@@ -69,14 +69,14 @@ impl Compared {
 
 /// Fits problems without each of their runs; `count` has the number of fits done before and that of all.
 pub(crate) fn candidates(
-    problems: Vec<((&ProblemFile, &Posed<'_>), Fit)>,
+    problems: Vec<(&Posed<'_>, Fit)>,
     (open, ask): (OpenInParallel<'_>, &Ask<'_>),
     count: (usize, usize),
 ) -> Result<Vec<Candidate>, ProblemError> {
     // Runs have the same order in all files, possibly with validation runs between them.
-    let folds = problems.iter().flat_map(|((file, _), whole)| {
-        let runs = fitted(file).into_iter();
-        runs.map(move |run| ((*file, whole), run))
+    let folds = problems.iter().flat_map(|(posed, whole)| {
+        let runs = fitted(posed.file).into_iter();
+        runs.map(move |run| ((posed.file, whole), run))
     });
     let folds: Vec<_> = folds.collect();
     let surprises = each(&folds, count, ask, |(own, run), goes_on| {
@@ -89,13 +89,13 @@ pub(crate) fn candidates(
         Ok(judged.map_or(f64::NAN, |run| run.surprise(&noises)))
     })?;
     let mut surprises = surprises.into_iter();
-    let candidate = |((file, posed), fit): ((&ProblemFile, &Posed<'_>), Fit)| Candidate {
+    let candidate = |(posed, fit): (&Posed<'_>, Fit)| Candidate {
         is_begun: posed.free_states().next().is_some(),
         figures: Contender {
             unknowns: posed.count(),
             samples: fit.samples,
             surprise: 2.0 * fit.nllh,
-            held_out: surprises.by_ref().take(fitted(file).len()).collect(),
+            held_out: surprises.by_ref().take(fitted(posed.file).len()).collect(),
         },
         fit,
     };

@@ -69,8 +69,7 @@ pub fn ordered(
             let posed = Posed::new(&file, open)?;
             let observer: &mut Observer<'_> = &mut |_| ask(done, total);
             let whole = fit(&posed, observer);
-            let problem = vec![((&file, &posed), whole)];
-            candidates(problem, (open, &ask), (done + 1, total))?.remove(0)
+            candidates(vec![(&posed, whole)], (open, &ask), (done + 1, total))?.remove(0)
         };
         let is_answer = candidate.fit.is_answer();
         file.options.starts = 1;
