@@ -194,11 +194,14 @@ pub fn words(
     };
     let (aicc, bic) = (best(Contender::aicc), best(Contender::bic));
     let mut text: String = comparisons.iter().map(|own| sentence(names, own)).collect();
-    text += &format!(
-        "\ntaken: {}, the smallest that no larger one predicts better (at {} % for all comparisons)\n",
-        names[*taken],
-        100.0 * SIZE
-    );
+    let why = match names.len() {
+        1 => "which is compared with no other".to_owned(),
+        _ => format!(
+            "the smallest that no larger one predicts better (at {} % for all comparisons)",
+            100.0 * SIZE
+        ),
+    };
+    text += &format!("\ntaken: {}, {why}\n", names[*taken]);
     let others: Vec<String> = [("AICc", aicc), ("BIC", bic)]
         .into_iter()
         .filter(|(_, k)| k != taken)

@@ -82,6 +82,13 @@ impl Course {
         self.samples.iter().map(|place| &self.states[*place])
     }
 
+    /// The last time of the solution \[s\] if it does not extend to the end.
+    pub fn early_end(&self) -> Option<f64> {
+        let last = self.states.last()?;
+        let constant = self.states.iter().rev().take_while(|x| *x == last).count();
+        (!self.is_whole).then(|| self.time[self.states.len() - constant.max(1)])
+    }
+
     /// The largest magnitude of each state.
     pub fn sizes(&self) -> Vec<f64> {
         let largest = |k: usize| {

@@ -187,14 +187,12 @@ impl<'d> Inference<'d> {
     }
 }
 
+/// Whether all numbers are finite, and their squares, which are summed.
 fn is_finite(run: &Run) -> bool {
-    let all = run
-        .shared
-        .iter()
-        .chain(&run.own)
-        .chain(&run.residuals)
-        .chain(&run.active);
-    all.copied().all(f64::is_finite)
+    let matrices = [&run.shared, &run.own, &run.active];
+    let all = matrices.iter().map(|own| own.norm_squared());
+    let mut all = all.chain([run.residuals.norm_squared()]);
+    all.all(f64::is_finite)
 }
 
 /// Change of each parameter that changes all residuals together by one; the scale of a parameter without effect.

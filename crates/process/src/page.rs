@@ -275,23 +275,38 @@ impl Place {
     /// Records the call `number` for as long as `work` takes; `number` is chosen by the caller and not 0.
     #[inline(always)]
     pub fn call<T>(&self, number: u32, work: impl FnOnce() -> T) -> T {
+        let outer = self.enter(number);
+        let done = work();
+        self.leave(outer);
+        done
+    }
+
+    /// Records a call; returns the outer one if it is an inner call (a callback). At the shared place the other call may
+    /// belong to another owner.
+    #[inline]
+    fn enter(&self, number: u32) -> u32 {
         let Some(page) = attached() else {
-            return work();
+            return 0;
         };
-        let slot = &page.all[self.0];
-        // An inner call within an outer one (a callback) restores the outer one; at the shared place the other call may
-        // belong to another owner.
+        let call = &page.all[self.0].call;
         let outer = match self.0 + 1 == PLACES {
             true => 0,
-            false => slot.call.load(Ordering::Relaxed),
+            false => call.load(Ordering::Relaxed),
         };
-        slot.call.store(number, Ordering::Release);
-        let done = work();
+        call.store(number, Ordering::Release);
+        outer
+    }
+
+    /// Records that a call is done, and the outer one once more.
+    #[inline]
+    fn leave(&self, outer: u32) {
+        let Some(page) = attached() else {
+            return;
+        };
         if STATE.load(Ordering::Relaxed) != GOES_ON {
             vanish();
         }
-        slot.call.store(outer, Ordering::Release);
-        done
+        page.all[self.0].call.store(outer, Ordering::Release);
     }
 
     /// Records another call within the current one.

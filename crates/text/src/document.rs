@@ -531,6 +531,7 @@ impl<'a> TomlTable<'a> {
 /// A number, written as an integer or a float.
 fn real(value: &DeValue<'_>) -> Option<f64> {
     match value {
+        DeValue::Float(number) if is_beyond_range(number.as_str()) => None,
         DeValue::Float(number) => number.as_str().parse().ok(),
         DeValue::Integer(number) => i64::from_str_radix(number.as_str(), number.radix())
             .map(|number| number as f64)
@@ -539,6 +540,12 @@ fn real(value: &DeValue<'_>) -> Option<f64> {
             .ok(),
         _ => None,
     }
+}
+
+/// Whether the digits of a number are those of one above the largest double, such as `1e400`.
+fn is_beyond_range(digits: &str) -> bool {
+    let is_infinite = digits.parse().is_ok_and(f64::is_infinite);
+    is_infinite && digits.contains(|c: char| c.is_ascii_digit())
 }
 
 /// Converts each entry of an array.
@@ -553,6 +560,7 @@ fn entries<T>(value: &DeValue<'_>, of: impl Fn(&DeValue<'_>) -> Option<T>) -> Op
 /// A number or string as written.
 fn scalar(value: &DeValue<'_>) -> Option<String> {
     match value {
+        DeValue::Float(number) if is_beyond_range(number.as_str()) => None,
         DeValue::Float(number) => Some(number.as_str().to_owned()),
         DeValue::Integer(number) => {
             let whole = i64::from_str_radix(number.as_str(), number.radix());
@@ -584,6 +592,9 @@ impl Content {
 fn kind(value: &DeValue<'_>) -> &'static str {
     match value {
         DeValue::String(_) => "a string",
+        DeValue::Float(number) if is_beyond_range(number.as_str()) => {
+            "a number above the largest double"
+        }
         DeValue::Integer(_) | DeValue::Float(_) => "a number",
         DeValue::Boolean(_) => "true or false",
         DeValue::Datetime(_) => "a date",

@@ -148,7 +148,7 @@ pub struct Args {
     #[arg(long, default_value_t = FitOptions::default().max_iterations, value_parser = whole::<usize>,
           allow_hyphen_values = true)]
     max_iterations: usize,
-    /// Stop after this time [s] with the best iterate.
+    /// Stop after this time [s] with the best iterate; with --orders with the best of the compared ones, if any.
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     time_limit: Option<f64>,
     /// Scaled KKT residual at convergence.

@@ -7,7 +7,7 @@ use crate::result::Fit;
 use crate::result::describing::excitation;
 use crate::result::diagnostic::Diagnostic;
 use crate::result::uncertainty::{linearised, names, words};
-use crate::search::begin::begin;
+use crate::search::begin::begin_whole;
 use crate::search::starts::{Start, starts};
 use pilotage_collocation::Stop;
 use pilotage_inference::spectrum::{Excitation, Starved};
@@ -114,7 +114,7 @@ impl Beforehand {
     }
 }
 
-/// None if no start has finite derivatives.
+/// None if no start has finite derivatives and states that follow the equations.
 fn identifiability(posed: &Posed<'_>, stop: &Stop<'_>) -> Option<Identifiability> {
     if posed.shared == 0 {
         return None;
@@ -147,9 +147,9 @@ fn identifiability(posed: &Posed<'_>, stop: &Stop<'_>) -> Option<Identifiability
     })
 }
 
-/// The problem, linearised at a start. None if that is not finite.
+/// The problem, linearised at a start. None if that is not finite, or the states there do not follow the equations.
 fn at_start(posed: &Posed<'_>, start: &Start, stop: &Stop<'_>) -> Option<Data> {
-    let (problem, z) = begin(posed, start, stop);
+    let (problem, z) = begin_whole(posed, start, stop)?;
     let at = Iterate::new(&problem, z);
     Some(linearised(posed, &problem, &at)?.data)
 }

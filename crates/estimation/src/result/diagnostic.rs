@@ -191,6 +191,13 @@ pub enum Diagnostic {
     Mixed(String),
     /// A quantity that is not finite where the search begins.
     Undefined(String),
+    /// The solver did not converge, and a simulation with the start values ends early.
+    EarlyEnd {
+        /// Name of the run.
+        run: String,
+        /// The time that it reaches, with its unit.
+        time: String,
+    },
     /// The solver did not converge, and a call of an FMU failed during the solve.
     FmuFailed {
         /// The instance.
@@ -251,6 +258,7 @@ impl Diagnostic {
             Self::Starved(_) => "few-lines",
             Self::Unidentifiable(_) => "unidentifiable",
             Self::Undefined(_) => "undefined",
+            Self::EarlyEnd { .. } => "early-end",
             Self::FmuFailed { .. } => "fmu-failed",
             Self::Event(_) => "event",
             Self::Description { .. } => "fmu-description",
@@ -421,7 +429,10 @@ impl fmt::Display for Diagnostic {
                 "the states have an estimated relative error of {error:.1e} where {tolerance:.1e} was asked for{}",
                 match is_limited {
                     true => ", since a solve on a finer mesh was ended by max_iterations: raise it",
-                    false => "",
+                    false => {
+                        "; a finer mesh has no solution, or too many intervals: fit shorter runs, try another `scheme` \
+                         (docs/schemes.md), or raise `mesh_tolerance`"
+                    }
                 }
             ),
             Self::MeshMoves(change) => write!(
@@ -472,6 +483,11 @@ impl fmt::Display for Diagnostic {
             ),
             Self::Mixed(words) => write!(f, "{words}"),
             Self::Undefined(what) => write!(f, "where the search begins, in {what}"),
+            Self::EarlyEnd { run, time } => write!(
+                f,
+                "with the start values, the simulation of {run} ends at {time}: it diverges, or it oscillates so often that \
+                 its steps are more than a mesh has room for; give other start values, or shorter runs"
+            ),
             Self::FmuFailed { instance, trouble } => {
                 write!(f, "the FMU of `{instance}` failed on the way, {trouble}")
             }

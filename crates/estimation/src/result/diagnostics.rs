@@ -7,7 +7,9 @@ use crate::result::diagnostic::Diagnostic;
 use crate::result::outliers::{of_copies, of_ends, of_runs, of_samples};
 use crate::result::{Fit, Found};
 use crate::search::active::{held, on_stability_bound, violated};
+use crate::search::begin::early_end;
 use crate::search::solved::Solved;
+use crate::search::starts::given;
 use crate::system::part::FmuPart;
 use pilotage_expression::Node;
 use pilotage_inference::residuals::LjungBox;
@@ -47,6 +49,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
             let is_unknown = failed.is_empty() && fit.status == Status::UndefinedStart;
             all.extend(is_unknown.then(|| Diagnostic::Undefined(SUM.to_owned())));
             all.extend(failed);
+            all.extend(early(posed, fit));
         }
     }
     all.extend(dead);
@@ -129,6 +132,19 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     let is_known = fit.is_met() && fit.cut.is_none();
     all.extend((is_known && !fit.agrees()).then_some(simulated));
     all
+}
+
+/// A simulation with the start values that ends early.
+fn early(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
+    if fit.status == Status::UndefinedStart {
+        return None;
+    }
+    let (run, time) = early_end(posed, &given(posed), &|| false)?;
+    let run = &posed.data[run];
+    Some(Diagnostic::EarlyEnd {
+        run: run.name().to_owned(),
+        time: run.shown(time),
+    })
 }
 
 /// FMUs with failed calls to report.

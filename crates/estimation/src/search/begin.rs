@@ -34,14 +34,37 @@ pub(crate) struct Point<'p> {
 /// The nonlinear program of a start on a mesh that suits a simulation from there, and its variables. If stopped, the
 /// states remain constant.
 pub fn begin(posed: &Posed<'_>, start: &Start, stop: &Stop<'_>) -> (Collocation, Vec<f64>) {
+    let point = point(posed, start);
+    at_point(posed, &point, posed.file.options.scheme, stop)
+}
+
+/// The same if the states follow the equations everywhere: no simulation ends early or diverges.
+pub(crate) fn begin_whole(
+    posed: &Posed<'_>,
+    start: &Start,
+    stop: &Stop<'_>,
+) -> Option<(Collocation, Vec<f64>)> {
+    let point = point(posed, start);
+    let (problem, z, is_whole) = along(posed, &point, posed.file.options.scheme, stop);
+    is_whole.then_some((problem, z))
+}
+
+/// The run whose simulation from a start ends early, and the time that it reaches \[s\]: it diverges, or takes more steps
+/// than any mesh has room for.
+pub(crate) fn early_end(posed: &Posed<'_>, start: &Start, stop: &Stop<'_>) -> Option<(usize, f64)> {
+    let courses = courses(posed, &point(posed, start), stop);
+    let mut ends = courses.iter().map(Course::early_end).enumerate();
+    ends.find_map(|(j, end)| Some((j, end?)))
+}
+
+fn point<'p>(posed: &Posed<'_>, start: &'p Start) -> Point<'p> {
     let (theta, own) = start.parameters.split_at(posed.shared);
     let runs = 0..posed.runs.len();
-    let point = Point {
+    Point {
         theta,
         initial: runs.map(|j| initial(posed, own, j)).collect(),
         follows: start.follows,
-    };
-    at_point(posed, &point, posed.file.options.scheme, stop)
+    }
 }
 
 /// The same from a point reached by a search. Without a scheme, one that suits the equations there is selected.
@@ -51,6 +74,17 @@ pub(crate) fn at_point(
     scheme: Option<Scheme>,
     stop: &Stop<'_>,
 ) -> (Collocation, Vec<f64>) {
+    let (problem, z, _) = along(posed, point, scheme, stop);
+    (problem, z)
+}
+
+/// The same, and whether the states follow the equations everywhere.
+fn along(
+    posed: &Posed<'_>,
+    point: &Point<'_>,
+    scheme: Option<Scheme>,
+    stop: &Stop<'_>,
+) -> (Collocation, Vec<f64>, bool) {
     let courses = courses(posed, point, stop);
     let scheme = scheme.unwrap_or_else(|| suited(&courses));
     let pairs = posed.runs.iter().zip(&courses);
@@ -69,11 +103,15 @@ pub(crate) fn at_point(
             .collect(),
         None => courses,
     };
-    paths.iter_mut().for_each(|own| tame(posed, own));
+    let mut is_whole = true;
+    for own in &mut paths {
+        let is_wild = tame(posed, own);
+        is_whole &= own.is_whole && !is_wild;
+    }
     let problem = discretised(posed, runs, scales(posed, &paths, point.theta), scheme);
     let paths = paths.iter().map(|own| (&own.time[..], &own.states[..]));
     let z = problem.variables_along(paths, point.theta);
-    (problem, z)
+    (problem, z, is_whole)
 }
 
 /// The scheme for equations with these simulations, if the user selected none.
@@ -158,12 +196,14 @@ fn wild(posed: &Posed<'_>, course: &Course) -> Vec<usize> {
     (0..sizes.len()).filter(is_wild).collect()
 }
 
-/// Replaces states that diverge by their initial values.
-fn tame(posed: &Posed<'_>, course: &mut Course) {
+/// Replaces states that diverge by their initial values. Returns whether there are any.
+fn tame(posed: &Posed<'_>, course: &mut Course) -> bool {
     let initial = course.states[0].clone();
-    for k in wild(posed, course) {
-        course.states.iter_mut().for_each(|x| x[k] = initial[k]);
+    let wild = wild(posed, course);
+    for k in &wild {
+        course.states.iter_mut().for_each(|x| x[*k] = initial[*k]);
     }
+    !wild.is_empty()
 }
 
 /// Magnitudes of states and parameters.

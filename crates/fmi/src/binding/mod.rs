@@ -15,7 +15,7 @@ use libloading::Library;
 use pilotage_abi::{Part, fmi2 as abi2, fmi3 as abi3};
 use pilotage_process::Place;
 use pilotage_text::error_chain::error_chain;
-use std::ffi::{CStr, c_char};
+use std::ffi::{CStr, c_char, c_void};
 use std::mem::ManuallyDrop;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -138,8 +138,17 @@ pub(super) struct Loaded {
 /// # Safety
 /// `T` must be the pointer type of this function.
 unsafe fn symbol<T: Copy>(library: &Library, name: &CStr) -> Option<T> {
-    // SAFETY: the caller vouches for the type; the copied pointer is kept together with the library.
-    unsafe { library.get::<T>(name) }.ok().map(|symbol| *symbol)
+    const { assert!(size_of::<T>() == size_of::<*mut c_void>()) };
+    // SAFETY: the caller vouches for the type, which is that of a pointer.
+    address(library, name).map(|address| unsafe { std::mem::transmute_copy(&address) })
+}
+
+/// Apart from the type of the function, of which there are many. The address is kept together with the library.
+fn address(library: &Library, name: &CStr) -> Option<*mut c_void> {
+    // SAFETY: it is only taken, as an address without a type.
+    unsafe { library.get::<*mut c_void>(name) }
+        .ok()
+        .map(|symbol| *symbol)
 }
 
 impl Binding {

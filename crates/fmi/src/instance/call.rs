@@ -61,11 +61,22 @@ impl Instance {
     /// The function's address, if the state allows the call and the binary has the function.
     #[inline]
     pub(super) fn ready<T>(&self, function: Function, pointer: Option<T>) -> Result<T, CallError> {
-        if !function.is_legal_in(self.state) {
-            let state = self.state;
-            return Err(CallError::NotAllowed { function, state });
+        match pointer {
+            Some(pointer) if function.is_legal_in(self.state) => Ok(pointer),
+            _ => Err(self.not_ready(function)),
         }
-        pointer.ok_or(CallError::MissingFunction { function })
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn not_ready(&self, function: Function) -> CallError {
+        match function.is_legal_in(self.state) {
+            true => CallError::MissingFunction { function },
+            false => CallError::NotAllowed {
+                function,
+                state: self.state,
+            },
+        }
     }
 
     /// Makes a call and records it for the watching process; restores the rounding mode afterwards.

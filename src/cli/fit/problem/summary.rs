@@ -403,7 +403,7 @@ fn mesh(posed: &Posed<'_>, fit: &Fit) -> String {
     let refinement = &fit.refinement;
     let is_stiff = posed.file.options.scheme.is_none() && refinement.is_for_stiff();
     let stiff = if is_stiff {
-        " (the equations are stiff)"
+        " (for stiff equations)"
     } else {
         ""
     };
