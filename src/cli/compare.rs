@@ -2,6 +2,7 @@
 
 use super::folds::Folds;
 use super::format::aligned;
+use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, interrupt, terminal};
 use crate::cli::deadline::Deadline;
 use crate::estimation::comparison::{Candidate, Compared, compare};
@@ -46,6 +47,7 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
+    recognise::expect(&args.problems, &[FileKind::Problem], "problem files")?;
     let files = args.problems.iter().map(|path| ProblemFile::read(path));
     let files: Vec<ProblemFile> = files.collect::<Result<_, _>>()?;
     interrupt::listen("stopping")?;

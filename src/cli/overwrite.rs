@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 pub struct Overwrite {
     /// Overwrite a file of another kind than the one written in its place; inputs are never overwritten.
     #[arg(long)]
-    force: bool,
+    pub force: bool,
 }
 
 /// Kind of an output file. A command may replace an earlier output of the same kind.
@@ -57,6 +57,12 @@ impl Overwrite {
         inputs: &[PathBuf],
         outputs: &[(&Path, OutputKind)],
     ) -> Result<(), Failure> {
+        if outputs.iter().any(|(path, _)| path.as_os_str() == "-") {
+            let message = "`-` is no file, and results are written to files, whole or not at all";
+            return Err(Failure::new(message).hint(
+                "name a file; --json prints numbers to standard output, where a command has it",
+            ));
+        }
         let planned: Vec<Planned> = (outputs.iter())
             .map(|(path, kind)| kind.planned(path))
             .collect();

@@ -15,6 +15,7 @@ use crate::report::result_figures;
 use crate::report::svg::to_svg;
 use crate::series::Series;
 use crate::suggestion::suggestion;
+use pilotage_units::Unit;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -84,7 +85,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let table = content.tables.iter().find(|own| own.name == args.figure);
     let extension = if figure.is_some() { "svg" } else { "csv" };
     let output = args.output.clone();
-    let output = output.unwrap_or_else(|| PathBuf::from(format!("{}.{extension}", args.figure)));
+    let name = args.figure.replace(['/', '\\'], "-");
+    let output = output.unwrap_or_else(|| PathBuf::from(format!("{name}.{extension}")));
     (args.overwrite).check(&args.inputs, &[(output.as_path(), OutputKind::Figure)])?;
     let bytes = match (figure, table) {
         (Some(figure), _) => args.drawn(figure, &output)?,
@@ -266,6 +268,42 @@ fn pilot(path: &Path) -> Result<Content, Failure> {
     })
 }
 
+/// Converts columns of the same name to the unit of the first one.
+///
+/// # Errors
+/// If a unit cannot be converted.
+fn convert(all: &mut [(String, Series)]) -> Result<(), Failure> {
+    let mut units: Vec<(String, String)> = Vec::new();
+    for (path, series) in all {
+        for column in &mut series.columns {
+            let Some((_, unit)) = units.iter().find(|(name, _)| *name == column.name) else {
+                units.push((column.name.clone(), column.unit.clone()));
+                continue;
+            };
+            if *unit == column.unit {
+                continue;
+            }
+            let [from, to] = [&column.unit, unit].map(|unit| Unit::named(unit));
+            let conversion = from.conversion(&to).ok_or_else(|| {
+                let shown = |unit: &str| match unit {
+                    "" => "no unit".to_owned(),
+                    unit => format!("`{unit}`"),
+                };
+                let (own, unit) = (shown(&column.unit), shown(unit));
+                let message = format!(
+                    "{path}: `{}` has {own}, and {unit} in a file before",
+                    column.name
+                );
+                Failure::new(message).hint("draw them apart, or give one of them another name")
+            })?;
+            let values = column.values.iter_mut();
+            values.for_each(|value| *value = conversion.apply(*value));
+            column.unit = unit.clone();
+        }
+    }
+    Ok(())
+}
+
 /// Tables over time; columns of the same name share a figure.
 fn results(inputs: &[PathBuf]) -> Result<Content, Failure> {
     let alone = |path: &&PathBuf| {
@@ -279,7 +317,8 @@ fn results(inputs: &[PathBuf]) -> Result<Content, Failure> {
     let all = inputs
         .iter()
         .map(|path| Ok((path.display().to_string(), Series::read_table(path)?)));
-    let all: Vec<(String, Series)> = all.collect::<Result<_, Failure>>()?;
+    let mut all: Vec<(String, Series)> = all.collect::<Result<_, Failure>>()?;
+    convert(&mut all)?;
     let named = |(name, series): &(String, Series)| match all.len() {
         1 => (String::new(), series.clone()),
         _ => (name.clone(), series.clone()),

@@ -1,9 +1,13 @@
 //! Axis scales with round ticks.
 
 use super::number::short;
+use std::ops::Range;
 
 /// Approximate number of ticks of a scale.
 const TICKS: f64 = 8.0;
+
+/// Axes that reach as far as this are labelled without exponents.
+const PLAIN: Range<f64> = 1e-3..1e6;
 
 /// A linear scale from `low` to `high` with round ticks in between.
 #[derive(Debug, Clone, PartialEq)]
@@ -12,8 +16,8 @@ pub struct Scale {
     high: f64,
     /// The ticks, ascending: multiples of 1, 2 or 5 times a power of ten.
     pub ticks: Vec<f64>,
-    /// Number of decimals of the ticks' labels.
-    decimals: usize,
+    /// Distance of the ticks.
+    step: f64,
     /// Whether values are decimal logarithms of the displayed quantity.
     in_decades: bool,
 }
@@ -30,8 +34,9 @@ impl Scale {
         if low > high {
             (low, high) = (0.0, 1.0);
         }
-        if high - low <= 1e-9 * high.abs().max(low.abs()).max(1e-9) {
-            let half = 0.5 * low.abs().max(1e-3);
+        let size = high.abs().max(low.abs());
+        if high - low <= 1e-9 * size {
+            let half = 0.5 * if size > 0.0 { size } else { 1e-3 };
             (low, high) = (low - half, high + half);
         }
         let margin = margin * (high - low);
@@ -49,7 +54,7 @@ impl Scale {
             ticks: (0..=(last - first) as usize)
                 .map(|i| (first + i as f64) * step)
                 .collect(),
-            decimals: (-step.log10().floor()).max(0.0) as usize,
+            step,
             in_decades: false,
         }
     }
@@ -100,8 +105,22 @@ impl Scale {
             return short(10f64.powf(tick), 1).replace('-', "\u{2212}");
         }
         // `+ 0.0` turns the tick -0 into 0.
-        format!("{:.*}", self.decimals, tick + 0.0).replace('-', "\u{2212}")
+        let tick = tick + 0.0;
+        let size = self.low.abs().max(self.high.abs());
+        let decimals = |above: f64| (above - decade(self.step)).max(0.0) as usize;
+        let text = match PLAIN.contains(&size) || tick == 0.0 {
+            true if tick == 0.0 => "0".to_owned(),
+            true => format!("{tick:.*}", decimals(0.0)),
+            false => format!("{tick:.*e}", decimals(decade(tick.abs()))),
+        };
+        text.replace('-', "\u{2212}")
     }
+}
+
+/// Power of ten of the first digit of a positive number.
+fn decade(value: f64) -> f64 {
+    // The tolerance keeps a power of ten that is one up to rounding.
+    (value.log10() + 1e-9).floor()
 }
 
 /// The smallest number of the form 1, 2 or 5 times a power of ten that is not below `step`.
@@ -132,6 +151,23 @@ mod tests {
             Scale::covering([0.0, 0.3], 0.0).ticks.last(),
             Some(&(6.0 * 0.05))
         );
+    }
+
+    #[test]
+    fn large_and_small_numbers_have_exponents() {
+        let labels = |values: [f64; 2]| -> Vec<String> {
+            let scale = Scale::covering(values, 0.0);
+            scale.ticks.iter().map(|&tick| scale.label(tick)).collect()
+        };
+        let found = labels([-1e301, 1e301]);
+        assert_eq!(found[0], "\u{2212}1.0e301");
+        assert_eq!(
+            labels([0.0, 1e-15])[..3],
+            ["0", "2e\u{2212}16", "4e\u{2212}16"]
+        );
+        assert_eq!(labels([1e-300, 3e-300])[1], "1.5e\u{2212}300");
+        assert_eq!(labels([0.0, 2e5])[1], "50000");
+        assert_eq!(labels([1e12, 1e12 + 4.0])[1], "1.0000000000005e12");
     }
 
     #[test]

@@ -82,6 +82,29 @@ fn a_step_response_is_that_of_the_textbook() {
     assert!((found - overshoot).abs() < 0.01, "{found} {overshoot}");
 }
 
+/// A mode that decays within a second beside one of 300 s: poles, and so overshoot and rise, of the textbook.
+#[test]
+fn a_fast_step_response_beside_a_slow_one_is_resolved() {
+    let folder = Folder::new();
+    let model = "[model]\nname = \"two\"\n[inputs]\nu = {}\n[states]\ny = { der = \"v\" }\n\
+                 v = { der = \"400 * (u - y) - 8 * v\" }\nslow = { der = \"(u - slow) / 300\" }\n\
+                 [outputs]\ny = {}\nv = {}\nslow = {}\n";
+    folder.write("two.toml", model);
+    let ended = folder.pilotage(&["model", "step", "two.toml", "--json"]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let json = ended.json();
+    let number = |k: usize, name: &str| json["responses"][k][name].as_f64();
+    let zeta: f64 = 0.2;
+    let overshoot = (-std::f64::consts::PI * zeta / (1.0 - zeta * zeta).sqrt()).exp();
+    assert!((number(0, "overshoot").unwrap() - overshoot).abs() < 1e-3);
+    // `scipy.signal.step` of 400/(s² + 8 s + 400): 0.0602 s; ln 9 time constants of the lag.
+    assert!((number(0, "rise_time").unwrap() - 0.0602).abs() < 1e-4);
+    assert!((number(2, "rise_time").unwrap() / (300.0 * 9_f64.ln()) - 1.0).abs() < 0.01);
+    // The speed has no final value.
+    assert_eq!(number(1, "overshoot"), None);
+    assert!(number(1, "peak").unwrap() > 10.0);
+}
+
 #[test]
 fn a_simulation_records_all_signals() {
     let folder = folder();

@@ -225,8 +225,9 @@ impl Inference<'_> {
             .get_or_init(|| self.model(covariance.method));
         let matrix = self.joint_by(&model.processes, &model.meat, run);
         let whitened = self.joint_by(&model.white, &model.white_meat, run);
-        let (p, own) = (self.data.parameters(), &self.data.runs[run]);
-        let count = (own.residuals.len(), self.all.runs[run].basis.ncols());
+        let p = self.data.parameters();
+        // The level of the noise is estimated from all runs, also where only one informs about an unknown.
+        let count = (self.data.residuals(), self.determined);
         let of_own = (p..matrix.nrows()).map(|i| left([whitened[(i, i)], matrix[(i, i)]], count));
         Joint {
             degrees: covariance.degrees.iter().copied().chain(of_own).collect(),

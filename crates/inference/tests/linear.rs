@@ -93,7 +93,13 @@ fn the_plain_covariance_is_that_of_all_unknowns_together() {
     for run in 0..3 {
         let places: Vec<usize> = [0, 1, 2 + 2 * run, 3 + 2 * run].to_vec();
         let expected = all.select_rows(&places).select_columns(&places);
-        assert_close(&inference.joint(&found, run).matrix, &expected, 1e-10);
+        let joint = inference.joint(&found, run);
+        assert_close(&joint.matrix, &expected, 1e-10);
+        // The level of the noise is that of all values: each unknown has their number minus that of all unknowns.
+        assert_eq!(
+            joint.degrees,
+            vec![(j.nrows() - j.ncols()) as f64; joint.degrees.len()]
+        );
     }
 }
 

@@ -68,11 +68,6 @@ impl Pilot {
     pub fn poles(&self, theta: &[f64]) -> Vec<Complex<f64>> {
         roots(&theta[..self.order])
     }
-
-    /// The static gain `y_p/u_p` at s = 0 [1/m]; infinite for a pilot that integrates.
-    pub fn static_gain(&self, theta: &[f64]) -> f64 {
-        theta[self.order] / theta[0]
-    }
 }
 
 /// Roots of the monic polynomial `s^n + c[n-1] s^{n-1} + ... + c[0]`: eigenvalues of its companion

@@ -50,9 +50,10 @@ enum Command {
         #[command(flatten)]
         run: simulate::RunArgs,
     },
-    /// Step responses: final value, rise time, overshoot and settling time from each input to each output.
+    /// Step responses from each input to each output: value at the end, and relative to it rise time, overshoot and
+    /// settling time.
     #[command(after_help = "Examples:\n  \
-        pilotage model step dc_motor.toml\n  \
+        pilotage model step dc_motor.toml --input voltage --size 12\n  \
         pilotage model step short_period --input stick --size 0.1 --csv step.csv --report step.html")]
     Step {
         #[command(flatten)]

@@ -1,9 +1,10 @@
 //! `pilotage model simulate`: simulates a single model.
 
 use super::super::number::positive;
+use super::super::overwrite::Overwrite;
 use super::super::{Failure, Outcome, cosim};
 use super::open::{ModelArgs, settable};
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::path::PathBuf;
 
 /// Arguments of `pilotage model simulate`.
@@ -30,6 +31,8 @@ pub struct RunArgs {
     /// Print one JSON object instead of text.
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Further arguments of `pilotage cosim`.
     #[arg(last = true)]
     more: Vec<OsString>,
@@ -57,13 +60,23 @@ pub fn run(model: &ModelArgs, args: &RunArgs) -> Result<Outcome, Failure> {
         let mut named = OsString::from("input=");
         named.push(input);
         option("--input", named);
+        // Only strong coupling follows a table within the time between two rows of the result.
+        if !args.more.iter().any(|word| is_algorithm(word)) {
+            option("--algorithm", "strong".into());
+        }
     }
-    if args.json {
-        words.push("--json".into());
-    }
+    let flags = [(args.json, "--json"), (args.overwrite.force, "--force")];
+    let flags = flags.into_iter().filter(|(is_given, _)| *is_given);
+    words.extend(flags.map(|(_, flag)| flag.into()));
     let mut own = OsString::from(format!("{name}="));
     own.push(&model.model);
     words.push(own);
     words.extend(args.more.iter().cloned());
     cosim::run(cosim::Args::of(&words)?)
+}
+
+/// Whether an argument of `pilotage cosim` says how the instances are coupled.
+fn is_algorithm(word: &OsStr) -> bool {
+    let word = word.to_string_lossy();
+    word == "--algorithm" || word.starts_with("--algorithm=")
 }

@@ -3,6 +3,7 @@
 use super::super::made::made;
 use super::super::number::{number, positive};
 use super::super::overwrite::{self, OutputKind, Overwrite};
+use super::super::progress::Counter;
 use super::super::{Failure, Outcome, terminal};
 use super::open::{ModelArgs, settable};
 use crate::cosim::native_component;
@@ -15,14 +16,25 @@ use pilotage_sdk::Simulation;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// Number of points of a step response.
+/// Number of evenly spaced points of a step response.
 const POINTS: usize = 1000;
+
+/// Further points from the start on, each later than the one before by this fraction: far from the start, modes are others.
+const GROWTH: f64 = 0.01;
+
+/// Further points for each mode: their number in its time constant, or in a radian of its oscillation, and the largest of
+/// all of them.
+const POINTS_OF_MODE: f64 = 40.0;
+const MOST_POINTS_OF_MODE: f64 = 10_000.0;
 
 /// Duration of a step response in time constants of the slowest mode.
 const TIME_CONSTANTS: f64 = 6.0;
 
 /// Duration of a step response if no mode determines it \[s\].
 const SHOWN: f64 = 10.0;
+
+/// A response that ends below this fraction of its largest deviation has returned.
+const RETURNED: f64 = 1e-3;
 
 /// Relative band around the final value within which a response counts as settled.
 const SETTLED: f64 = 0.02;
@@ -42,7 +54,7 @@ pub struct StepArgs {
     /// Stop time [s] [default: six time constants of the slowest mode].
     #[arg(long, value_name = "SECONDS", value_parser = positive)]
     stop_time: Option<f64>,
-    /// Write the responses as a table over time.
+    /// Write the responses as a table over time, closer where the model's modes are fast.
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
     /// Write a page with plots.
@@ -69,6 +81,8 @@ struct Response {
     values: Vec<f64>,
     /// Deviation at the end.
     end: f64,
+    /// The largest deviation.
+    peak: f64,
     /// Characteristics, if the response settles.
     settled: Option<Settled>,
 }
@@ -95,19 +109,17 @@ pub fn run(model: &ModelArgs, args: &StepArgs) -> Result<Outcome, Failure> {
     args.overwrite.check(&inputs, &outputs)?;
     let model = model.open()?;
     let steps = steps(&model, args)?;
-    let stop = match args.stop_time {
-        Some(stop) => stop,
-        None => shown(&model, args)?,
-    };
-    let time: Vec<f64> = (0..=POINTS)
-        .map(|k| stop * k as f64 / POINTS as f64)
-        .collect();
-    let rest = simulated(&model, args, None, &time)?;
+    let modes = modes(&model, args)?;
+    let stop = args.stop_time.unwrap_or_else(|| shown(&modes));
+    let time = times(stop, &modes);
+    let progress = Counter::new("points of time", (time.len() * (1 + steps.len())) as u64);
+    let rest = simulated(&model, args, None, &time, &progress)?;
     let mut responses = Vec::new();
     for input in steps {
-        let stepped = simulated(&model, args, Some(input), &time)?;
+        let stepped = simulated(&model, args, Some(input), &time, &progress)?;
         responses.extend(compared(&model, input, &rest, &stepped, &time));
     }
+    progress.clear();
     if let Some(path) = &args.csv {
         overwrite::save(path, series(&time, &responses).to_csv())?;
     }
@@ -164,8 +176,8 @@ fn steps(model: &TextModel, args: &StepArgs) -> Result<Vec<usize>, Failure> {
     args.input.iter().map(index).collect()
 }
 
-/// Duration of the responses \[s\]: until the slowest decaying mode has decayed.
-fn shown(model: &TextModel, args: &StepArgs) -> Result<f64, Failure> {
+/// Modes of the model, linearised at its start; none if it cannot be linearised there.
+fn modes(model: &TextModel, args: &StepArgs) -> Result<Vec<Mode>, Failure> {
     let mut component = native_component::of_model(AnyModel::Text(model.clone()));
     for (name, value) in &args.set {
         let index = found(model, settable(model, name).as_ref())?;
@@ -174,18 +186,50 @@ fn shown(model: &TextModel, args: &StepArgs) -> Result<f64, Failure> {
             .set_reals(&[index], &[*value])
             .map_err(|error| Failure::new(error.to_string()))?;
     }
-    let modes = match component.linearize(0.0) {
+    Ok(match component.linearize(0.0) {
         Ok(linear) => Mode::of_poles(&linear.system.poles()),
         Err(_) => Vec::new(),
-    };
+    })
+}
+
+/// Duration of the responses \[s\]: until the slowest decaying mode has decayed.
+fn shown(modes: &[Mode]) -> f64 {
     let decays = modes.iter().map(|mode| -mode.pole.re);
     let slowest = decays
         .filter(|rate| *rate > 1e-6)
         .fold(f64::INFINITY, f64::min);
-    Ok(match slowest.is_finite() {
+    match slowest.is_finite() {
         true => rounded(TIME_CONSTANTS / slowest),
         false => SHOWN,
-    })
+    }
+}
+
+/// Times of the responses \[s\]: evenly spaced, close after the start, and closer where modes are fast, until these have
+/// decayed.
+fn times(stop: f64, modes: &[Mode]) -> Vec<f64> {
+    let even = stop / POINTS as f64;
+    let mut times: Vec<f64> = (0..=POINTS).map(|k| even * k as f64).collect();
+    let fastest = modes.iter().map(|mode| 1.0 / mode.pole.norm());
+    let first = fastest.fold(even, f64::min).max(1e-9 * even) / POINTS_OF_MODE;
+    let growing = std::iter::successors(Some(first), |time| Some(time * (1.0 + GROWTH)));
+    times.extend(growing.take_while(|time| *time < stop));
+    for mode in modes {
+        let spacing = 1.0 / (POINTS_OF_MODE * mode.pole.norm());
+        let decay = -mode.pole.re;
+        let lasts = if decay > 0.0 {
+            TIME_CONSTANTS / decay
+        } else {
+            stop
+        };
+        let count = (lasts.min(stop) / spacing).min(MOST_POINTS_OF_MODE);
+        if spacing < even && count.is_finite() {
+            times.extend((1..=count as usize).map(|k| spacing * k as f64));
+        }
+    }
+    times.retain(|time| *time <= stop);
+    times.sort_by(f64::total_cmp);
+    times.dedup_by(|after, before| *after - *before <= 1e-9 * *after);
+    times
 }
 
 /// Rounds up to 1, 2 or 5 times a power of ten.
@@ -201,6 +245,7 @@ fn simulated(
     args: &StepArgs,
     input: Option<usize>,
     time: &[f64],
+    progress: &Counter,
 ) -> Result<Vec<Vec<f64>>, Failure> {
     let mut simulation = prepared(model, args)?;
     if let Some(input) = input {
@@ -219,6 +264,7 @@ fn simulated(
         let mut row = vec![0.0; outputs.len()];
         simulation.get_all(outputs.iter().copied(), &mut row);
         rows.push(row);
+        progress.count();
     }
     Ok(rows)
 }
@@ -245,6 +291,7 @@ fn compared(
                 output: variable.name.clone(),
                 unit: variable.unit.name.clone(),
                 end: values.last().copied().unwrap_or_default(),
+                peak: peak(&values),
                 settled: settled(&values, time),
                 values,
             }
@@ -252,10 +299,16 @@ fn compared(
         .collect()
 }
 
+/// The value with the largest magnitude.
+fn peak(values: &[f64]) -> f64 {
+    let larger = |a: f64, b: &f64| if b.abs() > a.abs() { *b } else { a };
+    values.iter().fold(0.0, larger)
+}
+
 /// Characteristics of a response, if it stays near its final value during the last tenth of the time.
 fn settled(values: &[f64], time: &[f64]) -> Option<Settled> {
-    let end = *values.last()?;
-    if end == 0.0 || !end.is_finite() {
+    let (end, stop) = (*values.last()?, *time.last()?);
+    if !end.is_finite() || has_returned(end, peak(values)) {
         return None;
     }
     let relative: Vec<f64> = values.iter().map(|value| value / end).collect();
@@ -263,16 +316,29 @@ fn settled(values: &[f64], time: &[f64]) -> Option<Settled> {
         .iter()
         .rposition(|value| (value - 1.0).abs() > SETTLED);
     let from = outside.map_or(0, |last| last + 1);
-    if from > values.len() * 9 / 10 {
+    if time[from] > 0.9 * stop {
         return None;
     }
-    let reaches = |part: f64| relative.iter().position(|value| *value >= part);
+    // Linear between two points.
+    let reaches = |part: f64| {
+        let k = relative.iter().position(|value| *value >= part)?;
+        let Some(before) = k.checked_sub(1) else {
+            return Some(time[0]);
+        };
+        let share = (part - relative[before]) / (relative[k] - relative[before]);
+        Some(time[before] + share * (time[k] - time[before]))
+    };
     let largest = relative.iter().copied().fold(1.0, f64::max);
     Some(Settled {
-        rise: time[reaches(0.9)?] - time[reaches(0.1)?],
+        rise: reaches(0.9)? - reaches(0.1)?,
         overshoot: largest - 1.0,
         settling: time[from],
     })
+}
+
+/// Whether a response ends where it began: it has no final value to which its course is relative.
+fn has_returned(end: f64, peak: f64) -> bool {
+    end.abs() <= RETURNED * peak.abs()
 }
 
 fn to_text(model: &TextModel, args: &StepArgs, responses: &[Response], stop: f64) -> String {
@@ -306,7 +372,10 @@ fn to_text(model: &TextModel, args: &StepArgs, responses: &[Response], stop: f64
                 100.0 * settled.overshoot,
                 significant(settled.settling, 3)
             ),
-            None if own.end == 0.0 => "no answer".to_owned(),
+            None if own.peak == 0.0 => "no answer".to_owned(),
+            None if has_returned(own.end, own.peak) => {
+                format!("returns; {} at most", significant(own.peak, 4))
+            }
             None => "still moving at the end".to_owned(),
         };
         text += &format!(
@@ -326,6 +395,7 @@ fn to_json(responses: &[Response], stop: f64) -> Value {
                 "output": own.output,
                 "unit": own.unit,
                 "end": own.end,
+                "peak": own.peak,
                 "settled": own.settled.is_some(),
                 "rise_time": own.settled.as_ref().map(|known| known.rise),
                 "overshoot": own.settled.as_ref().map(|known| known.overshoot),

@@ -22,7 +22,7 @@ pub struct Synth {
     /// Write into a folder that is not empty.
     #[arg(long)]
     force: bool,
-    /// Targets [m], separated by commas or spaces.
+    /// Targets [m], separated by commas, or as words of their own.
     #[arg(long, value_name = "METRES", value_delimiter = ',', value_parser = number,
           default_values_t = Flights::default().targets, allow_hyphen_values = true)]
     targets: Vec<f64>,

@@ -5,6 +5,14 @@ use pilotage_text::document::DocumentError;
 use pilotage_text::suggestion::did_you_mean;
 use std::path::PathBuf;
 
+/// The columns of a file, in words.
+fn columns(found: &[String]) -> String {
+    match found.is_empty() {
+        true => "it has no column beside its times".to_owned(),
+        false => format!("the columns are {}", found.join(", ")),
+    }
+}
+
 /// Why a file is not a trial, or a list of files is not a set of trials.
 #[derive(Debug, thiserror::Error)]
 pub enum TrialError {
@@ -35,7 +43,7 @@ pub enum TrialError {
     #[error(transparent)]
     Manifest(#[from] DocumentError),
     /// A required column is missing.
-    #[error("{file}: no column `{column}`{}; the columns are {}", did_you_mean(suggestion.as_deref()), found.join(", "))]
+    #[error("{file}: no column `{column}`{}; {}", did_you_mean(suggestion.as_deref()), columns(found))]
     NoColumn {
         /// The file.
         file: String,
