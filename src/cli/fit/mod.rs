@@ -80,8 +80,8 @@ Examples:
 
 A fit that is stopped by a limit or Ctrl-C writes the best iterate, marked as not converged; a second
 Ctrl-C kills the process. Diagnostics are reasons to doubt the result; each has a code.
-Exit codes: 0 converged, 1 not converged (the best iterate is written), a comparison that was stopped, or a
-diagnostic that makes the result meaningless, 2 bad use or input.";
+Exit codes: 0 converged, 1 not converged (the best iterate is written), a comparison that was stopped or has
+fewer than three runs, or a diagnostic that makes the result meaningless, 2 bad use or input.";
 
 /// Arguments of `pilotage fit`; the defaults are those of [`FitOptions`].
 #[derive(Debug, clap::Args)]
