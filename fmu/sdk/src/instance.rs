@@ -504,7 +504,7 @@ impl<E: Equations> Instance<E> {
                 state,
             })
         };
-        references.iter().map(index).collect()
+        mapped(references, index)
     }
 
     /// Indices of knowns: inputs; before the simulation parameters and start values, later states.
@@ -526,8 +526,20 @@ impl<E: Equations> Instance<E> {
                 state,
             })
         };
-        references.iter().map(index).collect()
+        mapped(references, index)
     }
+}
+
+/// Each reference mapped, or the first error. A collected `Result` would not know its length, and grow.
+fn mapped(
+    references: References<'_>,
+    of: impl Fn(&u32) -> Result<usize, Problem>,
+) -> Result<Vec<usize>, Problem> {
+    let mut all = Vec::with_capacity(references.len());
+    for reference in references.iter() {
+        all.push(of(reference)?);
+    }
+    Ok(all)
 }
 
 fn check_order(variable: &Variable, order: i32) -> Result<(), Problem> {

@@ -151,7 +151,9 @@ pub fn evaluate<E: Equations, T: Scalar>(
         u: &values[table.inputs()],
         p: &values[table.parameters()],
     };
-    let mut all = values[..table.starts().end].to_vec();
+    // Importers ask for derivatives at many points: nothing grows here.
+    let mut all = Vec::with_capacity(table.variables().len());
+    all.extend_from_slice(&values[..table.starts().end]);
     all.resize(table.variables().len(), T::from(0.0));
     let mut computed = vec![T::from(0.0); table.computed().count()];
     equations.output(at, &mut computed);

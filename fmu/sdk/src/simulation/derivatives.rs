@@ -50,7 +50,7 @@ impl<E: Equations> Simulation<E> {
     /// If there is no such variable, or a seed is for a variable that is not a known.
     pub fn directional_derivative(&self, unknowns: &[usize], seeds: &[(usize, f64)]) -> Vec<f64> {
         let all = self.forward(seeds);
-        unknowns.iter().map(|index| all[*index]).collect()
+        unknowns.iter().map(|index| all[*index].eps).collect()
     }
 
     /// Derivatives of the weighted sum of `seeds`, pairs of an unknown's index and its part, with respect to each
@@ -61,13 +61,14 @@ impl<E: Equations> Simulation<E> {
     pub fn adjoint_derivative(&self, seeds: &[(usize, f64)], knowns: &[usize]) -> Vec<f64> {
         let sum = |known: &usize| {
             let all = self.forward(&[(*known, 1.0)]);
-            seeds.iter().map(|(index, part)| part * all[*index]).sum()
+            let parts = seeds.iter().map(|(index, part)| part * all[*index].eps);
+            parts.sum()
         };
         knowns.iter().map(sum).collect()
     }
 
-    /// Derivatives of all variables in the direction of `seeds`.
-    fn forward(&self, seeds: &[(usize, f64)]) -> Vec<f64> {
+    /// All variables with their derivatives in the direction of `seeds`.
+    fn forward(&self, seeds: &[(usize, f64)]) -> Vec<Dual64> {
         let (mut values, mut states) = self.lifted();
         for &(index, part) in seeds {
             match known(&self.table, index) {
@@ -82,9 +83,6 @@ impl<E: Equations> Simulation<E> {
         }
         let time = Dual64::from_re(self.now.time);
         evaluate(&self.equations, &self.table, time, &values, &states)
-            .iter()
-            .map(|v| v.eps)
-            .collect()
     }
 
     fn lifted(&self) -> (Vec<Dual64>, Vec<Dual64>) {
