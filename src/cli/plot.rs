@@ -187,7 +187,11 @@ impl Content {
             .collect();
         let shows = |own: &&Figure| {
             let mut quantities = own.panels.iter().map(|panel| &panel.y.label);
-            !name.is_empty() && quantities.any(|label| label.split(" [").next() == Some(name))
+            let mut lines = own.panels.iter().flat_map(|panel| &panel.series);
+            let is_line = |label: &str| label == name || label.split(", ").next() == Some(name);
+            !name.is_empty()
+                && (quantities.any(|label| label.split(" [").next() == Some(name))
+                    || lines.any(|line| is_line(&line.label)))
         };
         let figure = self.figures.iter().find(shows);
         let hint = match (figure, suggestion(name, names.iter().copied())) {
@@ -268,11 +272,9 @@ fn pilot(path: &Path) -> Result<Content, Failure> {
     })
 }
 
-/// Converts columns of the same name to the unit of the first one.
-///
-/// # Errors
-/// If a unit cannot be converted.
-fn convert(all: &mut [(String, Series)]) -> Result<(), Failure> {
+/// Converts columns of the same name to the unit of the first one. One that cannot be converted is another quantity: its
+/// file becomes part of its name.
+fn convert(all: &mut [(String, Series)]) {
     let mut units: Vec<(String, String)> = Vec::new();
     for (path, series) in all {
         for column in &mut series.columns {
@@ -284,24 +286,15 @@ fn convert(all: &mut [(String, Series)]) -> Result<(), Failure> {
                 continue;
             }
             let [from, to] = [&column.unit, unit].map(|unit| Unit::named(unit));
-            let conversion = from.conversion(&to).ok_or_else(|| {
-                let shown = |unit: &str| match unit {
-                    "" => "no unit".to_owned(),
-                    unit => format!("`{unit}`"),
-                };
-                let (own, unit) = (shown(&column.unit), shown(unit));
-                let message = format!(
-                    "{path}: `{}` has {own}, and {unit} in a file before",
-                    column.name
-                );
-                Failure::new(message).hint("draw them apart, or give one of them another name")
-            })?;
+            let Some(conversion) = from.conversion(&to) else {
+                column.name = format!("{} ({path})", column.name);
+                continue;
+            };
             let values = column.values.iter_mut();
             values.for_each(|value| *value = conversion.apply(*value));
             column.unit = unit.clone();
         }
     }
-    Ok(())
 }
 
 /// Tables over time; columns of the same name share a figure.
@@ -318,7 +311,7 @@ fn results(inputs: &[PathBuf]) -> Result<Content, Failure> {
         .iter()
         .map(|path| Ok((path.display().to_string(), Series::read_table(path)?)));
     let mut all: Vec<(String, Series)> = all.collect::<Result<_, Failure>>()?;
-    convert(&mut all)?;
+    convert(&mut all);
     let named = |(name, series): &(String, Series)| match all.len() {
         1 => (String::new(), series.clone()),
         _ => (name.clone(), series.clone()),

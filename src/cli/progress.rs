@@ -118,6 +118,11 @@ impl Counter {
         }
     }
 
+    /// Adds items of work.
+    pub fn expect(&self, count: u64) {
+        self.bar.inc_length(count);
+    }
+
     /// Counts a completed item.
     pub fn count(&self) {
         self.bar.inc(1);

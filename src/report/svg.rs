@@ -194,7 +194,9 @@ fn legend(figure: &Figure, width: f64) -> (String, f64) {
     let (mut x, mut row) = (4.0, 0);
     let mut svg = String::new();
     for entry in &entries {
-        let text = CHARACTER * TEXT * entry.label.chars().count() as f64;
+        let room = ((width - 4.0 - KEY) / (CHARACTER * TEXT)) as usize;
+        let label = shortened(&entry.label, room);
+        let text = CHARACTER * TEXT * label.chars().count() as f64;
         if x > 4.0 && x + KEY + text + 12.0 > width {
             (x, row) = (4.0, row + 1);
         }
@@ -228,12 +230,23 @@ fn legend(figure: &Figure, width: f64) -> (String, f64) {
         let _ = writeln!(
             svg,
             "{key}<text x=\"{at:.1}\" y=\"{y:.1}\" fill=\"{ink}\">{}</text>",
-            escape(&entry.label)
+            escape(&label)
         );
         x += KEY + text + 12.0;
     }
     let rows = if entries.is_empty() { 0 } else { row + 1 };
     (svg, ROW * f64::from(rows) + 6.0)
+}
+
+/// A label of at most that many characters, of at least its first one.
+fn shortened(label: &str, most: usize) -> String {
+    match label.chars().count() > most {
+        false => label.to_owned(),
+        true => {
+            let kept: String = label.chars().take(most.saturating_sub(1).max(1)).collect();
+            kept + "\u{2026}"
+        }
+    }
 }
 
 #[cfg(test)]

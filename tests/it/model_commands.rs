@@ -105,6 +105,34 @@ fn a_fast_step_response_beside_a_slow_one_is_resolved() {
     assert!(number(1, "peak").unwrap() > 10.0);
 }
 
+/// The step makes the model a thousand times as fast as it is at its start: `scipy.integrate.solve_ivp` with Radau and
+/// rtol 1e-10 rises in 1.1175e-3 s. A square root of a negative number ends the command.
+#[test]
+fn a_step_response_is_resolved_where_the_step_makes_it_fast() {
+    let folder = Folder::new();
+    let model = "[model]\nname = \"cubic\"\n[inputs]\nu = {}\n[states]\n\
+                 x = { der = \"10 * u - 0.01 * x - 1000 * x^3\" }\n[outputs]\nx = {}\n";
+    folder.write("cubic.toml", model);
+    let step = [
+        "model",
+        "step",
+        "cubic.toml",
+        "--size",
+        "100",
+        "--json",
+        "--stop-time",
+        "10",
+    ];
+    let ended = folder.pilotage(&step);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let rise = ended.json()["responses"][0]["rise_time"].as_f64().unwrap();
+    assert!((rise / 1.1175e-3 - 1.0).abs() < 0.01, "{rise}");
+    folder.write("root.toml", model.replace("1000 * x^3", "sqrt(x + 0.2)"));
+    let ended = folder.pilotage(&["model", "step", "root.toml", "--size", "-0.9"]);
+    assert_eq!(ended.code, 2, "{ended:?}");
+    assert!(ended.stderr.contains("`sqrt(x + 0.2)` is NaN"), "{ended:?}");
+}
+
 #[test]
 fn a_simulation_records_all_signals() {
     let folder = folder();

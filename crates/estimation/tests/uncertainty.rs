@@ -219,13 +219,31 @@ fn a_constraint_and_a_run_s_own_bound_are_bounds_too() {
     }
 }
 
+/// A standard deviation that is an expression of signals only is as wrong as the number that it is nearly.
+#[test]
+fn a_standard_deviation_of_signals_is_scaled_as_a_number() {
+    let with = |sd: &str| {
+        let measured = format!("[[measured]]\nsignal = \"m.x\"\ncolumn = \"x\"\nsd = {sd}\n");
+        let fit = fitted(
+            1,
+            &format!("{measured}{BOTH}[fit]\ncovariance = \"plain\"\n"),
+        );
+        let own = interval(&fit, "m.rate");
+        (own.sd, own.high - own.low)
+    };
+    let (number, signal) = (with("0.01"), with("\"0.01 + 1e-12 * abs(m.x)\""));
+    assert_near(signal.0, number.0, 1e-4);
+    assert_near(signal.1, number.1, 1e-4);
+}
+
 #[test]
 fn an_estimated_noise_level_has_its_fisher_information() {
     let measured = "[[measured]]\nsignal = \"m.x\"\ncolumn = \"x\"\nsd = \"sigma\"\n";
     let rest =
         format!("{BOTH}sigma = {{ start = 0.1, min = 0.001 }}\n[fit]\ncovariance = \"plain\"\n");
     let fit = fitted(1, &format!("{measured}{rest}"));
-    let sigma = value(&fit, "sigma");
+    // The variance of the maximum likelihood estimate, made unbiased for the three unknowns.
+    let sigma = value(&fit, "sigma") * (SAMPLES as f64 / (SAMPLES as f64 - 3.0)).sqrt();
     assert_near(
         interval(&fit, "sigma").sd,
         sigma / (2.0 * SAMPLES as f64).sqrt(),
@@ -257,6 +275,7 @@ fn student_s_noise_has_its_observed_information() {
         of_level += (above * psi(above) - below * psi(below)) / (2.0 * d * SAMPLES as f64);
     }
     let j = jacobian(rate, x0);
+    let sigma = sigma * (SAMPLES as f64 / (SAMPLES as f64 - 3.0)).sqrt();
     let expected = j.tr_mul(&j).try_inverse().unwrap() * sigma.powi(2) / of_location;
     assert_near(interval(&fit, "m.x0").sd, expected[(1, 1)].sqrt(), 1e-4);
     assert_near(

@@ -165,6 +165,7 @@ pub(super) fn data(problem: &Collocation, at: &Iterate) -> Option<Data> {
         active: found.parameters.clone(),
         scales: DVector::from_column_slice(&problem.model.scales.parameters),
         is_scaled: false,
+        levels: Vec::new(),
     })
 }
 

@@ -52,6 +52,8 @@ pub struct Data {
     pub scales: DVector<f64>,
     /// Whether the noise level is among the unknowns, so that residuals have unit variance.
     pub is_scaled: bool,
+    /// The signals that are no residuals but terms of the noise level, in all runs.
+    pub levels: Vec<usize>,
 }
 
 impl Data {
@@ -67,6 +69,7 @@ impl Data {
             active: DMatrix::zeros(0, p),
             scales: DVector::from_element(p, 1.0),
             is_scaled: false,
+            levels: Vec::new(),
         }
     }
 
@@ -88,7 +91,17 @@ impl Data {
 
     /// Number of residuals of all runs, without priors.
     pub fn residuals(&self) -> usize {
-        let of = |run: &Run| run.signals.iter().map(Range::len).sum::<usize>();
-        self.runs.iter().map(of).sum()
+        self.rows().map(|(_, rows)| rows.len()).sum()
+    }
+
+    /// Each run with the rows of each of its signals, without those of noise levels.
+    pub(crate) fn rows(&self) -> impl Iterator<Item = (&Run, Range<usize>)> {
+        let of = |run: &'_ Run| {
+            let signals = run.signals.iter().enumerate();
+            let own = signals.filter(|(k, _)| !self.levels.contains(k));
+            own.map(|(_, rows)| rows.clone()).collect::<Vec<_>>()
+        };
+        let all = self.runs.iter();
+        all.flat_map(move |run| of(run).into_iter().map(move |rows| (run, rows)))
     }
 }

@@ -3,6 +3,7 @@
 use crate::data::{Data, Run};
 use crate::elimination::Elimination;
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
+use std::ops::Range;
 
 /// Reason why there is no covariance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -151,18 +152,19 @@ impl<'d> Inference<'d> {
         (0..self.flat.len()).map(bound).collect()
     }
 
-    /// Variance of the residuals, `Σ e²/(N - unknowns)`; 1 if the noise level is among the unknowns.
+    /// Variance of the residuals, `Σ e²/(N - unknowns)`. If the noise level is among the unknowns, `Σ e²` is N, since its
+    /// maximum likelihood estimate does not count them. 1 for the innovations of a filter.
     pub fn noise(&self) -> f64 {
-        if self.data.is_scaled {
-            return 1.0;
+        match (self.data.is_scaled, self.data.levels.is_empty()) {
+            (true, true) => return 1.0,
+            (true, false) => return self.data.residuals() as f64 / self.degrees(),
+            (false, _) => {}
         }
-        let squares: f64 = self
-            .data
-            .runs
-            .iter()
-            .map(|run| run.residuals.norm_squared())
-            .sum();
-        squares / self.degrees()
+        let squares =
+            |(run, rows): (&Run, Range<usize>)| run.residuals.rows_range(rows).norm_squared();
+        let priors = self.data.runs.iter().map(|run| (run, run.prior.clone()));
+        let all = self.data.rows().chain(priors);
+        all.map(squares).sum::<f64>() / self.degrees()
     }
 
     /// Residuals minus unknowns, at least one.

@@ -30,8 +30,17 @@ const MOST_POINTS_OF_MODE: f64 = 10_000.0;
 /// Duration of a step response in time constants of the slowest mode.
 const TIME_CONSTANTS: f64 = 6.0;
 
+/// A mode whose rate is smaller than this fraction of the fastest one's does not decay.
+const ROUNDING: f64 = 1e-12;
+
 /// Duration of a step response if no mode determines it \[s\].
 const SHOWN: f64 = 10.0;
+
+/// Change of a response between two points, relative to its range, above which there are more points between them, and
+/// their number; how often it is looked at.
+const COARSE: f64 = 0.02;
+const PARTS: usize = 10;
+const ROUNDS: usize = 5;
 
 /// A response that ends below this fraction of its largest deviation has returned.
 const RETURNED: f64 = 1e-3;
@@ -97,6 +106,15 @@ struct Settled {
     settling: f64,
 }
 
+impl Response {
+    /// Determines its characteristics.
+    fn judge(&mut self, time: &[f64]) {
+        self.end = self.values.last().copied().unwrap_or_default();
+        self.peak = peak(&self.values);
+        self.settled = settled(&self.values, time);
+    }
+}
+
 /// Runs `pilotage model step`.
 pub fn run(model: &ModelArgs, args: &StepArgs) -> Result<Outcome, Failure> {
     let outputs = [
@@ -111,14 +129,25 @@ pub fn run(model: &ModelArgs, args: &StepArgs) -> Result<Outcome, Failure> {
     let steps = steps(&model, args)?;
     let modes = modes(&model, args)?;
     let stop = args.stop_time.unwrap_or_else(|| shown(&modes));
-    let time = times(stop, &modes);
-    let progress = Counter::new("points of time", (time.len() * (1 + steps.len())) as u64);
-    let rest = simulated(&model, args, None, &time, &progress)?;
-    let mut responses = Vec::new();
-    for input in steps {
-        let stepped = simulated(&model, args, Some(input), &time, &progress)?;
-        responses.extend(compared(&model, input, &rest, &stepped, &time));
+    let mut time = times(stop, &modes);
+    let progress = Counter::new("points of time", 0);
+    let mut responses = responses(&model, args, &steps, &time, &progress)?;
+    for _ in 0..ROUNDS {
+        let coarse = coarse(&responses, time.len() - 1);
+        let Some(last) = coarse.iter().rposition(|coarse| *coarse) else {
+            break;
+        };
+        // What comes later stays as it is.
+        let (begin, later) = time.split_at(last + 2);
+        let begin = finer(begin, &coarse);
+        let mut finer = self::responses(&model, args, &steps, &begin, &progress)?;
+        for (own, before) in finer.iter_mut().zip(&responses) {
+            own.values.extend_from_slice(&before.values[last + 2..]);
+        }
+        time = [&begin, later].concat();
+        responses = finer;
     }
+    responses.iter_mut().for_each(|own| own.judge(&time));
     progress.clear();
     if let Some(path) = &args.csv {
         overwrite::save(path, series(&time, &responses).to_csv())?;
@@ -133,6 +162,49 @@ pub fn run(model: &ModelArgs, args: &StepArgs) -> Result<Outcome, Failure> {
         false => to_text(&model, args, &responses, stop),
     })?;
     Ok(Outcome::Done)
+}
+
+/// The responses to a step in each of these inputs.
+fn responses(
+    model: &TextModel,
+    args: &StepArgs,
+    steps: &[usize],
+    time: &[f64],
+    progress: &Counter,
+) -> Result<Vec<Response>, Failure> {
+    progress.expect((time.len() * (1 + steps.len())) as u64);
+    let rest = simulated(model, args, None, time, progress)?;
+    let mut responses = Vec::new();
+    for &input in steps {
+        let stepped = simulated(model, args, Some(input), time, progress)?;
+        responses.extend(compared(model, input, &rest, &stepped));
+    }
+    Ok(responses)
+}
+
+/// For each interval, whether a response moves far within it: a step can lead to modes that are faster than those of the
+/// start.
+fn coarse(responses: &[Response], intervals: usize) -> Vec<bool> {
+    let mut coarse = vec![false; intervals];
+    for own in responses {
+        let far = COARSE * peak(&own.values).abs();
+        for (coarse, ends) in coarse.iter_mut().zip(own.values.windows(2)) {
+            *coarse |= (ends[1] - ends[0]).abs() > far;
+        }
+    }
+    coarse
+}
+
+/// The times with more of them in coarse intervals.
+fn finer(time: &[f64], coarse: &[bool]) -> Vec<f64> {
+    let mut finer = vec![time[0]];
+    for (ends, coarse) in time.windows(2).zip(coarse) {
+        let parts = if *coarse { PARTS } else { 1 };
+        let part = (ends[1] - ends[0]) / parts as f64;
+        finer.extend((1..parts).map(|i| ends[0] + part * i as f64));
+        finer.push(ends[1]);
+    }
+    finer
 }
 
 /// The model with the values of `--set`.
@@ -194,9 +266,11 @@ fn modes(model: &TextModel, args: &StepArgs) -> Result<Vec<Mode>, Failure> {
 
 /// Duration of the responses \[s\]: until the slowest decaying mode has decayed.
 fn shown(modes: &[Mode]) -> f64 {
+    let fastest = modes.iter().map(|mode| mode.pole.norm());
+    let zero = ROUNDING * fastest.fold(0.0, f64::max);
     let decays = modes.iter().map(|mode| -mode.pole.re);
     let slowest = decays
-        .filter(|rate| *rate > 1e-6)
+        .filter(|rate| *rate > zero)
         .fold(f64::INFINITY, f64::min);
     match slowest.is_finite() {
         true => rounded(TIME_CONSTANTS / slowest),
@@ -263,6 +337,12 @@ fn simulated(
         }
         let mut row = vec![0.0; outputs.len()];
         simulation.get_all(outputs.iter().copied(), &mut row);
+        if let Some(place) = row.iter().position(|value| !value.is_finite()) {
+            let name = &model.variables().variables()[outputs[place]].name;
+            let cause = simulation.trouble();
+            let cause = cause.unwrap_or_else(|| format!("`{name}` is {}", row[place]));
+            return Err(Failure::new(format!("at {} s: {cause}", time[k])));
+        }
         rows.push(row);
         progress.count();
     }
@@ -275,7 +355,6 @@ fn compared(
     input: usize,
     rest: &[Vec<f64>],
     stepped: &[Vec<f64>],
-    time: &[f64],
 ) -> Vec<Response> {
     let table = model.variables();
     let outputs = table.outputs().enumerate();
@@ -290,9 +369,9 @@ fn compared(
                 input: table.variables()[input].name.clone(),
                 output: variable.name.clone(),
                 unit: variable.unit.name.clone(),
-                end: values.last().copied().unwrap_or_default(),
-                peak: peak(&values),
-                settled: settled(&values, time),
+                end: 0.0,
+                peak: 0.0,
+                settled: None,
                 values,
             }
         })
@@ -319,7 +398,15 @@ fn settled(values: &[f64], time: &[f64]) -> Option<Settled> {
     if time[from] > 0.9 * stop {
         return None;
     }
-    // Linear between two points.
+    // Linear between two points, here and below.
+    let settling = match outside {
+        None => time[0],
+        Some(last) => {
+            let edge = 1.0 + SETTLED.copysign(relative[last] - 1.0);
+            let share = (edge - relative[last]) / (relative[from] - relative[last]);
+            time[last] + share * (time[from] - time[last])
+        }
+    };
     let reaches = |part: f64| {
         let k = relative.iter().position(|value| *value >= part)?;
         let Some(before) = k.checked_sub(1) else {
@@ -332,7 +419,7 @@ fn settled(values: &[f64], time: &[f64]) -> Option<Settled> {
     Some(Settled {
         rise: reaches(0.9)? - reaches(0.1)?,
         overshoot: largest - 1.0,
-        settling: time[from],
+        settling,
     })
 }
 

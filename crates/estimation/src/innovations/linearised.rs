@@ -46,6 +46,7 @@ pub(crate) fn linearised(posed: &Posed<'_>, at: &Predicted<'_>) -> Linearised {
         active: parameters,
         scales: DVector::from_column_slice(&at.program.scales[..posed.shared]),
         is_scaled: true,
+        levels: Vec::new(),
     };
     Linearised {
         data,

@@ -132,8 +132,9 @@ pub fn study<'p>(posed: &'p Posed<'p>, fit: &'p Fit) -> Result<Study<'p>, Unsure
         unknowns,
         factor,
         threshold: Threshold {
-            // A prior is weighed against the stated noise, and so is its part of the objective.
-            noise: match sure.is_penalised {
+            // A prior is weighed against the stated noise, and so is its part of the objective. An estimated level is
+            // part of the objective.
+            noise: match sure.is_penalised || data.is_scaled {
                 true => factor,
                 false => inference.noise() * factor,
             },

@@ -1,6 +1,7 @@
 //! Linearisation of a solution: each measured value is a row of a least-squares problem.
 
 use crate::posed::Posed;
+use crate::problem::file::Deviation;
 use crate::search::solved::Linearised;
 use nalgebra::{DMatrix, DVector, RowDVector};
 use pilotage_collocation::{Collocation, Loss, Recording, Sensitivities, Sensitivity};
@@ -52,7 +53,8 @@ pub(crate) fn linearised(
         prior,
         active: found.parameters.clone(),
         scales,
-        is_scaled: terms.iter().any(|own| own.level.is_some()),
+        is_scaled: (0..terms.len()).any(|k| seeks_level(posed, k)),
+        levels: terms.iter().filter_map(|own| own.level).collect(),
     };
     Some(Linearised {
         data,
@@ -92,6 +94,19 @@ impl Terms {
     /// The index after the last term.
     fn end(&self) -> usize {
         self.level.unwrap_or(self.residual) + 1
+    }
+}
+
+/// Whether the standard deviation of a measured signal contains a sought parameter. One of signals alone has terms of its
+/// level too, and may be as wrong as a number.
+fn seeks_level(posed: &Posed<'_>, measured: usize) -> bool {
+    let is_sought = |name: &str| {
+        let mut lines = posed.file.parameters.iter();
+        lines.any(|line| !line.fixed && line.name.value == name)
+    };
+    match &posed.file.measured[measured].sd {
+        Deviation::Formula(formula) => formula.names().any(is_sought),
+        _ => false,
     }
 }
 
