@@ -323,7 +323,9 @@ class Fit:
         information = sum(j.T @ j for _, j in every)
         count = sum(len(e) for e, _ in every)
         noise = sum(e @ e for e, _ in every) / (count - len(z))
-        noise = 1.0 if "sigma" in self.problem.names() else noise
+        if "sigma" in self.problem.names():
+            # Half of the rows are those of the level, whose maximum likelihood estimate does not count the unknowns.
+            noise = count / 2 / (count / 2 - len(z))
         correlated = sum(colour(rows) for rows in signals.values())
         inverse = np.linalg.inv(information + prior)
         meats = {"plain": noise * information, "sidpac": correlated}
