@@ -167,7 +167,7 @@ mod tests {
         );
         assert_eq!(labels([1e-300, 3e-300])[1], "1.5e\u{2212}300");
         assert_eq!(labels([0.0, 2e5])[1], "50000");
-        assert_eq!(labels([1e12, 1e12 + 4.0])[1], "1.0000000000005e12");
+        assert_eq!(labels([1e12, 1e12 + 4e4])[1], "1.000000005e12");
     }
 
     #[test]

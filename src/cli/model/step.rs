@@ -88,12 +88,6 @@ struct Response {
     unit: String,
     /// Deviation from the run without a step, at each time.
     values: Vec<f64>,
-    /// Deviation at the end.
-    end: f64,
-    /// The largest deviation.
-    peak: f64,
-    /// Characteristics, if the response settles.
-    settled: Option<Settled>,
 }
 
 /// Characteristics of a response that settles.
@@ -107,11 +101,20 @@ struct Settled {
 }
 
 impl Response {
-    /// Determines its characteristics.
-    fn judge(&mut self, time: &[f64]) {
-        self.end = self.values.last().copied().unwrap_or_default();
-        self.peak = peak(&self.values);
-        self.settled = settled(&self.values, time);
+    /// Deviation at the end.
+    fn end(&self) -> f64 {
+        self.values.last().copied().unwrap_or_default()
+    }
+
+    /// The deviation with the largest magnitude.
+    fn peak(&self) -> f64 {
+        let larger = |a: f64, b: &f64| if b.abs() > a.abs() { *b } else { a };
+        self.values.iter().fold(0.0, larger)
+    }
+
+    /// Whether it ends where it began: it has no final value to which its course is relative.
+    fn has_returned(&self) -> bool {
+        self.end().abs() <= RETURNED * self.peak().abs()
     }
 }
 
@@ -147,7 +150,6 @@ pub fn run(model: &ModelArgs, args: &StepArgs) -> Result<Outcome, Failure> {
         time = [&begin, later].concat();
         responses = finer;
     }
-    responses.iter_mut().for_each(|own| own.judge(&time));
     progress.clear();
     if let Some(path) = &args.csv {
         overwrite::save(path, series(&time, &responses).to_csv())?;
@@ -158,8 +160,8 @@ pub fn run(model: &ModelArgs, args: &StepArgs) -> Result<Outcome, Failure> {
         overwrite::save(path, page)?;
     }
     terminal::print(&match args.json {
-        true => format!("{:#}\n", to_json(&responses, stop)),
-        false => to_text(&model, args, &responses, stop),
+        true => format!("{:#}\n", to_json(&responses, &time)),
+        false => to_text(&model, args, &responses, &time),
     })?;
     Ok(Outcome::Done)
 }
@@ -187,7 +189,7 @@ fn responses(
 fn coarse(responses: &[Response], intervals: usize) -> Vec<bool> {
     let mut coarse = vec![false; intervals];
     for own in responses {
-        let far = COARSE * peak(&own.values).abs();
+        let far = COARSE * own.peak().abs();
         for (coarse, ends) in coarse.iter_mut().zip(own.values.windows(2)) {
             *coarse |= (ends[1] - ends[0]).abs() > far;
         }
@@ -282,7 +284,9 @@ fn shown(modes: &[Mode]) -> f64 {
 /// decayed.
 fn times(stop: f64, modes: &[Mode]) -> Vec<f64> {
     let even = stop / POINTS as f64;
-    let mut times: Vec<f64> = (0..=POINTS).map(|k| even * k as f64).collect();
+    let mut times: Vec<f64> = (0..=POINTS)
+        .map(|k| stop * k as f64 / POINTS as f64)
+        .collect();
     let fastest = modes.iter().map(|mode| 1.0 / mode.pole.norm());
     let first = fastest.fold(even, f64::min).max(1e-9 * even) / POINTS_OF_MODE;
     let growing = std::iter::successors(Some(first), |time| Some(time * (1.0 + GROWTH)));
@@ -369,28 +373,19 @@ fn compared(
                 input: table.variables()[input].name.clone(),
                 output: variable.name.clone(),
                 unit: variable.unit.name.clone(),
-                end: 0.0,
-                peak: 0.0,
-                settled: None,
                 values,
             }
         })
         .collect()
 }
 
-/// The value with the largest magnitude.
-fn peak(values: &[f64]) -> f64 {
-    let larger = |a: f64, b: &f64| if b.abs() > a.abs() { *b } else { a };
-    values.iter().fold(0.0, larger)
-}
-
 /// Characteristics of a response, if it stays near its final value during the last tenth of the time.
-fn settled(values: &[f64], time: &[f64]) -> Option<Settled> {
-    let (end, stop) = (*values.last()?, *time.last()?);
-    if !end.is_finite() || has_returned(end, peak(values)) {
+fn settled(response: &Response, time: &[f64]) -> Option<Settled> {
+    let (end, stop) = (response.end(), *time.last()?);
+    if response.has_returned() {
         return None;
     }
-    let relative: Vec<f64> = values.iter().map(|value| value / end).collect();
+    let relative: Vec<f64> = response.values.iter().map(|value| value / end).collect();
     let outside = relative
         .iter()
         .rposition(|value| (value - 1.0).abs() > SETTLED);
@@ -423,12 +418,8 @@ fn settled(values: &[f64], time: &[f64]) -> Option<Settled> {
     })
 }
 
-/// Whether a response ends where it began: it has no final value to which its course is relative.
-fn has_returned(end: f64, peak: f64) -> bool {
-    end.abs() <= RETURNED * peak.abs()
-}
-
-fn to_text(model: &TextModel, args: &StepArgs, responses: &[Response], stop: f64) -> String {
+fn to_text(model: &TextModel, args: &StepArgs, responses: &[Response], time: &[f64]) -> String {
+    let stop = time[time.len() - 1];
     let mut text = format!(
         "step responses of {} to {} in each input, over {stop} s\n\n",
         model.compiled().file.name,
@@ -451,17 +442,17 @@ fn to_text(model: &TextModel, args: &StepArgs, responses: &[Response], stop: f64
             "" | "1" => own.output.clone(),
             unit => format!("{} [{unit}]", own.output),
         };
-        let end = significant(own.end, 4);
-        let rest = match &own.settled {
+        let end = significant(own.end(), 4);
+        let rest = match settled(own, time) {
             Some(settled) => format!(
                 "{:>9}  {:>8.1}%  {:>12}",
                 significant(settled.rise, 3),
                 100.0 * settled.overshoot,
                 significant(settled.settling, 3)
             ),
-            None if own.peak == 0.0 => "no answer".to_owned(),
-            None if has_returned(own.end, own.peak) => {
-                format!("returns; {} at most", significant(own.peak, 4))
+            None if own.peak() == 0.0 => "no answer".to_owned(),
+            None if own.has_returned() => {
+                format!("returns; {} at most", significant(own.peak(), 4))
             }
             None => "still moving at the end".to_owned(),
         };
@@ -473,24 +464,25 @@ fn to_text(model: &TextModel, args: &StepArgs, responses: &[Response], stop: f64
     text
 }
 
-fn to_json(responses: &[Response], stop: f64) -> Value {
+fn to_json(responses: &[Response], time: &[f64]) -> Value {
     let all: Vec<Value> = responses
         .iter()
         .map(|own| {
+            let settled = settled(own, time);
             json!({
                 "input": own.input,
                 "output": own.output,
                 "unit": own.unit,
-                "end": own.end,
-                "peak": own.peak,
-                "settled": own.settled.is_some(),
-                "rise_time": own.settled.as_ref().map(|known| known.rise),
-                "overshoot": own.settled.as_ref().map(|known| known.overshoot),
-                "settling_time": own.settled.as_ref().map(|known| known.settling),
+                "end": own.end(),
+                "peak": own.peak(),
+                "settled": settled.is_some(),
+                "rise_time": settled.as_ref().map(|known| known.rise),
+                "overshoot": settled.as_ref().map(|known| known.overshoot),
+                "settling_time": settled.as_ref().map(|known| known.settling),
             })
         })
         .collect();
-    json!({ "stop_time": stop, "responses": all })
+    json!({ "stop_time": time.last(), "responses": all })
 }
 
 fn series(time: &[f64], responses: &[Response]) -> Series {
