@@ -108,9 +108,9 @@ impl Scale {
         let tick = tick + 0.0;
         let size = self.low.abs().max(self.high.abs());
         let decimals = |above: f64| (above - decade(self.step)).max(0.0) as usize;
-        let text = match PLAIN.contains(&size) || tick == 0.0 {
-            true if tick == 0.0 => "0".to_owned(),
+        let text = match PLAIN.contains(&size) {
             true => format!("{tick:.*}", decimals(0.0)),
+            false if tick == 0.0 => "0".to_owned(),
             false => format!("{tick:.*e}", decimals(decade(tick.abs()))),
         };
         text.replace('-', "\u{2212}")

@@ -134,21 +134,21 @@ pub fn run(model: &ModelArgs, args: &StepArgs) -> Result<Outcome, Failure> {
     let stop = args.stop_time.unwrap_or_else(|| shown(&modes));
     let mut time = times(stop, &modes);
     let progress = Counter::new("points of time", 0);
-    let mut responses = responses(&model, args, &steps, &time, &progress)?;
+    let mut responses = stepped(&model, args, &steps, &time, &progress)?;
     for _ in 0..ROUNDS {
-        let coarse = coarse(&responses, time.len() - 1);
-        let Some(last) = coarse.iter().rposition(|coarse| *coarse) else {
+        let are_coarse = coarse(&responses, time.len() - 1);
+        let Some(last) = are_coarse.iter().rposition(|is_coarse| *is_coarse) else {
             break;
         };
         // What comes later stays as it is.
         let (begin, later) = time.split_at(last + 2);
-        let begin = finer(begin, &coarse);
-        let mut finer = self::responses(&model, args, &steps, &begin, &progress)?;
-        for (own, before) in finer.iter_mut().zip(&responses) {
+        let begin = finer(begin, &are_coarse);
+        let mut again = stepped(&model, args, &steps, &begin, &progress)?;
+        for (own, before) in again.iter_mut().zip(&responses) {
             own.values.extend_from_slice(&before.values[last + 2..]);
         }
         time = [&begin, later].concat();
-        responses = finer;
+        responses = again;
     }
     progress.clear();
     if let Some(path) = &args.csv {
@@ -167,7 +167,7 @@ pub fn run(model: &ModelArgs, args: &StepArgs) -> Result<Outcome, Failure> {
 }
 
 /// The responses to a step in each of these inputs.
-fn responses(
+fn stepped(
     model: &TextModel,
     args: &StepArgs,
     steps: &[usize],
@@ -178,8 +178,8 @@ fn responses(
     let rest = simulated(model, args, None, time, progress)?;
     let mut responses = Vec::new();
     for &input in steps {
-        let stepped = simulated(model, args, Some(input), time, progress)?;
-        responses.extend(compared(model, input, &rest, &stepped));
+        let with = simulated(model, args, Some(input), time, progress)?;
+        responses.extend(compared(model, input, &rest, &with));
     }
     Ok(responses)
 }
