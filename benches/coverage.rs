@@ -15,8 +15,9 @@ use pilotage::estimation::{Fit, Posed, ProblemFile, fit, part};
 use pilotage::inference::Method;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use rand_distr::{Bernoulli, Distribution, StandardNormal};
+use rand_distr::{Bernoulli, Distribution, Exp1, StandardNormal};
 use rayon::prelude::*;
+use std::f64::consts::SQRT_2;
 use std::fmt::Write;
 use std::io::IsTerminal;
 use std::ops::ControlFlow;
@@ -45,6 +46,8 @@ struct Case {
     is_remnant: bool,
     /// Fraction of the values whose noise is ten times as large.
     outliers: f64,
+    /// Whether the noise has Laplace's distribution instead of the normal one.
+    is_laplace: bool,
 }
 
 const DECAY: Case = Case {
@@ -62,6 +65,7 @@ const DECAY: Case = Case {
     level: 0.05,
     is_remnant: false,
     outliers: 0.0,
+    is_laplace: false,
 };
 
 const SHORT: Case = Case {
@@ -149,6 +153,28 @@ const HUBER: Case = Case {
     ..DECAY
 };
 
+const LAPLACE: Case = Case {
+    name: "decay, Laplace's noise",
+    problem: "[[measured]]\nsignal = \"m.x\"\ncolumn = \"y\"\nsd = 0.05\nnoise = \"laplace\"\n[parameters]\n\"m.*\" = {}\n",
+    is_laplace: true,
+    ..DECAY
+};
+
+const SHORT_LAPLACE: Case = Case {
+    name: "decay, 20 samples, Laplace's noise",
+    samples: SHORT.samples,
+    step: SHORT.step,
+    ..LAPLACE
+};
+
+const LEVEL_OF_LAPLACE: Case = Case {
+    name: "decay, 20 samples, Laplace's noise, its level sought",
+    problem: "[[measured]]\nsignal = \"m.x\"\ncolumn = \"y\"\nsd = \"sigma\"\nnoise = \"laplace\"\n[parameters]\n\
+              sigma = { start = 0.3, min = 1e-3 }\n\"m.*\" = {}\n",
+    truth: &[("m.rate", 0.7), ("m.x0", 3.0), ("sigma", 0.05)],
+    ..SHORT_LAPLACE
+};
+
 const OWN: Case = Case {
     name: "decay, x0 for each run",
     problem: "[[measured]]\nsignal = \"m.x\"\ncolumn = \"y\"\n[parameters]\n\"m.rate\" = {}\n\"m.x0\" = { per = \"run\" }\n",
@@ -199,6 +225,10 @@ fn recorded(case: &Case, run: usize, random: &mut ChaCha8Rng, correlation: f64) 
             || -> bool { Bernoulli::new(case.outliers).is_ok_and(|own| own.sample(random)) };
         if case.outliers > 0.0 && is_outlier() {
             *own *= 10.0;
+        }
+        if case.is_laplace {
+            let size: f64 = Exp1.sample(random);
+            *own = own.signum() * size / SQRT_2;
         }
     }
     let (mut x, h) = (case.initial, case.step / 4.0);
@@ -284,6 +314,9 @@ fn main() {
         (&STEPS, &[0.0, 0.9], &[1, 2, 4, 6, 12]),
         (&BOTH, &[0.0, 0.9], &[1, 2, 4, 6, 12]),
         (&HUBER, &[0.0], &[1, 4, 8]),
+        (&LAPLACE, &[0.0], &[1, 4, 8]),
+        (&SHORT_LAPLACE, &[0.0], &[1, 4, 8]),
+        (&LEVEL_OF_LAPLACE, &[0.0], &[1, 4, 8]),
     ]
     .into_iter()
     .flat_map(|(case, noises, runs)| {

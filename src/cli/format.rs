@@ -6,17 +6,25 @@ use nalgebra::Complex;
 /// A pole, or a pair of conjugate poles: `-4.240 ± 3.180 i`.
 fn pole(pole: Complex<f64>) -> String {
     match pole.im == 0.0 {
-        true => format!("{:.3}", pole.re),
-        false => format!("{:.3} ± {:.3} i", pole.re, pole.im.abs()),
+        true => decimals(pole.re),
+        false => format!("{} ± {} i", decimals(pole.re), decimals(pole.im.abs())),
+    }
+}
+
+/// Three decimals, or the digits of what is smaller.
+fn decimals(value: f64) -> String {
+    match value != 0.0 && value.abs() < 5e-4 {
+        true => format!("{value:.2e}"),
+        false => format!("{value:.3}"),
     }
 }
 
 /// A row of a table of modes: pole, frequency, damping.
 pub fn mode(mode: &Mode) -> String {
     format!(
-        "  {:<20}  {:>17.3}  {:>7.3}\n",
+        "  {:<20}  {:>17}  {:>7.3}\n",
         pole(mode.pole),
-        mode.frequency,
+        decimals(mode.frequency),
         mode.damping
     )
 }

@@ -82,7 +82,7 @@ frequency [rad/s]  target [m s]  coherence  remnant [1/(rad/s)]  phase sd [deg]
 18.96              0.874         0.910      1.55e-7              1.84
 29.29              0.546         0.886      7.96e-9              2.10
 excitation: no sum of sines; the stick is coherent with what drives the loop up to 29.29 rad/s
-from targets that stand still, a pilot with lead is found with half of the human's crossover; a target that moves as a sum of sines determines crossover, lead and delay: \
+from targets that stand still or jump, a pilot with lead is found with half of the human's crossover; a target that moves as a sum of sines determines crossover, lead and delay: \
 `pilotage trials synth --target sines`, docs/guidance.md, section 1
 "
     );

@@ -65,6 +65,11 @@ pub trait Component: Send {
         None
     }
 
+    /// What a user should know of what is not simulated.
+    fn limitation(&self) -> Option<String> {
+        None
+    }
+
     /// Ends the simulation.
     fn terminate(&mut self) -> Result<(), ComponentError> {
         Ok(())

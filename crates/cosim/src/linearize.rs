@@ -24,6 +24,17 @@ pub enum LinearizeError {
         /// A similar connection.
         suggestion: Option<String>,
     },
+    /// The connection carries no changes.
+    #[error(
+        "the connection `{from}={to}` changes at events alone, so that there is no frequency response; cut the loop at \
+         a connection of continuous reals"
+    )]
+    Discrete {
+        /// Output.
+        from: String,
+        /// Input.
+        to: String,
+    },
     /// The connection is not in a loop.
     #[error("the connection `{from}={to}` is in no loop: what goes in there does not come back")]
     NoLoop {
@@ -44,7 +55,8 @@ pub struct Linearization {
     pub parts: StateSpace,
     /// Wires between them.
     pub wires: Vec<Wire>,
-    /// Connections that carry no changes: not of reals, or of variables that a component treats as constant.
+    /// Connections that carry no changes: not of reals, of discrete reals, or of variables that a component treats as
+    /// constant.
     pub constant: Vec<String>,
     /// For parts without known derivatives: how they were linearized.
     pub notes: Vec<String>,
@@ -73,10 +85,11 @@ pub fn linearize(
     recorder: &mut dyn Recorder,
 ) -> Result<(Run, Option<Linearization>), MasterError> {
     let names: Vec<String> = system.instance_names().map(str::to_owned).collect();
-    // Connections as names of output and input; connections of reals with their factor.
+    // Connections as names of output and input; connections of continuous reals with their factor.
     let connections: Vec<(String, String, Option<f64>)> = (system.connections.iter())
         .map(|c| {
-            let factor = system.is_real(c).then_some(c.conversion.factor);
+            let is_continuous = system.is_real(c) && !system.variable(c.from).is_discrete;
+            let factor = is_continuous.then_some(c.conversion.factor);
             (system.port_name(c.from), system.port_name(c.to), factor)
         })
         .collect();
@@ -123,7 +136,7 @@ fn wired(parts: &[StateSpace], connections: &[(String, String, Option<f64>)]) ->
                 factor,
             }),
             // An input fed by a table is an external input.
-            (None, Some(_), _) => {}
+            (None, Some(_), Some(_)) => {}
             _ => constant.push(format!("{from}={to}")),
         }
     }
@@ -151,7 +164,7 @@ impl Linearization {
     /// The index of a connection's wire.
     ///
     /// # Errors
-    /// If there is no such connection.
+    /// If there is no such connection, or if it carries no continuous real.
     pub fn wire(&self, from: &str, to: &str) -> Result<usize, LinearizeError> {
         let name = |wire: &Wire| {
             let (output, input) = (
@@ -162,6 +175,10 @@ impl Linearization {
         };
         let names: Vec<String> = self.wires.iter().map(name).collect();
         let wanted = format!("{from}={to}");
+        if self.constant.contains(&wanted) {
+            let (from, to) = (from.to_owned(), to.to_owned());
+            return Err(LinearizeError::Discrete { from, to });
+        }
         (names.iter().position(|name| *name == wanted)).ok_or_else(|| {
             LinearizeError::NoConnection {
                 from: from.to_owned(),

@@ -79,7 +79,7 @@ fn held_out(
     observer: &mut Observer<'_>,
     is_stopped: &Cell<bool>,
 ) -> Result<Vec<f64>, FitError> {
-    let options = FitOptions {
+    let begun = FitOptions {
         start: Some(theta.to_vec()),
         random_starts: Some(0),
         covariance: None,
@@ -95,17 +95,17 @@ fn held_out(
         let (others, own) = without(k);
         all.push(match others.is_empty() || is_stopped.get() {
             true => f64::NAN,
-            false => left_out(others, own, &options, observer)?,
+            false => left_out(others, own, [&begun, options], observer)?,
         });
     }
     Ok(all)
 }
 
-/// −2 log likelihood of a trial by the pilot fitted to others.
+/// −2 log likelihood of a trial by the pilot fitted to others: with the first of these options whose fit has an answer.
 fn left_out(
     others: Vec<Trial>,
     own: Trial,
-    options: &FitOptions,
+    options: [&FitOptions; 2],
     observer: &mut Observer<'_>,
 ) -> Result<f64, FitError> {
     let set = TrialSet {
@@ -113,7 +113,11 @@ fn left_out(
         validation: vec![own],
         ..TrialSet::default()
     };
-    let found = Identification::new(set, options.clone(), observer)?;
+    let [begun, anew] = options.map(Clone::clone);
+    let mut found = Identification::new(set.clone(), begun, observer)?;
+    if !found.fit.is_answer() {
+        found = Identification::new(set, anew, observer)?;
+    }
     let (noise, _) = noise(&found.fit);
     let flown = found.outcomes().last().and_then(|own| own.alone);
     let is_answer = found.fit.is_answer();

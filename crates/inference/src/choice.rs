@@ -36,6 +36,12 @@ impl Contender {
         }
     }
 
+    /// Number of held-out runs without a prediction, and −2 log likelihood of the others.
+    fn prediction(&self) -> (usize, f64) {
+        let there = self.held_out.iter().filter(|run| run.is_finite());
+        (self.held_out.len() - there.clone().count(), there.sum())
+    }
+
     /// Schwarz's criterion (Ann. Stat. 6, 1978).
     pub fn bic(&self) -> f64 {
         self.surprise + self.unknowns as f64 * (self.samples as f64).ln()
@@ -60,12 +66,19 @@ pub struct Comparison {
 
 /// Chooses a model and returns its index and the comparisons; `None` if no model predicts enough runs.
 ///
-/// Starting from the smallest model that predicts enough runs, each larger one is compared with the last one chosen.
+/// Starting from the smallest model that predicts enough runs, each larger one is compared with the last one chosen. Of
+/// models of the same size the one that predicts the runs best comes first: there is no reason to prefer another.
 /// With m models the significance level of a comparison is [`SIZE`]`/(m - 1)` (Bonferroni), so that too large a model
 /// is chosen with a probability of at most `SIZE`.
 pub fn choose(all: &[Contender]) -> Option<(usize, Vec<Comparison>)> {
     let mut order: Vec<usize> = (0..all.len()).collect();
-    order.sort_by_key(|k| all[*k].unknowns);
+    order.sort_by(|a, b| {
+        let [a, b] = [a, b].map(|k| &all[*k]);
+        let [(missing, sum), (others, other)] = [a, b].map(Contender::prediction);
+        (a.unknowns.cmp(&b.unknowns))
+            .then(missing.cmp(&others))
+            .then(sum.total_cmp(&other))
+    });
     let predicts = |k: &usize| {
         let runs = all[*k].held_out.iter();
         runs.filter(|run| run.is_finite()).count() >= FEWEST_RUNS
@@ -157,6 +170,22 @@ mod tests {
             choose(&[contender(1, vec![1.0; 2]), contender(2, vec![0.0; 2])]),
             None
         );
+    }
+
+    /// Of models of one size, the order in which they are given does not matter.
+    #[test]
+    fn of_equal_models_the_best_is_taken() {
+        let good = contender(3, vec![1.0, 2.0, 3.0]);
+        let bad = contender(3, vec![9.0, 2.0, 3.1]);
+        let missing = contender(3, vec![f64::NAN, 1.0, 1.0]);
+        for (all, best) in [
+            ([&good, &bad, &missing], 0),
+            ([&missing, &good, &bad], 1),
+            ([&bad, &missing, &good], 2),
+        ] {
+            let all = all.map(Contender::clone);
+            assert_eq!(choose(&all).expect("three runs").0, best);
+        }
     }
 
     /// If no model is better, the smallest one is chosen in at least 95 of 100 cases.

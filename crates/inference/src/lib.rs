@@ -51,6 +51,7 @@ pub mod residuals;
 mod restricted;
 mod row;
 pub mod spectrum;
+mod stepped;
 
 pub use autoregression::Autoregression;
 pub use covariance::{Covariance, Joint, Method};
@@ -58,3 +59,4 @@ pub use data::{Data, Run};
 pub use inference::{Direction, Inference, Obstacle};
 pub use interval::{Class, Interval, LEVEL, quantile};
 pub use row::{Noise, Row, normal_equations};
+pub use stepped::is_stepped;

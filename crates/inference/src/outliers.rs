@@ -1,5 +1,7 @@
 //! Outliers in a set of runs: samples that differ from their neighbours, and runs with a far worse fit.
 
+use std::ops::Range;
+
 /// A break exceeds the usual change between neighbouring samples by this factor.
 const BREAK: f64 = 10.0;
 /// Number of samples before and after a break that define the usual change.
@@ -18,6 +20,8 @@ const BACK: f64 = 0.2;
 const SOON: f64 = 0.25;
 /// Up to this many samples before or after a break at the end of a run are outliers too.
 const FEW: usize = 2;
+/// Number of samples before and after a break whose medians are the levels there.
+const BESIDE: usize = 5;
 /// Ratio of a run's rms residual to the median of all runs above which its fit is far worse.
 const WORSE: f64 = 3.0;
 /// Ratio of the standard deviation of a normal distribution to its median magnitude.
@@ -55,6 +59,29 @@ pub struct Breaks {
     pub jumps: Vec<(usize, usize, f64)>,
 }
 
+impl Values {
+    /// The samples next to a break that are away from their neighbours on both sides, if these have the same level: few
+    /// outliers, also if the change to or from them is too small for a break. Indices in `known`.
+    fn few_beside(&self, known: &[usize], at: usize, size: f64) -> Option<Range<usize>> {
+        let value = |i: usize| self.values[known[i]];
+        let (first, end) = ((at + 1).checked_sub(BESIDE)?, at + 1 + BESIDE);
+        let level = |all: Range<usize>| median(all.map(value));
+        let (before, after) = (level(first..at + 1)?, level(at + 1..end.min(known.len()))?);
+        if end > known.len() || (after - before).abs() > BACK * size.abs() {
+            return None;
+        }
+        let is_away = |i: usize| (value(i) - 0.5 * (before + after)).abs() > 0.5 * size.abs();
+        let mut few = at + 1..at + 1;
+        while few.start > first && is_away(few.start - 1) {
+            few.start -= 1;
+        }
+        while few.end < end && is_away(few.end) {
+            few.end += 1;
+        }
+        (!few.is_empty() && few.len() <= BESIDE / 2).then_some(few)
+    }
+}
+
 impl Breaks {
     /// Finds the breaks of these runs. A break is a change between samples that is far beyond the changes nearby and
     /// beyond the spread of all residuals; for recorded values, far beyond the spread.
@@ -82,6 +109,11 @@ impl Breaks {
         let soon = (SOON * known.len() as f64) as usize;
         let mut next = 0;
         while let Some(&(at, size)) = breaks.get(next) {
+            if let Some(few) = own.few_beside(&known, at, size) {
+                self.outliers.push((run, known[few.clone()].to_vec()));
+                next += breaks[next..].partition_point(|(k, _)| *k < few.end);
+                continue;
+            }
             let group = &breaks[next..];
             let group = &group[..group.partition_point(|(k, _)| *k <= at + soon)];
             match returns(group) {
@@ -250,6 +282,20 @@ mod tests {
         let (run, sample, size) = found.jump().unwrap();
         assert_eq!((run, sample), (2, 200));
         assert!((size - 30.0).abs() < 5.0, "{size}");
+    }
+
+    /// One change is too small for a break, so that the outlier before a larger one has one break alone.
+    #[test]
+    fn an_outlier_with_one_break_does_not_hide_those_after_it() {
+        let mut run = white(1, 300);
+        run.values[98..=102].copy_from_slice(&[0.0, 0.0, -13.0, 9.0, 0.0]);
+        for (k, by) in [(120, 60.0), (160, -50.0), (250, 90.0)] {
+            run.values[k] += by;
+        }
+        let found = Breaks::of(std::slice::from_ref(&run), Kind::Residuals);
+        let samples: Vec<usize> = found.samples().map(|(_, k)| k).collect();
+        assert_eq!(samples, [100, 120, 160, 250]);
+        assert!(found.jumps.is_empty());
     }
 
     /// If the model jumps, the recording does not have to follow.

@@ -1,7 +1,11 @@
 //! Terms of a log likelihood as rows of a least-squares problem.
 
 use nalgebra::{DMatrix, DVector};
+use statrs::function::erf::erfc;
 use std::f64::consts::SQRT_2;
+
+/// Most unknowns per value that the information of Laplace noise allows for: more are determined by priors.
+const MOST_UNKNOWNS: f64 = 0.9;
 
 /// The normal equations `(AᵀA, Aᵀr)` of a least-squares problem with these rows and residuals.
 pub fn normal_equations(
@@ -24,6 +28,8 @@ pub enum Noise {
     Laplace {
         /// Width of the smoothing, in standard deviations.
         smoothing: f64,
+        /// Mean square of the score, `E ψ²`: a fit passes through as many values as it has unknowns, where ψ is 0.
+        of_score: f64,
         /// Mean slope of the score, `E ψ'`.
         of_location: f64,
         /// The same for the noise level, `E(z²ψ' + zψ)`.
@@ -50,13 +56,27 @@ pub enum Noise {
 }
 
 impl Noise {
-    /// Laplace noise for a signal with these residuals and weights. All of its slope is at 0, where few residuals are,
-    /// so their density there is taken from the Laplace distribution with their mean magnitude.
-    pub fn laplace(smoothing: f64, residuals: impl Iterator<Item = (f64, f64)>) -> Self {
+    /// Laplace noise for a signal with these residuals and weights, of a fit with this number of unknowns per value.
+    ///
+    /// All of its slope is at 0, where few residuals are, so their density there is taken from the Laplace distribution
+    /// with their mean magnitude b, without those through which the fit passes. The density has a peak there, of the
+    /// width b, and predictions are uncertain by about b√(unknowns / values): the slope is the mean over that normal
+    /// distribution. For a median of n values it makes the variance 1 + 1.6/√n times as large, as that of the middle
+    /// value of a sorted sample is.
+    pub fn laplace(
+        smoothing: f64,
+        unknowns_per_value: f64,
+        residuals: impl Iterator<Item = (f64, f64)>,
+    ) -> Self {
         let [size] = means(residuals, |z| [z.abs()]);
+        let unknowns = unknowns_per_value.clamp(0.0, MOST_UNKNOWNS);
+        let left = 1.0 - unknowns;
+        // E exp(-a|x|) for normal x.
+        let under_the_peak = (0.5 * unknowns).exp() * erfc((0.5 * unknowns).sqrt());
         Self::Laplace {
             smoothing,
-            of_location: SQRT_2 / (size + smoothing),
+            of_score: 2.0 * left,
+            of_location: SQRT_2 * under_the_peak / (size / left + smoothing),
             of_level: SQRT_2 * size,
         }
     }
@@ -111,7 +131,8 @@ fn means<const N: usize>(
 /// With the score `ψ(z)` of the location and the Fisher informations `i_h` of `h/sd` and `i_s` of `ln sd` the rows have
 /// the residuals `ψ/√i_h` and `(zψ - 1)/√i_s` and the derivatives `√i_h ∂h/sd` and `√i_s ∂ ln sd`. Their normal
 /// equations are those of Fisher scoring; with the right model they are uncorrelated and have unit variance (Lange,
-/// Little & Taylor, J. Am. Stat. Assoc. 84, 1989, for Student's t).
+/// Little & Taylor, J. Am. Stat. Assoc. 84, 1989, for Student's t). For Laplace noise the square of the score and its
+/// slope differ: the residuals are `ψ/√(E ψ²)` and the derivatives `E ψ'/√(E ψ²) ∂h/sd`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
     /// Residual of the location.
@@ -127,28 +148,38 @@ pub struct Row {
 impl Row {
     /// The rows of a residual `z = (y - h)/sd` with a weight.
     pub fn new(noise: Noise, z: f64, weight: f64) -> Self {
-        let (psi, of_location, of_level) = match noise {
-            Noise::Normal => (z, 1.0, 2.0),
+        let (psi, of_score, of_location, of_level) = match noise {
+            Noise::Normal => (z, 1.0, 1.0, 2.0),
             Noise::Laplace {
                 smoothing,
+                of_score,
                 of_location,
                 of_level,
-            } => (SQRT_2 * z / z.hypot(smoothing), of_location, of_level),
+            } => {
+                let psi = SQRT_2 * z / z.hypot(smoothing);
+                (psi, of_score, of_location, of_level)
+            }
             Noise::Student {
                 dof,
                 of_location,
                 of_level,
-            } => ((dof + 1.0) * z / (dof + z * z), of_location, of_level),
+            } => {
+                let psi = (dof + 1.0) * z / (dof + z * z);
+                (psi, of_location, of_location, of_level)
+            }
             Noise::Huber {
                 threshold,
                 of_location,
                 of_level,
-            } => (z.clamp(-threshold, threshold), of_location, of_level),
+            } => {
+                let psi = z.clamp(-threshold, threshold);
+                (psi, of_location, of_location, of_level)
+            }
         };
         let root = weight.sqrt();
         Self {
-            location: root * psi / of_location.sqrt(),
-            location_scale: root * of_location.sqrt(),
+            location: root * psi / of_score.sqrt(),
+            location_scale: root * of_location / of_score.sqrt(),
             level: root * (z * psi - 1.0) / of_level.sqrt(),
             level_scale: root * of_level.sqrt(),
         }
@@ -175,7 +206,7 @@ mod tests {
         };
         let values = || (-4_000_000..=4_000_000).map(|k| 1e-5 * f64::from(k));
         let of_huber = Noise::huber(1.345, values().map(|z| (z, huber(z))));
-        let of_laplace = Noise::laplace(1e-6, values().map(|z| (z, laplace.pdf(z))));
+        let of_laplace = Noise::laplace(1e-6, 0.0, values().map(|z| (z, laplace.pdf(z))));
         let of_student = Noise::student(4.0, values().map(|z| (z, student.pdf(z))));
         let cases: [(Noise, &dyn Fn(f64) -> f64); 4] = [
             (of_huber, &huber),
@@ -209,7 +240,7 @@ mod tests {
         use rand_chacha::rand_core::SeedableRng;
         use rand_distr::{Distribution, Exp1, StandardUniform, StudentT};
         type Fitted = fn(&[f64]) -> Noise;
-        let laplace: Fitted = |z| Noise::laplace(1e-3, z.iter().map(|&z| (z, 1.0)));
+        let laplace: Fitted = |z| Noise::laplace(1e-3, 1.0 / 400.0, z.iter().map(|&z| (z, 1.0)));
         let student: Fitted = |z| Noise::student(4.0, z.iter().map(|&z| (z, 1.0)));
         for (seed, noise, stated) in [
             (1, laplace, 0.2),

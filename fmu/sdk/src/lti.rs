@@ -74,7 +74,7 @@ impl Transition {
         within(&exponent, MAX_UNBALANCED)?;
         let scales = balance_parlett_reinsch(&mut exponent);
         within(&exponent, MAX_NORM)?;
-        let mut exponential = exponent.exp();
+        let mut exponential = exponential(exponent);
         unbalance(&mut exponential, &scales);
         if exponential.iter().any(|v| !v.is_finite()) {
             return Err(TransitionError::Overflow { step: h });
@@ -99,6 +99,54 @@ impl Transition {
             *next = product(states, x, product(&forced[m..], slopes, held));
         }
     }
+}
+
+/// The exponential of a square matrix by scaling and squaring: a Padé approximant of degree 13 of the matrix divided by a
+/// power of 2 (N. J. Higham, "The scaling and squaring method for the matrix exponential revisited", SIAM J. Matrix Anal.
+/// Appl. 26(4), 2005, Algorithm 2.3, without its lower degrees). NaN if the approximant's denominator is singular.
+///
+/// Not nalgebra's, which comes with the part of that crate that needs the standard library, and is a fifth of the build of
+/// the FMU library.
+fn exponential(matrix: DMatrix<f64>) -> DMatrix<f64> {
+    // Coefficients of the approximant: the numerator's, which are the denominator's with alternating signs.
+    const B: [f64; 14] = [
+        64764752532480000.0,
+        32382376266240000.0,
+        7771770303897600.0,
+        1187353796428800.0,
+        129060195264000.0,
+        10559470521600.0,
+        670442572800.0,
+        33522128640.0,
+        1323241920.0,
+        40840800.0,
+        960960.0,
+        16380.0,
+        182.0,
+        1.0,
+    ];
+    /// Norm up to which the approximant is exact to rounding.
+    const ACCURATE: f64 = 5.371920351148152;
+    let squarings = (norm(&matrix) / ACCURATE).log2().ceil().max(0.0) as i32;
+    let size = matrix.nrows();
+    let a = matrix * 0.5_f64.powi(squarings);
+    let a2 = &a * &a;
+    let a4 = &a2 * &a2;
+    let a6 = &a4 * &a2;
+    // The terms of the degrees k, k + 2, k + 4 and k + 6, divided by A^k for an even k and by A^(k - 1) for an odd one.
+    let four = |k: usize| {
+        let constant = DMatrix::from_diagonal_element(size, size, B[k]);
+        constant + &a2 * B[k + 2] + &a4 * B[k + 4] + &a6 * B[k + 6]
+    };
+    let three = |k: usize| &a6 * (&a2 * B[k] + &a4 * B[k + 2] + &a6 * B[k + 4]);
+    let even = three(8) + four(0);
+    let odd = a * (three(9) + four(1));
+    let solved = (&even - &odd).lu().solve(&(&even + &odd));
+    let mut exponential = solved.unwrap_or_else(|| DMatrix::from_element(size, size, f64::NAN));
+    for _ in 0..squarings {
+        exponential = &exponential * &exponential;
+    }
+    exponential
 }
 
 /// The 1-norm; NaN if an entry is NaN.
@@ -130,4 +178,47 @@ fn augmented(
         matrix[(j, j + inputs)] = 1.0;
     }
     matrix
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
+
+        /// Sizes from rounding to 2^16, against nalgebra's exponential, which is another algorithm (Al-Mohy & Higham).
+        #[test]
+        fn exponentials_are_those_of_nalgebra(
+            entries in proptest::collection::vec(-1.0..1.0_f64, 36),
+            size in 1..7_usize,
+            exponent in -30..16_i32,
+        ) {
+            let matrix = DMatrix::from_fn(size, size, |i, j| entries[6 * i + j]);
+            // Stable, so that nothing overflows.
+            let shift = matrix.lp_norm(1) + matrix.transpose().lp_norm(1);
+            let matrix = (matrix - DMatrix::from_diagonal_element(size, size, shift)) * 2.0_f64.powi(exponent);
+            let [found, expected] = [exponential(matrix.clone()), matrix.exp()];
+            let off = (&found - &expected).amax();
+            prop_assert!(off <= 1e-12, "{matrix}{found}{expected}");
+        }
+    }
+
+    /// A nilpotent matrix, whose series ends, and a rotation by many turns.
+    #[test]
+    fn exponentials_in_closed_form() {
+        let shift = DMatrix::from_fn(4, 4, |i, j| if j == i + 1 { 100.0 } else { 0.0 });
+        let expected = [1.0, 100.0, 5000.0, 1e6 / 6.0];
+        let found = exponential(shift);
+        for (j, expected) in expected.into_iter().enumerate() {
+            assert!((found[(0, j)] / expected - 1.0).abs() < 1e-13, "{found}");
+        }
+        let angle = 1000.0_f64;
+        let found = exponential(DMatrix::from_row_slice(2, 2, &[0.0, angle, -angle, 0.0]));
+        assert!((found[(0, 0)] - angle.cos()).abs() < 1e-11, "{found}");
+        assert!((found[(0, 1)] - angle.sin()).abs() < 1e-11, "{found}");
+        assert_eq!(exponential(DMatrix::zeros(0, 0)), DMatrix::zeros(0, 0));
+        assert_eq!(exponential(DMatrix::zeros(2, 2)), DMatrix::identity(2, 2));
+    }
 }

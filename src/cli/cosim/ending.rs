@@ -32,8 +32,12 @@ impl Words {
                 reached,
                 words,
             } => {
-                let words = words.as_ref();
-                let words = words.map_or(String::new(), |words| format!(": {words}"));
+                let words = match words {
+                    Some(words) => format!(": {words}"),
+                    None => "; it may take a shorter --step, or those of --algorithm strong and --tolerance, \
+                             which get shorter"
+                        .to_owned(),
+                };
                 let message = format!(
                     "`{instance}` discarded the step from {time} s, it came to {reached} s{words}"
                 );

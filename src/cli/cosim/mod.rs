@@ -82,7 +82,7 @@ pub struct Args {
     /// Signals to record, in this order: `instance.variable`, where `*` stands for any characters and `?` for one
     /// character. A pattern selects outputs, inputs and locals, or parameters if none of these match [default: all
     /// outputs].
-    #[arg(long, value_name = "PATTERN", value_delimiter = ',')]
+    #[arg(long, value_name = "PATTERN,...")]
     record: Vec<String>,
     /// Time between recorded rows [s], a multiple of the step [default: the step]. The last row is always recorded.
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
@@ -128,7 +128,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     args.coupling.apply_parts(&mut system)?;
     let selection = args.selection(&mut system, &tables)?;
     let notes = tables.iter().flat_map(|table| table.notes(&clock));
-    let notes = notes.chain(unfed(&system)).collect();
+    let notes = notes.chain(unfed(&system)).chain(system.limitations());
+    let notes = notes.collect();
     let converted = system.converted();
     interrupt::listen("stopping after this step")?;
 
@@ -280,11 +281,26 @@ impl Args {
         tables: &[InputTable],
     ) -> Result<Option<Selection>, Failure> {
         if !self.record.is_empty() {
-            return Ok(Some(Selection::new(system, &self.record)?));
+            let patterns: Vec<String> = self.record.iter().flat_map(|own| patterns(own)).collect();
+            return Ok(Some(Selection::new(system, &patterns)?));
         }
         let names: Vec<String> = tables.iter().map(|table| table.name.clone()).collect();
         Ok((!names.is_empty()).then(|| Selection::without(system, &names)))
     }
+}
+
+/// The patterns of a list, separated by commas, of which those in brackets belong to names: `a.x,a.m[1,2]`.
+fn patterns(list: &str) -> Vec<String> {
+    let mut all = vec![String::new()];
+    let mut depth = 0;
+    for sign in list.chars() {
+        depth += i32::from(sign == '[') - i32::from(sign == ']' && depth > 0);
+        match sign {
+            ',' if depth == 0 => all.push(String::new()),
+            _ => all.last_mut().expect("one at least").push(sign),
+        }
+    }
+    all
 }
 
 fn unfed(system: &System) -> impl Iterator<Item = String> {

@@ -17,18 +17,20 @@ const OF_LINES: [&str; 5] = [
 /// The section of a measured signal and its column.
 const MEASURED: &str = "[[measured]]";
 
-/// Comments out lines of a problem file at `path` until `pilotage fit` accepts it.
+/// Comments out lines of a problem file at `path` until `pilotage fit` accepts it. Also returns the reasons.
 ///
 /// # Errors
 /// If nothing can be left out: a model without equations, a run that is no time series, no measured signal.
-pub fn accepted(mut text: String, path: &Path) -> Result<String, Failure> {
+pub fn accepted(mut text: String, path: &Path) -> Result<(String, Vec<String>), Failure> {
+    let mut reasons = Vec::new();
     loop {
         let refused = match refusal(&text, path) {
-            None => return Ok(text),
+            None => return Ok((text, reasons)),
             Some(error) => error,
         };
         text = match &refused {
             ProblemError::At { place, fault } => {
+                reasons.push(fault.clone());
                 without(&text, place, fault).ok_or_else(|| Failure::new(fault.clone()))?
             }
             _ => return Err(refused.into()),

@@ -7,6 +7,7 @@ use super::overwrite::{self, OutputKind, Overwrite};
 use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, made, terminal};
 use crate::document::quoted;
+use crate::inference::is_stepped;
 use crate::series::Series;
 use instance::Instance;
 use std::fmt::Write;
@@ -73,7 +74,10 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         .collect::<Result<_, _>>()?;
     let text = args.text(&instances, &runs)?;
     let path = args.output.as_deref().unwrap_or(Path::new("problem.toml"));
-    let text = accepted::accepted(text, path)?;
+    let (text, reasons) = accepted::accepted(text, path)?;
+    for reason in reasons {
+        terminal::note(&format!("commented out: {reason}"));
+    }
     let Some(output) = &args.output else {
         terminal::print(&text)?;
         return Ok(Outcome::Done);
@@ -125,7 +129,7 @@ impl Args {
                 let _ = writeln!(text, "\"{from}\" = \"{to}\"");
             }
         }
-        write_inputs(&mut text, instances, &wires, &columns);
+        write_inputs(&mut text, instances, &wires, runs);
         write_measured(&mut text, instances, &columns)?;
         write_parameters(&mut text, instances);
         write_rest(&mut text, instances);
@@ -182,20 +186,31 @@ fn position(vehicle: &Instance, axis: &str) -> Option<String> {
     found.or_else(|| own.first().filter(|_| axis.is_empty()).cloned())
 }
 
-/// Connections of pilot and vehicle: stick forward, position back.
+/// Connections of pilot and vehicle: stick forward, position back, and whatever else has one name in both.
 fn wires(instances: &[Instance]) -> Vec<(String, String)> {
     let [pilot, vehicle] = instances else {
         return Vec::new();
     };
     let mut all = Vec::new();
+    let common = |from: &Instance, to: &Instance| -> Vec<(String, String)> {
+        let both = from.outputs.iter().filter(|name| to.inputs.contains(name));
+        let wire = |name: &String| {
+            (
+                format!("{}.{name}", from.name),
+                format!("{}.{name}", to.name),
+            )
+        };
+        both.map(wire).collect()
+    };
+    // What both have by one name, and the position by the names that vehicles have for it.
+    all.extend(common(pilot, vehicle));
+    all.extend(common(vehicle, pilot));
     for axis in ["", "2"] {
-        let stick = format!("stick{axis}");
-        if pilot.outputs.contains(&stick) && vehicle.inputs.contains(&stick) {
-            all.push((format!("pilot.{stick}"), format!("vehicle.{stick}")));
-        }
-        let seen = format!("position{axis}");
-        if let (true, Some(position)) = (pilot.inputs.contains(&seen), position(vehicle, axis)) {
-            all.push((format!("vehicle.{position}"), format!("pilot.{seen}")));
+        let seen = format!("pilot.position{axis}");
+        let is_open = all.iter().all(|(_, to)| *to != seen);
+        let is_seen = pilot.inputs.contains(&format!("position{axis}"));
+        if let (true, Some(position)) = (is_open && is_seen, position(vehicle, axis)) {
+            all.push((format!("vehicle.{position}"), seen));
         }
     }
     all
@@ -205,16 +220,24 @@ fn write_inputs(
     text: &mut String,
     instances: &[Instance],
     wires: &[(String, String)],
-    columns: &[&str],
+    runs: &[Series],
 ) {
+    let is_column = |name: &str| runs.iter().all(|run| run.column(name).is_some());
     *text +=
         "\n[inputs]                                 # columns of the runs that drive the system\n";
     for own in instances {
         for input in &own.inputs {
             let full = format!("{}.{input}", own.name);
             let is_wired = wires.iter().any(|(_, to)| *to == full);
-            match columns.contains(&input.as_str()) {
+            match is_column(input) {
                 _ if is_wired => {}
+                true if jumps(input, runs) => {
+                    let _ = writeln!(
+                        text,
+                        "\"{full}\" = {{ column = {}, hold = \"zero-order\" }}   # it jumps at samples, and keeps its values between",
+                        quoted(input)
+                    );
+                }
                 true => {
                     let _ = writeln!(text, "\"{full}\" = {}", quoted(input));
                 }
@@ -227,6 +250,21 @@ fn write_inputs(
             }
         }
     }
+}
+
+/// Whether a column keeps its values and jumps in some of the runs, and does nothing else in the others.
+fn jumps(column: &str, runs: &[Series]) -> bool {
+    let columns = || {
+        let all = runs.iter();
+        all.filter_map(|run| Some((&run.time, &run.column(column)?.values)))
+    };
+    let is_stepped = |(time, values): (&Vec<f64>, &Vec<f64>)| is_stepped(time, values);
+    let is_constant = |values: &[f64]| {
+        let mut known = values.iter().filter(|value| value.is_finite());
+        let first = known.next();
+        known.all(|value| Some(value) == first)
+    };
+    columns().any(is_stepped) && columns().all(|own| is_stepped(own) || is_constant(own.1))
 }
 
 /// Measured signals: outputs with the names of columns, and the position.

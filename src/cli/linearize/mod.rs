@@ -97,6 +97,8 @@ pub struct View {
     pub modes: Vec<Mode>,
     /// Each requested loop with its connection.
     pub loops: Vec<(String, Loop)>,
+    /// Whether some connections count as constant, so that the verdict is not that of the whole system.
+    pub is_part: bool,
 }
 
 impl View {
@@ -110,14 +112,23 @@ impl View {
 
     /// The verdict as a sentence.
     fn words(&self) -> String {
-        self.verdict().words(&self.modes, &self.in_steps())
+        let part = match self.is_part {
+            true => ", apart from the connections that count as constant",
+            false => "",
+        };
+        self.verdict().words(&self.modes, &(self.in_steps() + part))
     }
 }
 
 /// Notes on a linearization.
 fn notes(linearization: &Linearization) -> Vec<String> {
     let constant = linearization.constant.iter();
-    let constant = constant.map(|wire| format!("`{wire}` carries no real; it counts as constant"));
+    let constant = constant.map(|wire| {
+        format!(
+            "`{wire}` carries no continuous real and counts as constant: poles and verdict are those of the system \
+             without what it does, for which there is `pilotage cosim`"
+        )
+    });
     constant
         .chain(linearization.notes.iter().cloned())
         .collect()
@@ -205,13 +216,16 @@ impl Args {
         linearization: &Linearization,
         coupled: &StateSpace,
     ) -> Result<Vec<View>, Failure> {
+        let is_part = !linearization.constant.is_empty();
         let mut views = vec![View {
+            is_part,
             step: None,
             modes: Mode::of_poles(&coupled.poles()),
             loops: self.loops(linearization, |wire| linearization.loop_at(wire))?,
         }];
         if let Some(step) = self.in_steps {
             views.push(View {
+                is_part,
                 step: Some(step),
                 modes: Mode::of_poles(&linearization.poles_in_steps(step)?),
                 loops: self.loops(linearization, |wire| {

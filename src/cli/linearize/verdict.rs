@@ -3,8 +3,8 @@
 use crate::linear::Mode;
 use crate::report::significant;
 
-/// Real parts below this magnitude \[1/s\] (a factor e in twelve days) count as zero: rounding moves the poles of
-/// integrators by less.
+/// Real parts below this magnitude \[1/s\] (a factor e in twelve days) count as zero, or below this part of the fastest
+/// mode of a slow system: rounding moves the poles of integrators by less.
 const BORDER: f64 = 1e-6;
 
 /// Location of the poles.
@@ -23,8 +23,8 @@ impl Verdict {
     pub fn of(modes: &[Mode]) -> Self {
         match rightmost(modes) {
             None => Self::Stable,
-            Some(re) if re < -BORDER => Self::Stable,
-            Some(re) if re <= BORDER => Self::Border,
+            Some(re) if re < -border(modes) => Self::Stable,
+            Some(re) if re <= border(modes) => Self::Border,
             Some(_) => Self::Unstable,
         }
     }
@@ -61,7 +61,7 @@ impl Verdict {
             Self::Border => format!(
                 "ON THE BORDER{in_steps}: {} on the imaginary axis, as of integrators, and none right of it: \
                  what is in there never fades",
-                poles(modes, |re| re.abs() <= BORDER)
+                poles(modes, |re| re.abs() <= border(modes))
             ),
             Self::Unstable if re.is_infinite() => {
                 format!("UNSTABLE{in_steps}: the poles cannot be found; margins mean little then")
@@ -69,10 +69,15 @@ impl Verdict {
             Self::Unstable => format!(
                 "UNSTABLE{in_steps}: {} right of the imaginary axis, the fastest grows by a factor e in {time} s; \
                  margins mean little then",
-                poles(modes, |re| re > BORDER)
+                poles(modes, |re| re > border(modes))
             ),
         }
     }
+}
+
+fn border(modes: &[Mode]) -> f64 {
+    let fastest = modes.iter().map(|mode| mode.frequency).fold(0.0, f64::max);
+    BORDER * fastest.min(1.0)
 }
 
 fn rightmost(modes: &[Mode]) -> Option<f64> {
@@ -111,6 +116,11 @@ mod tests {
                 vec![(0.0, 0.0), (1e-9, 0.0), (-1.0, 0.0)],
                 "ON THE BORDER: 2 poles are on",
             ),
+            (
+                vec![(-1.3e-7, 0.0), (-2e-5, 0.0)],
+                "STABLE: every pole is left of the imaginary axis; the slowest fades with a time constant of 7.69e6 s",
+            ),
+            (vec![(0.0, 0.0)], "ON THE BORDER: 1 pole is on"),
             (
                 vec![(0.25, 1.0), (0.25, -1.0), (-1.0, 0.0)],
                 "UNSTABLE: 2 poles are right of the imaginary axis, the fastest grows by a factor e in 4.00 s",

@@ -37,23 +37,15 @@ pub(super) struct Access {
     items: HashMap<u32, Vec<i64>>,
     /// Arrays accessed by element, if any.
     arrays: Option<RefCell<Arrays>>,
-    /// Whether all reals are 64-bit scalars.
+    /// Whether all reals are 64-bit scalars; the same for those that are inputs, and for those that are outputs.
     is_simple: bool,
+    has_simple_inputs: bool,
+    has_simple_outputs: bool,
 }
 
 impl Access {
     /// Access including these arrays.
-    pub(super) fn with(description: &ModelDescription, arrays: Arrays) -> Self {
-        let scalars = Self::of(description);
-        Self {
-            is_simple: scalars.is_simple && arrays.is_empty(),
-            arrays: (!arrays.is_empty()).then(|| RefCell::new(arrays)),
-            ..scalars
-        }
-    }
-
-    /// Access to the scalars only.
-    pub(super) fn of(description: &ModelDescription) -> Self {
+    pub(super) fn new(description: &ModelDescription, arrays: Arrays) -> Self {
         let is_fmi3 = description.fmi_version == FmiVersion::V3;
         let variables = || description.variables.iter().filter(|_| is_fmi3);
         let types: HashMap<_, _> = variables()
@@ -64,27 +56,51 @@ impl Access {
             .filter(|v| types.get(&v.value_reference) == single)
             .map(|v| (v.value_reference, v.name.clone()))
             .collect();
+        let has_simple = |causality: Causality| {
+            let double = BaseType::Real(Precision::Double);
+            let is_simple = |v: &ScalarVariable| {
+                v.dimensions.is_empty()
+                    && (!matches!(v.kind, VariableKind::Real(_)) || v.kind.base_type() == double)
+            };
+            variables()
+                .filter(|v| v.causality == causality)
+                .all(is_simple)
+        };
         Self {
+            has_simple_inputs: has_simple(Causality::Input),
+            has_simple_outputs: has_simple(Causality::Output),
             items: items_of(description),
             structural: variables()
                 .filter(|v| v.causality == Causality::StructuralParameter)
                 .map(|v| v.value_reference)
                 .collect(),
-            arrays: None,
-            is_simple: singles.is_empty(),
+            is_simple: singles.is_empty() && arrays.is_empty(),
+            arrays: (!arrays.is_empty()).then(|| RefCell::new(arrays)),
             singles,
             types,
         }
     }
 
     /// Whether there are 32-bit reals.
-    pub(super) fn has_singles(&self) -> bool {
+    fn has_singles(&self) -> bool {
         !self.singles.is_empty()
     }
 
-    /// Whether all reals are 64-bit scalars, which calls access directly by handle.
-    pub(super) fn is_simple(&self) -> bool {
+    /// Whether all real inputs are 64-bit scalars, which calls access directly by handle.
+    pub(super) fn has_simple_inputs(&self) -> bool {
+        self.has_simple_inputs
+    }
+
+    /// The same for outputs.
+    pub(super) fn has_simple_outputs(&self) -> bool {
+        self.has_simple_outputs
+    }
+
+    /// Whether this real is a 64-bit scalar.
+    pub(super) fn is_scalar(&self, handle: u32) -> bool {
+        let is_element = |arrays: &RefCell<Arrays>| arrays.borrow().has(handle);
         self.is_simple
+            || !self.singles.contains_key(&handle) && !self.arrays.as_ref().is_some_and(is_element)
     }
 
     /// Sets reals; 64-bit reals in one call.

@@ -100,6 +100,11 @@ impl Arrays {
         (0..array.values.len()).map(name).zip(handles).collect()
     }
 
+    /// Whether the handle is that of an element.
+    pub(super) fn has(&self, handle: u32) -> bool {
+        self.element(handle).is_some()
+    }
+
     fn element(&self, handle: u32) -> Option<(usize, usize)> {
         let k = handle.checked_sub(self.base)?;
         self.elements.get(k as usize).copied()

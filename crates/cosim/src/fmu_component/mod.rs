@@ -20,7 +20,9 @@ use self::variables::variables;
 use super::component::{
     Abilities, Component, ComponentError, Experiment, Linear, Progress, Value, ValueKind, Variable,
 };
-use pilotage_fmi::description::{DefaultExperiment, FmiVersion, ModelDescription};
+use pilotage_fmi::description::{
+    Causality, DefaultExperiment, FmiVersion, ModelDescription, ScalarVariable, VariableKind,
+};
 use pilotage_fmi::instance::Saved;
 use pilotage_fmi::{Fmu, FmuError, Instance, InterfaceType, Step, fmu};
 use std::path::Path;
@@ -62,6 +64,8 @@ pub struct Outline {
     pub abilities: Abilities,
     /// Suggested stop time \[s\].
     pub suggested_stop: Option<f64>,
+    /// What is not simulated.
+    pub limitation: Option<String>,
 }
 
 impl Outline {
@@ -72,20 +76,15 @@ impl Outline {
     pub fn read(path: &Path, wanted: Option<InterfaceType>) -> Result<Self, FmuError> {
         let fmu = Fmu::open(path)?;
         let description = fmu.description();
-        let (variables, abilities) = match chosen(&fmu, wanted) {
-            InterfaceType::ModelExchange => {
-                let access = Access::of(description);
-                let abilities = model_exchange::abilities(description, &access);
-                (variables(description, &Arrays::default()), abilities)
-            }
+        let arrays = Arrays::of(description);
+        let variables = variables(description, &arrays);
+        let access = Access::new(description, arrays);
+        let abilities = match chosen(&fmu, wanted) {
+            InterfaceType::ModelExchange => model_exchange::abilities(description, &access),
             _ => {
-                let arrays = Arrays::of(description);
-                let variables = variables(description, &arrays);
-                let access = Access::with(description, arrays);
                 let is_fmi3 = description.fmi_version == FmiVersion::V3;
                 let fmi3 = is_fmi3.then(|| Fmi3::of(description).0);
-                let abilities = abilities(description, &access, fmi3.as_ref());
-                (variables, abilities)
+                abilities(description, &access, fmi3.as_ref())
             }
         };
         let experiment = description.default_experiment.unwrap_or_default();
@@ -93,6 +92,7 @@ impl Outline {
             variables,
             abilities,
             suggested_stop: experiment.stop_time,
+            limitation: limitation(description),
         })
     }
 }
@@ -115,6 +115,7 @@ pub struct FmuComponent {
     saved: Vec<(Saved, f64, Option<f64>)>,
     /// Derivative order 1 for each variable of a call.
     orders: Vec<i32>,
+    limitation: Option<String>,
 }
 
 impl FmuComponent {
@@ -142,7 +143,7 @@ impl FmuComponent {
         let instance = library.instantiate_with(name, InterfaceType::CoSimulation, options)?;
         let arrays = Arrays::of(description);
         let variables = variables(description, &arrays);
-        let access = Access::with(description, arrays);
+        let access = Access::new(description, arrays);
         Ok(Self {
             abilities: abilities(description, &access, fmi3.as_ref()),
             fmi3,
@@ -154,8 +155,26 @@ impl FmuComponent {
             knowns: Knowns::of(description),
             variables,
             experiment: description.default_experiment.unwrap_or_default(),
+            limitation: limitation(description),
         })
     }
+}
+
+/// Clocks of FMI 3.0 that an importer has to tick, which the master does not.
+fn limitation(description: &ModelDescription) -> Option<String> {
+    let is_input_clock = |own: &&ScalarVariable| {
+        own.causality == Causality::Input && matches!(own.kind, VariableKind::Clock { .. })
+    };
+    let clocks = description.variables.iter().filter(is_input_clock);
+    let names: Vec<String> = clocks.map(|own| format!("`{}`", own.name)).collect();
+    let (first, rest) = names.split_first()?;
+    let more = match rest.len() {
+        0 => String::new(),
+        n => format!(" and {n} more"),
+    };
+    Some(format!(
+        "the clock {first}{more} never ticks: input clocks of FMI 3.0 are not simulated here"
+    ))
 }
 
 impl Component for FmuComponent {
@@ -226,6 +245,10 @@ impl Component for FmuComponent {
 
     fn suggested_stop(&self) -> Option<f64> {
         self.experiment.stop_time
+    }
+
+    fn limitation(&self) -> Option<String> {
+        self.limitation.clone()
     }
 
     fn terminate(&mut self) -> Result<(), ComponentError> {
@@ -326,22 +349,22 @@ impl Component for FmuComponent {
     }
 }
 
-/// Capabilities from the model description. 32-bit reals and arrays have no derivatives here.
+/// Capabilities from the model description. 32-bit inputs or outputs and arrays have no derivatives here.
 fn abilities(description: &ModelDescription, access: &Access, fmi3: Option<&Fmi3>) -> Abilities {
     let Some(cs) = &description.co_simulation else {
         return Abilities::default();
     };
-    let is_simple = access.is_simple();
+    let (inputs, outputs) = (access.has_simple_inputs(), access.has_simple_outputs());
     Abilities {
         rollback: cs.can_get_and_set_fmu_state,
         variable_steps: cs.can_handle_variable_communication_step_size,
         // FMI 3.0 uses intermediate updates for this.
         input_derivatives: match fmi3 {
-            Some(fmi3) => fmi3.has_ramps() && is_simple,
+            Some(fmi3) => fmi3.has_ramps() && inputs,
             None => cs.can_interpolate_inputs,
         },
-        output_derivatives: cs.max_output_derivative_order >= 1 && is_simple,
-        directional_derivatives: cs.provides_directional_derivative && is_simple,
+        output_derivatives: cs.max_output_derivative_order >= 1 && outputs,
+        directional_derivatives: cs.provides_directional_derivative && inputs && outputs,
     }
 }
 

@@ -32,6 +32,7 @@ pub struct ModelExchangeComponent {
     saved: Vec<Option<SavedRun>>,
     /// Inputs set last.
     last: Vec<f64>,
+    limitation: Option<String>,
 }
 
 impl ModelExchangeComponent {
@@ -42,13 +43,15 @@ impl ModelExchangeComponent {
     pub fn new(library: &fmu::Library, name: &str) -> Result<Self, FmuError> {
         let description = library.description();
         let instance = library.instantiate(name, pilotage_fmi::InterfaceType::ModelExchange)?;
-        let access = Access::of(description);
+        let arrays = Arrays::of(description);
+        let variables = variables(description, &arrays);
+        let access = Access::new(description, arrays);
         Ok(Self {
             run: ModelExchangeRun::new(instance, description, RunOptions::default()),
             abilities: abilities(description, &access),
             access,
             knowns: Knowns::of(description),
-            variables: variables(description, &Arrays::default()),
+            variables,
             experiment: description.default_experiment.unwrap_or_default(),
             start: 0.0,
             // Assumes steps of 10 ms until the step is known.
@@ -56,6 +59,7 @@ impl ModelExchangeComponent {
             has_begun: false,
             saved: Vec::new(),
             last: Vec::new(),
+            limitation: super::limitation(description),
         })
     }
 
@@ -71,10 +75,11 @@ pub(super) fn abilities(description: &ModelDescription, access: &Access) -> Abil
     Abilities {
         rollback: me.is_some_and(|me| me.can_get_and_set_fmu_state),
         variable_steps: true,
-        input_derivatives: !access.has_singles(),
-        output_derivatives: access.is_simple(),
+        input_derivatives: access.has_simple_inputs(),
+        output_derivatives: access.has_simple_outputs(),
         directional_derivatives: me.is_some_and(|me| me.provides_directional_derivative)
-            && access.is_simple(),
+            && access.has_simple_inputs()
+            && access.has_simple_outputs(),
     }
 }
 
@@ -112,16 +117,18 @@ impl Component for ModelExchangeComponent {
     }
 
     fn set_reals(&mut self, handles: &[u32], values: &[f64]) -> Result<(), ComponentError> {
-        if self.has_begun && !self.access.has_singles() {
-            self.last.clear();
-            self.last.extend_from_slice(values);
+        if !self.has_begun {
+            let instance = self.run.instance();
+            return self.access.set_reals(instance, handles, values);
+        }
+        self.last.clear();
+        self.last.extend_from_slice(values);
+        if handles.iter().all(|handle| self.access.is_scalar(*handle)) {
             return Ok(self.run.set_inputs(handles, values, None)?);
         }
-        let instance = match self.has_begun {
-            true => self.run.event_mode()?,
-            false => self.run.instance(),
-        };
-        self.access.set_reals(instance, handles, values)
+        // Others are held: only calls for 64-bit scalars follow lines.
+        self.access
+            .set_reals(self.run.event_mode()?, handles, values)
     }
 
     fn get_reals(&mut self, handles: &[u32], values: &mut [f64]) -> Result<(), ComponentError> {
@@ -150,8 +157,16 @@ impl Component for ModelExchangeComponent {
         })
     }
 
+    fn next_jump(&self, t: f64) -> Option<f64> {
+        self.run.next_event().filter(|&next| next > t)
+    }
+
     fn suggested_stop(&self) -> Option<f64> {
         self.experiment.stop_time
+    }
+
+    fn limitation(&self) -> Option<String> {
+        self.limitation.clone()
     }
 
     fn terminate(&mut self) -> Result<(), ComponentError> {

@@ -212,25 +212,29 @@ impl Stepper {
         self.stride_in_halves(t, end, h, 1.0)
     }
 
-    /// One step, which is this part of a fixed step. If it is too long for strong coupling, it is replaced by two
-    /// halves, which may be halved again. If it cannot be halved, a meaningless result ends the run, and smaller errors
-    /// are reported.
+    /// One step, which is this part of a fixed step. If it is too long for strong coupling, or for a component that
+    /// discards it, it is replaced by two halves, which may be halved again. If it cannot be halved, a meaningless result
+    /// ends the run, and smaller errors are reported.
     fn stride_in_halves(&mut self, t: f64, end: f64, h: f64, part: f64) -> Result<(), Ending> {
         if self.strong.is_some() {
             self.exchange.save().map_err(|failure| failure.at(t))?;
         }
-        let has_converged = self.attempt(h, false)?;
         let can_halve = self.can_vary && self.parts_left > 0 && part > SHORTEST_PART;
         let can_go_back = self.strong.is_some() && self.can_reject;
-        match can_go_back.then(|| self.misled(part)).flatten() {
-            Some(_) if can_halve => {}
-            Some((instance, input)) if self.is_nonsense() => {
-                return Err(self.exchange.wired[instance].misled(input, t, h));
-            }
-            _ => {
-                self.accept(end, h, has_converged);
-                return Ok(());
-            }
+        match self.attempt(h, false) {
+            // A shorter step may succeed.
+            Err(Ending::Discarded { .. }) if can_halve && can_go_back => {}
+            Err(ending) => return Err(ending),
+            Ok(has_converged) => match can_go_back.then(|| self.misled(part)).flatten() {
+                Some(_) if can_halve => {}
+                Some((instance, input)) if self.is_nonsense() => {
+                    return Err(self.exchange.wired[instance].misled(input, t, h));
+                }
+                _ => {
+                    self.accept(end, h, has_converged);
+                    return Ok(());
+                }
+            },
         }
         self.parts_left -= 1;
         self.exchange.restore().map_err(|failure| failure.at(t))?;

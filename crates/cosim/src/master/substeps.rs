@@ -5,14 +5,20 @@ use super::wired::{BEGIN, END, Failure, LAST_PART, Values, Wired};
 use super::{Ending, Stage};
 use crate::component::Value;
 
+/// Limits of [`Wired::last_piece`].
+const SHORTEST_PIECE: f64 = 0.01;
+const LONGEST_PIECE: f64 = 1.0 / 3.0;
+
 impl Wired {
     /// Takes the communication step from `t` by `h` in `parts` equal steps, with inputs along `profiles`, and reads the
     /// outputs.
     ///
     /// For the states, inputs are ramps or the middle of each part's line. Outputs with direct feedthrough need the
-    /// input values at the end; if these differ, they are taken from an extra last part that ends there, before the
-    /// component is restored and takes the actual last part. The derivatives of these outputs are those for the inputs'
-    /// derivatives at the end too, if the component has directional derivatives.
+    /// input values at the end; if these differ, ramps are taken from an extra last part that ends there, before the
+    /// component is restored and takes the actual last part. Held inputs get the end values in a last piece of that
+    /// part, with the mean kept ([`Self::last_piece`]): outputs may depend on states and inputs, and many FMUs do not say
+    /// on which. Without steps of any length, these too are taken from an extra part. The derivatives of these outputs
+    /// are those for the inputs' derivatives at the end too, if the component has directional derivatives.
     pub(super) fn substeps(
         &mut self,
         values: &mut Values,
@@ -30,8 +36,9 @@ impl Wired {
             false => !is_held,
         };
         let needs_ends = self.outputs.has_feedthrough && ends_elsewhere;
-        let has_two_passes = needs_ends && self.abilities.rollback;
-        let only_ends = needs_ends && !has_two_passes && self.outputs.feeds_through;
+        let is_split = needs_ends && !is_ramp && self.abilities.variable_steps;
+        let has_two_passes = needs_ends && !is_split && self.abilities.rollback;
+        let only_ends = needs_ends && !has_two_passes && !is_split && self.outputs.feeds_through;
         let place = if only_ends && !is_ramp { 1.0 } else { 0.5 };
         self.note_used(profiles, (2.0 * place - 1.0) / f64::from(parts));
         let step = h / f64::from(parts);
@@ -46,17 +53,23 @@ impl Wired {
                 }
                 self.step(begin, step, true)?;
                 self.get_outputs(values).map_err(failed)?;
-                if self.passes_slopes() {
-                    let given = |p: usize| match is_ramp {
-                        true => 2.0 * profiles[p].to_end().lean / h,
-                        false => 0.0,
-                    };
-                    let effects = self.effect_on_slopes(|p| profiles[p].slope - given(p));
-                    for (p, effect) in effects.map_err(failed)? {
-                        values.slopes[p] += effect;
-                    }
-                }
+                let given = |p: usize| match is_ramp {
+                    true => 2.0 * profiles[p].to_end().lean / h,
+                    false => 0.0,
+                };
+                self.add_slopes(values, |p| profiles[p].slope - given(p))
+                    .map_err(failed)?;
                 self.restore(LAST_PART).map_err(failed)?;
+            }
+            if is_split && part + 1 == parts {
+                let piece = self.last_piece(profiles, at(0.5));
+                self.hold_before(profiles, at(0.5), piece).map_err(failed)?;
+                let middle = begin + (1.0 - piece) * step;
+                self.step(begin, middle - begin, is_revocable)?;
+                self.hold(profiles, true, 1.0).map_err(failed)?;
+                self.step(middle, begin + step - middle, is_revocable)?;
+                self.get_outputs(values).map_err(failed)?;
+                return (self.add_slopes(values, |p| profiles[p].slope)).map_err(failed);
             }
             match is_ramp {
                 true => self
@@ -70,6 +83,53 @@ impl Wired {
             true => self.get_settled(values).map_err(failed),
             false => self.get_outputs(values).map_err(failed),
         }
+    }
+
+    /// Last piece of a part in which the inputs have their end values, as a fraction of it. The values before keep the
+    /// mean. A third keeps the first moment of a line too, so that the states have an error of third order; it is shorter
+    /// if an input is elsewhere than its line at the end, so that no value before is beyond the line by much.
+    fn last_piece(&self, profiles: &[InputProfile], middle: f64) -> f64 {
+        let of = |p: &usize| {
+            let profile = &profiles[*p];
+            let beyond = profile.end - profile.line(middle);
+            let rise = profile.line(1.0) - profile.line(middle);
+            match beyond == 0.0 {
+                true => LONGEST_PIECE,
+                false => (rise / (3.0 * beyond)).clamp(SHORTEST_PIECE, LONGEST_PIECE),
+            }
+        };
+        let all = self.inputs.positions.iter().map(of);
+        all.fold(LONGEST_PIECE, f64::min)
+    }
+
+    /// Sets the inputs to the values with which a part has the mean of its line, whose middle is at this fraction of the
+    /// step, if the inputs have their end values in the last `piece` of it.
+    fn hold_before(
+        &mut self,
+        profiles: &[InputProfile],
+        middle: f64,
+        piece: f64,
+    ) -> Result<(), Failure> {
+        for (value, &p) in self.inputs.values.iter_mut().zip(&self.inputs.positions) {
+            let profile = &profiles[p];
+            *value = (profile.line(middle) - piece * profile.end) / (1.0 - piece);
+        }
+        self.set_reals()
+    }
+
+    /// Adds the effect of these changes of the inputs' derivatives to the derivatives of the fed outputs, if derivatives
+    /// of inputs act on them at once.
+    fn add_slopes(
+        &mut self,
+        values: &mut Values,
+        change: impl Fn(usize) -> f64,
+    ) -> Result<(), Failure> {
+        if self.passes_slopes() {
+            for (p, effect) in self.effect_on_slopes(change)? {
+                values.slopes[p] += effect;
+            }
+        }
+        Ok(())
     }
 
     /// Whether derivatives of inputs act on those of outputs at once, and these are used.

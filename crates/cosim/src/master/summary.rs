@@ -4,10 +4,13 @@ use super::change::Change;
 use super::stepper::Stepper;
 use crate::algorithms::{Algorithm, Coupling};
 use crate::report::{ConnectionReport, CouplingError, InstanceReport, Report, Steps, Transfer};
-use crate::system::System;
+use crate::system::{Connection, System};
 
-/// The connections of reals, with names and positions.
-pub(super) struct Wires(Vec<Wire>);
+/// The connections of reals, with names and positions, and source and target of all connections.
+pub(super) struct Wires {
+    reals: Vec<Wire>,
+    all: Vec<(usize, usize)>,
+}
 
 struct Wire {
     from: String,
@@ -41,7 +44,26 @@ impl Wires {
             });
             inputs[target] += 1;
         }
-        Self(wires)
+        let ends = |own: &Connection| (own.from.instance, own.to.instance);
+        Self {
+            reals: wires,
+            all: system.connections.iter().map(ends).collect(),
+        }
+    }
+
+    /// Whether what goes from one instance to another comes back to it.
+    fn is_in_loop(&self, (source, target): (usize, usize)) -> bool {
+        let (mut reached, mut waiting) = (vec![target], vec![target]);
+        while let Some(own) = waiting.pop() {
+            let next = self.all.iter().filter(|(from, _)| *from == own);
+            for &(_, to) in next {
+                if !reached.contains(&to) {
+                    reached.push(to);
+                    waiting.push(to);
+                }
+            }
+        }
+        reached.contains(&source)
     }
 
     /// The report of a run of this many steps of the clock and `duration` [s] of simulated time.
@@ -71,8 +93,14 @@ impl Wires {
         Report {
             steps,
             instances,
-            connections: (self.0.iter())
-                .map(|wire| wire.report(stepper, coupling, duration))
+            connections: (self.reals.iter())
+                .map(|wire| {
+                    let mut report = wire.report(stepper, coupling, duration);
+                    // What does not come back may grow, but no coupling diverges.
+                    let is_in_loop = || self.is_in_loop((wire.source, wire.target));
+                    report.divergence = report.divergence.filter(|_| is_in_loop());
+                    report
+                })
                 .collect(),
             fixed: (wired.iter())
                 .filter(|w| steps.ramps > 0 && !w.abilities.variable_steps)

@@ -107,9 +107,10 @@ impl Wired {
     }
 
     /// Whether inputs that change within a step are given their values at the end: outputs have direct feedthrough, and
-    /// without rollback no second step can separate them from the state.
+    /// without rollback and steps of any length nothing can separate them from the state.
     pub(super) fn is_given_ends(&self) -> bool {
-        !self.abilities.input_derivatives && self.outputs.feeds_through && !self.abilities.rollback
+        let can_separate = self.abilities.rollback || self.abilities.variable_steps;
+        !self.abilities.input_derivatives && self.outputs.feeds_through && !can_separate
     }
 
     #[cold]

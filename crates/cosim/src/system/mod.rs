@@ -280,6 +280,12 @@ impl System {
         }
     }
 
+    /// What is not simulated of an instance.
+    pub fn limitations(&self) -> impl Iterator<Item = String> {
+        let own = self.instances.iter();
+        own.filter_map(|own| Some(format!("`{}`: {}", own.name, own.component.limitation()?)))
+    }
+
     /// Stop time suggested by the instances \[s\]; `None` if none suggests one or they differ.
     pub fn suggested_stop(&self) -> Option<f64> {
         let mut stops = (self.instances.iter()).filter_map(|i| i.component.suggested_stop());

@@ -94,8 +94,8 @@ pub struct Fed {
     pub signal: Spanned<String>,
     /// Name of the column.
     pub column: Spanned<String>,
-    /// Interpolation between samples.
-    pub hold: Hold,
+    /// Interpolation between samples, if given; else linear.
+    pub hold: Option<Hold>,
 }
 
 /// Interpolation of a column between two samples.

@@ -30,6 +30,8 @@ pub struct Beforehand {
     /// Identifiability of the parameters. None if it is unknown, for FMUs, since a call may end them, and if noise
     /// drives the system.
     pub identifiability: Option<Identifiability>,
+    /// The inputs of the system, if nothing drives any of them.
+    pub undriven: Vec<String>,
 }
 
 /// Local identifiability where the search begins: the sensitivity of the measured signals to the parameters, at several
@@ -71,6 +73,10 @@ pub fn beforehand(posed: &Posed<'_>, stop: &Stop<'_>) -> Beforehand {
             true => None,
             false => identifiability(posed, stop),
         },
+        undriven: match posed.file.inputs.is_empty() && posed.filter.is_none() {
+            true => posed.joint.model.inputs.clone(),
+            false => Vec::new(),
+        },
         excitation,
     }
 }
@@ -105,6 +111,15 @@ impl Beforehand {
     /// Diagnostics before the solve, in words.
     pub fn words(&self) -> Vec<String> {
         let mut all: Vec<String> = self.starved.iter().map(ToString::to_string).collect();
+        if let Some(first) = self.undriven.first() {
+            let more = match self.undriven.len() {
+                1 => "its start value",
+                _ => "its start value, as do all other inputs",
+            };
+            all.push(format!(
+                "nothing drives `{first}`, which keeps {more}: [inputs] names the columns that drive inputs"
+            ));
+        }
         if let Some(own) = &self.identifiability {
             let at = counted(own.starts, "start");
             let both = own.flat.iter().chain(&own.weak);

@@ -128,6 +128,13 @@ pub enum Diagnostic {
         /// The correlation at that lag.
         correlation: f64,
     },
+    /// A column that keeps its values and jumps drives an input, linear between its samples unless stated otherwise.
+    Stepped {
+        /// The input.
+        input: String,
+        /// The column.
+        column: String,
+    },
     /// Outliers: samples whose residuals deviate from those of their neighbours on both sides.
     Outlier {
         /// The measured column.
@@ -247,6 +254,7 @@ impl Diagnostic {
             Self::Alone(_) => "alone",
             Self::PoorFit { .. } => "poor-fit",
             Self::InputLeft { .. } => "input-left",
+            Self::Stepped { .. } => "stepped-input",
             Self::Outlier { .. } => "outlier",
             Self::Jump { .. } => "jump",
             Self::Misfit { .. } => "misfit",
@@ -482,6 +490,12 @@ impl fmt::Display for Diagnostic {
                 "of {starts} starts one alone led to this optimum: there may be better ones; raise `starts`"
             ),
             Self::Mixed(words) => write!(f, "{words}"),
+            Self::Stepped { input, column } => write!(
+                f,
+                "{column} keeps its values and jumps, and `{input}` follows it along lines from sample to sample, so that \
+                 delays and lags come out wrong: write `\"{input}\" = {{ column = \"{column}\", hold = \"zero-order\" }}`, or \
+                 hold = \"linear\" if it is so"
+            ),
             Self::Undefined(what) => write!(f, "where the search begins, in {what}"),
             Self::EarlyEnd { run, time } => write!(
                 f,

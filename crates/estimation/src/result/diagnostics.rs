@@ -1,6 +1,7 @@
 //! Finds the diagnostics of a result.
 
 use crate::posed::Posed;
+use crate::posed::data::RunData;
 use crate::problem::file::Mesh;
 use crate::result::Beside;
 use crate::result::diagnostic::Diagnostic;
@@ -12,6 +13,7 @@ use crate::search::solved::Solved;
 use crate::search::starts::given;
 use crate::system::part::FmuPart;
 use pilotage_expression::Node;
+use pilotage_inference::is_stepped;
 use pilotage_inference::residuals::LjungBox;
 use pilotage_series::flown;
 use pilotage_sqp::Status;
@@ -111,6 +113,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
         }
     }
     all.extend(of_copies(posed, fit));
+    all.extend(stepped(posed));
     let heads =
         (posed.data.iter()).map(|run| (run.line.name.as_str(), run.series.comments.as_slice()));
     all.extend(flown::mixed(heads).into_iter().map(Diagnostic::Mixed));
@@ -132,6 +135,23 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     let is_known = fit.is_met() && fit.cut.is_none();
     all.extend((is_known && !fit.agrees()).then_some(simulated));
     all
+}
+
+/// Inputs that are driven along lines by columns that jump.
+fn stepped(posed: &Posed<'_>) -> impl Iterator<Item = Diagnostic> {
+    let jumps = |column: &str| {
+        let own = |run: &RunData<'_>| {
+            let column = run.series.column(column);
+            column.is_some_and(|own| is_stepped(&run.series.time, &own.values))
+        };
+        posed.data.iter().any(own)
+    };
+    let unsaid = posed.file.inputs.iter().filter(|own| own.hold.is_none());
+    let stepped = unsaid.filter(move |own| jumps(&own.column.value));
+    stepped.map(|own| Diagnostic::Stepped {
+        input: own.signal.value.clone(),
+        column: own.column.value.clone(),
+    })
 }
 
 /// A simulation with the start values that ends early.

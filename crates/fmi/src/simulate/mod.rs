@@ -17,6 +17,10 @@ use super::version::State;
 use pilotage_abi::{fmi2, fmi3};
 use pilotage_ode::{Advance, Method, Solver};
 
+/// A time event within this part of a step after its end is at its end: times that are counted and times that are added up
+/// differ by rounding.
+const AT_TARGET: f64 = 1e-9;
+
 /// Solver options of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunOptions {
@@ -122,6 +126,11 @@ impl ModelExchangeRun {
     /// Current time \[s\].
     pub fn time(&self) -> f64 {
         self.solver.time()
+    }
+
+    /// Time of the next time event \[s\], if the instance has announced one.
+    pub fn next_event(&self) -> Option<f64> {
+        self.next_time
     }
 
     /// Continuous states at the current time.
@@ -272,13 +281,17 @@ impl ModelExchangeRun {
         state == State::Fmi2(fmi2::State::EventMode) || state == State::Fmi3(fmi3::State::EventMode)
     }
 
-    /// Integrates to `target` \[s\], and handles all events up to and at that time.
+    /// Integrates to `target` \[s\], and handles all events up to and at that time. A time event that differs from it by
+    /// rounding is at that time: the run then ends at the event's.
     pub fn step_to(&mut self, target: f64) -> Result<Reached, RunError> {
         if self.is_in_event_mode() {
             self.finish_event(false)?;
         }
+        let near = AT_TARGET * (target - self.time()) + 8.0 * f64::EPSILON * target.abs();
         while !self.is_over && self.time() < target {
-            self.advance(target)?;
+            let is_near = |next: &f64| *next <= (target + near).min(self.stop);
+            let event = self.next_time.filter(is_near);
+            self.advance(event.map_or(target, |next| next.max(target)))?;
         }
         Ok(match self.is_over {
             true => Reached::EndRequested(self.time()),

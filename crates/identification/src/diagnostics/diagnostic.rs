@@ -115,6 +115,16 @@ pub enum Diagnostic {
         /// The target before and after \[m\].
         around: f64,
     },
+    /// A target that keeps its values and jumps, in a fit that takes it as linear between samples.
+    #[error(
+        "the target of {run} keeps its values and jumps, and a fit of flights follows it along lines from sample to sample, \
+         so that delay and lag of the pilot come out wrong; `pilotage init` writes a problem file in which it jumps (hold = \
+         \"zero-order\")"
+    )]
+    SteppedTarget {
+        /// Name of the first such run.
+        run: String,
+    },
     /// The recording jumps and does not return.
     #[error(
         "{run} jumps by {size:.3e}{} at {time} s and does not come back: part of it may have another origin \
@@ -383,6 +393,7 @@ impl Diagnostic {
             Self::Gap { .. } => "gap",
             Self::Moving { .. } => "moving-start",
             Self::TargetOutlier { .. } => "target-outlier",
+            Self::SteppedTarget { .. } => "stepped-target",
             Self::Jump { .. } => "jump",
             Self::MeshError { .. } => "mesh-error",
             Self::Leaves { .. } => "leaves-target",

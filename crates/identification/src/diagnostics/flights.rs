@@ -1,11 +1,12 @@
 //! Diagnostics of the recorded flights and the vehicle, independent of θ.
 
 use super::{Diagnostic, Fit, FitOptions, Trial};
-use crate::Mesh;
 use crate::start::implied_stick;
 use crate::statistics::range;
 use crate::trials::{SATURATED, at_stop, median_step};
 use crate::vehicle::PitchLoop;
+use crate::{Mesh, Objective};
+use pilotage_inference::is_stepped;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
@@ -45,12 +46,22 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
         vehicle_size(options).filter(|_| vehicle),
         (vehicle && !PitchLoop::of(&options.vehicle).is_stable())
             .then_some(Diagnostic::VehicleUnstable),
+        stepped(options, trials),
         coarse_mesh(options, trials),
         saturated(fit, options, trials),
     ]
     .into_iter()
     .flatten()
     .collect()
+}
+
+/// Targets that jump within a run.
+fn stepped(options: &FitOptions, trials: &[Trial]) -> Option<Diagnostic> {
+    let mut trials = trials.iter();
+    let own = trials.find(|own| is_stepped(&own.time, &own.target))?;
+    (options.objective == Objective::Response).then(|| Diagnostic::SteppedTarget {
+        run: own.name.clone(),
+    })
 }
 
 /// Flights with bitwise identical samples.

@@ -163,7 +163,9 @@ impl<'a> Loop<'a> {
             return (0.0, 0.0);
         }
         let (k, part) = (at.floor() as usize, at.fract());
-        let (a, b) = (seen[k], seen[(k + 1).min(seen.len() - 1)]);
+        // Without a delay, what is seen at the end of a step is what was seen at its beginning.
+        let last = seen.len() - 1;
+        let (a, b) = (seen[k.min(last)], seen[(k + 1).min(last)]);
         (a.0 + part * (b.0 - a.0), a.1 + part * (b.1 - a.1))
     }
 

@@ -3,6 +3,7 @@
 use super::bands::bands;
 use super::checked::records;
 use super::{Flight, Point, Unfit, response};
+use crate::stepped::is_stepped;
 use pilotage_text::counted;
 use std::fmt;
 
@@ -26,6 +27,8 @@ pub struct Excitation {
     pub is_motionless: bool,
     /// Whether no target moves after the start of the flight.
     pub is_still: bool,
+    /// Whether they stand still or jump, and at least one jumps.
+    pub jumps: bool,
     /// Whether the response is the stick; otherwise no flight has a stick, and it is the position.
     pub of_stick: bool,
     /// Rows by ascending frequency.
@@ -64,9 +67,11 @@ impl Excitation {
             true => points.iter().map(Row::of).collect(),
             false => bands(flights, of_stick)?,
         };
-        let is_still = flights
-            .iter()
-            .all(|own| own.forcing.iter().all(|own| stands_still(own)));
+        let all_forcings = |is_such: &dyn Fn(&[f64], &[f64]) -> bool| {
+            let is_own = |own: &Flight<'_>| own.forcing.iter().all(|all| is_such(all, own.time));
+            flights.iter().all(is_own)
+        };
+        let is_still = all_forcings(&|own, _| stands_still(own));
         let unseen = unfit.iter().map(|(_, why)| why);
         let mut unseen = unseen.filter(|why| matches!(why, Unfit::Uneven | Unfit::Missing));
         let response = |own: &Flight<'_>| match of_stick {
@@ -76,6 +81,8 @@ impl Excitation {
         Some(Self {
             has_lines,
             unseen: unseen.next().copied().filter(|_| !has_lines),
+            jumps: !is_still
+                && all_forcings(&|own, time| stands_still(own) || is_stepped(time, own)),
             is_undriven: is_still && rows.iter().all(|own| own.forcing == 0.0),
             is_motionless: flights.iter().all(response),
             is_still,
@@ -128,10 +135,10 @@ impl Excitation {
         (asked > determined).then_some(Starved { determined, asked })
     }
 
-    /// Recommended flights if targets do not move.
+    /// Recommended flights if targets do not move, or jump alone.
     pub fn advice(&self) -> Option<&'static str> {
-        self.is_still.then_some(
-            "from targets that stand still, a pilot with lead is found with half of the human's crossover; a target that moves \
+        (self.is_still || self.jumps).then_some(
+            "from targets that stand still or jump, a pilot with lead is found with half of the human's crossover; a target that moves \
              as a sum of sines determines crossover, lead and delay: `pilotage trials synth --target sines`, docs/guidance.md, section 1",
         )
     }

@@ -242,6 +242,10 @@ impl Bootstrapped {
             0 => String::new(),
             failed => format!("; {failed} did not converge and are left out"),
         };
+        let failed = match self.missing() {
+            0 => failed,
+            missing => format!("{failed}; stopped, {missing} of {} are missing", self.asked),
+        };
         format!(
             "bootstrap: {} refits, {}, seed {}{failed}",
             self.converged(),

@@ -453,6 +453,10 @@ impl Component for Isolated {
         self.outline.suggested_stop
     }
 
+    fn limitation(&self) -> Option<String> {
+        self.outline.limitation.clone()
+    }
+
     /// Also frees the FMU, so that errors there are reported too.
     fn terminate(&mut self) -> Result<(), ComponentError> {
         if self.gone.is_some() {

@@ -51,7 +51,7 @@ impl Assembly<'_> {
             let source = Source::Column {
                 name: fed.column.clone(),
                 unit: self.joint.unit(name).map(str::to_owned),
-                hold: fed.hold,
+                hold: fed.hold.unwrap_or(Hold::Linear),
                 missing: None,
             };
             self.sources.push((Key::Fed(name.clone()), source));

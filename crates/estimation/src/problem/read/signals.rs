@@ -9,11 +9,11 @@ use pilotage_text::document::TomlTable;
 
 impl Reader<'_> {
     pub(super) fn inputs(&self, root: TomlTable<'_>) -> Read<Vec<Fed>> {
-        const HOLDS: [(&str, Hold); 4] = [
-            ("linear", Hold::Linear),
-            ("zero-order", Hold::Zero),
-            ("foh", Hold::Linear),
-            ("zoh", Hold::Zero),
+        const HOLDS: [(&str, Option<Hold>); 4] = [
+            ("linear", Some(Hold::Linear)),
+            ("zero-order", Some(Hold::Zero)),
+            ("foh", Some(Hold::Linear)),
+            ("zoh", Some(Hold::Zero)),
         ];
         let mut all = Vec::new();
         for (table, field, signal) in self.section(root, "inputs")? {
@@ -21,7 +21,7 @@ impl Reader<'_> {
                 true => (table.required(field, table.table(field)?)?, "column"),
                 false => (table, field),
             };
-            let mut hold = Hold::Linear;
+            let mut hold = None;
             if table.is_table(field) {
                 own.only(&["column", "hold"])?;
                 hold = word(own, "hold", &HOLDS, hold)?;

@@ -162,6 +162,7 @@ fn outputs(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Vec<Vec<Vec<f
 /// The noise of each term, given the residuals of all runs.
 fn noises(posed: &Posed<'_>, outputs: &[Vec<Vec<f64>>]) -> Vec<Noise> {
     let terms = posed.runs.first().map_or(0, |run| run.measured.len());
+    let unknowns_per_value = unknowns_per_value(posed);
     let noise = |term: usize| {
         let runs = posed.runs.iter().zip(outputs);
         let residuals = runs.flat_map(|(run, outputs)| {
@@ -171,11 +172,30 @@ fn noises(posed: &Posed<'_>, outputs: &[Vec<Vec<f64>>]) -> Vec<Noise> {
         match posed.runs[0].measured[term].loss {
             Loss::Square | Loss::Linear => Noise::Normal,
             Loss::Student { dof } => Noise::student(dof, residuals),
-            Loss::Absolute { smoothing } => Noise::laplace(smoothing, residuals),
+            Loss::Absolute { smoothing } => {
+                Noise::laplace(smoothing, unknowns_per_value, residuals)
+            }
             Loss::Huber { threshold } => Noise::huber(threshold, residuals),
         }
     };
     (0..terms).map(noise).collect()
+}
+
+/// Number of unknowns, without as many as there are priors, over that of measured values.
+fn unknowns_per_value(posed: &Posed<'_>) -> f64 {
+    let own = terms(posed);
+    let count = |terms: &[usize]| -> usize {
+        let runs = posed.runs.iter();
+        let recordings = runs.flat_map(|run| terms.iter().map(|k| &run.measured[*k]));
+        recordings
+            .map(|own| own.values.iter().filter(|y| y.is_finite()).count())
+            .sum()
+    };
+    let signals: Vec<usize> = own.iter().map(|own| own.residual).collect();
+    let all = posed.runs.first().map_or(0, |run| run.measured.len());
+    let priors: Vec<usize> = (own.iter().map(Terms::end).max().unwrap_or(0)..all).collect();
+    let unknowns = posed.count().saturating_sub(count(&priors));
+    unknowns as f64 / count(&signals).max(1) as f64
 }
 
 /// A run at a solution.
