@@ -130,23 +130,30 @@ fn exponential(matrix: DMatrix<f64>) -> DMatrix<f64> {
     let squarings = (norm(&matrix) / ACCURATE).log2().ceil().max(0.0) as i32;
     let size = matrix.nrows();
     let a = matrix * 0.5_f64.powi(squarings);
-    let a2 = &a * &a;
-    let a4 = &a2 * &a2;
-    let a6 = &a4 * &a2;
+    let a2 = product(&a, &a);
+    let a4 = product(&a2, &a2);
+    let a6 = product(&a4, &a2);
     // The terms of the degrees k, k + 2, k + 4 and k + 6, divided by A^k for an even k and by A^(k - 1) for an odd one.
     let four = |k: usize| {
         let constant = DMatrix::from_diagonal_element(size, size, B[k]);
         constant + &a2 * B[k + 2] + &a4 * B[k + 4] + &a6 * B[k + 6]
     };
-    let three = |k: usize| &a6 * (&a2 * B[k] + &a4 * B[k + 2] + &a6 * B[k + 4]);
+    let three = |k: usize| product(&a6, &(&a2 * B[k] + &a4 * B[k + 2] + &a6 * B[k + 4]));
     let even = three(8) + four(0);
-    let odd = a * (three(9) + four(1));
+    let odd = product(&a, &(three(9) + four(1)));
     let solved = (&even - &odd).lu().solve(&(&even + &odd));
     let mut exponential = solved.unwrap_or_else(|| DMatrix::from_element(size, size, f64::NAN));
     for _ in 0..squarings {
-        exponential = &exponential * &exponential;
+        exponential = product(&exponential, &exponential);
     }
     exponential
+}
+
+/// The product of two square matrices. nalgebra's is computed by another crate where the standard library is there, with
+/// other rounding: an FMU and its model would differ in the last bits.
+fn product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = a.nrows();
+    DMatrix::from_fn(n, n, |i, j| (0..n).map(|k| a[(i, k)] * b[(k, j)]).sum())
 }
 
 /// The 1-norm; NaN if an entry is NaN.

@@ -24,6 +24,9 @@ const MOST_UNCONVERGED: u32 = 100;
 const MAX_PARTS: u32 = 4096;
 const SHORTEST_PART: f64 = 1e-7;
 
+/// Shortest part of a fixed step that is halved because a component discards it.
+const SHORTEST_AFTER_DISCARD: f64 = 1e-3;
+
 /// Length of the step across a jump relative to the clock's step; the jump's ramp within it has no effect.
 const OVER_A_JUMP: f64 = 1e-6;
 
@@ -209,7 +212,19 @@ impl Stepper {
 
     fn stride_once(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
         self.parts_left = MAX_PARTS;
-        self.stride_in_halves(t, end, h, 1.0)
+        let result = self.stride_in_halves(t, end, h, 1.0);
+        if let Err(Ending::Discarded { .. }) = &result
+            && self.strong.is_some()
+            && self.can_reject
+        {
+            // No shorter step succeeds: the longest one ends the run where the component comes farthest.
+            let begin = self.exchange.history.time();
+            (self.exchange.restore()).map_err(|failure| failure.at(begin))?;
+            let has_converged = self.attempt(end - begin, false)?;
+            self.accept(end, end - begin, has_converged);
+            return Ok(());
+        }
+        result
     }
 
     /// One step, which is this part of a fixed step. If it is too long for strong coupling, or for a component that
@@ -223,7 +238,8 @@ impl Stepper {
         let can_go_back = self.strong.is_some() && self.can_reject;
         match self.attempt(h, false) {
             // A shorter step may succeed.
-            Err(Ending::Discarded { .. }) if can_halve && can_go_back => {}
+            Err(Ending::Discarded { .. })
+                if can_halve && can_go_back && part > SHORTEST_AFTER_DISCARD => {}
             Err(ending) => return Err(ending),
             Ok(has_converged) => match can_go_back.then(|| self.misled(part)).flatten() {
                 Some(_) if can_halve => {}
