@@ -16,8 +16,16 @@ const PLACE: usize = 0;
 /// current state, which is restored afterwards.
 pub(super) fn linearize(component: &mut FmuComponent, step: f64) -> Result<Linear, ComponentError> {
     let [(inputs, knowns), (outputs, unknowns)] = component.knowns.ends();
-    let (inputs, outputs) = (inputs.to_vec(), outputs.to_vec());
-    let (knowns, unknowns) = (knowns.to_vec(), unknowns.to_vec());
+    let (inputs, knowns) = (inputs.to_vec(), knowns.to_vec());
+    // The rounding of 32-bit outputs hides the responses of the others.
+    let all = || outputs.iter().cloned().zip(unknowns.iter().copied());
+    let is_fine = |own: &(String, u32)| component.access.is_scalar(own.1);
+    let (fine, coarse): (Vec<_>, Vec<_>) = all().partition(is_fine);
+    let (kept, coarse) = match fine.is_empty() {
+        true => (coarse, Vec::new()),
+        false => (fine, coarse),
+    };
+    let (outputs, unknowns): (Vec<String>, Vec<u32>) = kept.into_iter().unzip();
     let mut held = vec![0.0; knowns.len()];
     component.get_reals(&knowns, &mut held)?;
     component.save(PLACE)?;
@@ -67,7 +75,7 @@ pub(super) fn linearize(component: &mut FmuComponent, step: f64) -> Result<Linea
     component.set_reals(&knowns, &held)?;
     component.time = time;
     match (best, failure) {
-        (Some(found), _) => Ok(with_note(found, step, steps)),
+        (Some(found), _) => Ok(with_note(found, step, steps, &coarse)),
         (None, Some(error)) => Err(error.into()),
         (None, None) => Err("it gave no responses".into()),
     }
@@ -78,7 +86,7 @@ fn noise(found: &Realization) -> f64 {
     found.singular_values.last().copied().unwrap_or(0.0)
 }
 
-fn with_note(found: Realization, step: f64, steps: usize) -> Linear {
+fn with_note(found: Realization, step: f64, steps: usize, coarse: &[(String, u32)]) -> Linear {
     let n = found.system.states.len();
     let values: Vec<String> = (found.singular_values.iter())
         .map(|value| format!("{value:.1e}"))
@@ -87,10 +95,16 @@ fn with_note(found: Realization, step: f64, steps: usize) -> Linear {
     let next = next
         .first()
         .map_or_else(String::new, |next| format!(" | {next}"));
+    let coarse = match coarse {
+        [] => String::new(),
+        [(first, _), ..] => format!(
+            "; outputs of 32 bits, such as `{first}`, count as constant: their rounding hides their responses"
+        ),
+    };
     let note = format!(
         "gives no derivatives: found by its responses to pulses, {steps} steps of {step} s, inputs held \
          (eigensystem realization, matrix logarithm); {n} states by the singular values {}{next}; right where \
-         it is at rest, or linear",
+         it is at rest, or linear{coarse}",
         kept.join(" ")
     );
     Linear {

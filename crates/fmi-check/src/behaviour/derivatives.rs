@@ -84,6 +84,10 @@ impl Reporter<'_> {
     /// Reports a dependency that is not declared. In initialization mode, where the knowns are inputs, it must also be
     /// declared among the initial unknowns if the unknown is listed there (FMI 2.0.5, section 2.2.8).
     fn undeclared(&mut self, subject: &Subject, known: &Place, unknown: &Place, slope: Slope) {
+        // A state trivially depends on itself. Most slopes are zero, and need no search for what is declared.
+        if slope.value == 0.0 || !slope.is_smooth || known.index == unknown.index {
+            return;
+        }
         let structure = &subject.description.structure;
         let initial = (structure.initial_unknowns.iter())
             .filter(|entry| known.state.is_none() && entry.index == unknown.index);
@@ -93,9 +97,7 @@ impl Reporter<'_> {
             let names = entry.dependencies.as_ref();
             names.is_none_or(|names| names.contains(&known.index))
         });
-        // A state trivially depends on itself.
-        let is_itself = known.index == unknown.index;
-        if slope.value != 0.0 && slope.is_smooth && !is_declared && !is_itself {
+        if !is_declared {
             let (y, u) = (&unknown.name, &known.name);
             let what = format!(
                 "`{y}` changes with `{u}` at once, which <ModelStructure> does not declare"
