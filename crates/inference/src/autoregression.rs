@@ -162,6 +162,14 @@ impl Autoregression {
         }
     }
 
+    /// Whether the estimate is at the limit of what is stationary: values that wander, whose variance is not determined.
+    pub fn wanders(&self) -> bool {
+        let at_limit = |partial: f64| partial.abs() >= 2.0 * LARGEST - 1.0;
+        let slow = |[rate, least]: [f64; 2]| at_limit((-rate * least / LEAST).exp());
+        let last = self.predictors.iter().filter_map(|own| own.last());
+        last.copied().any(at_limit) || self.decay.is_some_and(slow)
+    }
+
     /// Estimates the process from evenly spaced residuals.
     fn even(segments: &[Segment]) -> Self {
         let longest = segments

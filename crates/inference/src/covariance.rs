@@ -91,6 +91,13 @@ impl Covariance {
         })
     }
 
+    /// The signals whose noise [wanders](Autoregression::wanders) in the model of the noise that was used.
+    pub fn wandering(&self) -> Vec<usize> {
+        let processes = self.model.get().map_or(&[][..], |own| &own.processes);
+        let all = processes.iter().enumerate();
+        all.filter(|(_, own)| own.wanders()).map(|(k, _)| k).collect()
+    }
+
     /// Variance of a quantity with this gradient over the shared parameters (delta method), and the smallest degrees of
     /// freedom of the parameters involved.
     pub fn along(&self, gradient: &DVector<f64>) -> (f64, f64) {

@@ -100,6 +100,12 @@ pub(crate) fn uncertainty(
         covariance,
         names,
     };
+    let wandering = found.covariance.wandering();
+    let measured = (0..posed.file.measured.len()).filter(|k| {
+        let own = signal_of(posed, *k);
+        own.is_some_and(|own| wandering.contains(&own))
+    });
+    found.notes.extend(measured.map(|k| words::wanders(posed, k)));
     found.notes.extend(words::held(posed, sensitivities));
     found.notes.extend(words::beyond(posed, fit));
     let more = words::notes(&found, fit);

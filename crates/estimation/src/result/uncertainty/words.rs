@@ -91,6 +91,15 @@ pub(super) fn beyond(posed: &Posed<'_>, fit: &Fit) -> Vec<String> {
     notes
 }
 
+/// The residuals of a measured signal wander.
+pub(super) fn wanders(posed: &Posed<'_>, measured: usize) -> String {
+    format!(
+        "the residuals of {} wander like a random walk, so that the noise has no variance and the intervals mean little: the model \
+         lacks something slow there, such as a drift, an offset or a state",
+        posed.file.measured[measured].column.value
+    )
+}
+
 /// Notes on the intervals other than what the data leave undetermined.
 pub(super) fn notes(own: &Uncertainty, fit: &Fit) -> Vec<String> {
     let mut notes = Vec::new();
