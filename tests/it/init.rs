@@ -132,3 +132,74 @@ fn an_fmu_that_a_fit_refuses_is_refused() {
         assert!(ended.stderr.contains(why), "{ended:?}");
     }
 }
+
+const PILOT: &str = "[model]\nname = \"pilot\"\n[inputs]\ntarget = {}\nbank = {}\n[parameters]\ngain = { start = 1, min = 0 }\n\
+                     [outputs]\nroll = \"gain * (target - bank)\"\n";
+const ROLL: &str = "[model]\nname = \"roll\"\n[inputs]\nroll = {}\n[states]\nbank.der = \"roll\"\n";
+
+/// Pilot and vehicle share `roll` and `bank`; the target jumps at 1 s. `bank = 1 - e^{-2 (t - 1)}` from there.
+#[test]
+fn what_has_one_name_is_connected_and_a_target_that_jumps_is_no_line() {
+    let folder = Folder::new();
+    folder.write("pilot.toml", PILOT);
+    folder.write("roll.toml", ROLL);
+    let row = |k: usize| {
+        let time = 0.1 * k as f64;
+        let since = (time - 1.0).max(0.0);
+        format!(
+            "{time},{},{}\n",
+            u8::from(k >= 10),
+            1.0 - (-2.0 * since).exp()
+        )
+    };
+    folder.write(
+        "run.csv",
+        "time,target,bank\n".to_owned() + &(0..40).map(row).collect::<String>(),
+    );
+    let models = ["--pilot", "pilot.toml", "--vehicle", "roll.toml"];
+    let text = is_taken(&folder, &[&["run.csv"], &models[..]].concat());
+    for lines in [
+        "\"pilot.roll\" = \"vehicle.roll\"\n\"vehicle.bank\" = \"pilot.bank\"\n",
+        "\"pilot.target\" = { column = \"target\", hold = \"zero-order\" } ",
+    ] {
+        assert!(text.contains(lines), "{lines}\n{text}");
+    }
+    let fitted = |text: &str| {
+        folder.write("problem.toml", text);
+        let json = folder
+            .pilotage(&["fit", "problem.toml", "--json", "--force"])
+            .json();
+        let doubts = json["doubts"].as_array().unwrap();
+        let is_told = doubts.iter().any(|own| own["code"] == "stepped-input");
+        (
+            json["parameters"]["pilot.gain"]["value"].as_f64().unwrap(),
+            is_told,
+        )
+    };
+    let (gain, is_told) = fitted(&text);
+    assert!((gain - 2.0).abs() < 1e-4 && !is_told, "{gain}");
+    let line = text.replace(
+        "{ column = \"target\", hold = \"zero-order\" }",
+        "\"target\"",
+    );
+    let (gain, is_told) = fitted(&line);
+    assert!((gain - 2.0).abs() > 1e-2 && is_told, "{gain}");
+    let said = text.replace("zero-order", "linear");
+    assert!(!fitted(&said).1);
+    // A gap in what drives the loop is said, and that nothing else does.
+    let row = |k: usize| match k {
+        15..30 => format!("{},,0\n", 0.1 * k as f64),
+        _ => format!("{0},{0},{0}\n", 0.1 * k as f64),
+    };
+    folder.write(
+        "gap.csv",
+        "time,target,bank\n".to_owned() + &(0..40).map(row).collect::<String>(),
+    );
+    let ended = folder.pilotage(&[&["init", "gap.csv", "-o", "gap.toml"], &models[..]].concat());
+    let why =
+        "note: commented out: gap.csv: the column `target` is empty from 1.4000000000000001 to 3 s";
+    assert!(ended.stderr.starts_with(why), "{ended:?}");
+    let ended = folder.pilotage(&["fit", "gap.toml", "--force"]);
+    let why = "note: nothing drives `pilot.target`, which keeps its start value: ";
+    assert!(ended.stderr.contains(why), "{ended:?}");
+}

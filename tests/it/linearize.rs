@@ -193,7 +193,7 @@ pub fn run(folder: &Folder, ending: &str, more: &[&str]) -> Ended {
 }
 
 /// A component whose equations have no derivative where it stands.
-struct Kink(Vec<Variable>);
+struct Kink(Vec<Variable>, f64);
 
 impl Component for Kink {
     fn variables(&self) -> &[Variable] {
@@ -219,7 +219,7 @@ impl Component for Kink {
             vec!["u".to_owned()],
             vec!["y".to_owned()],
         ];
-        let columns = [[-1.0, 1.0], [f64::NAN, 0.0]];
+        let columns = [[-1.0, 1.0], [self.1, 0.0]];
         let system =
             StateSpace::from_columns(names, |k| Ok::<_, ComponentError>(columns[k].to_vec()))?;
         Ok(system.into())
@@ -234,7 +234,9 @@ fn a_derivative_that_is_no_number_is_named() {
         Variable::new("u", 0, ValueKind::Real, Role::Input),
         Variable::new("y", 1, ValueKind::Real, Role::Output),
     ];
-    system.add("kink", Box::new(Kink(variables))).unwrap();
+    system
+        .add("kink", Box::new(Kink(variables, f64::NAN)))
+        .unwrap();
     let clock = Clock::standing(0.0, 1.0).unwrap();
     let recorder = &mut SeriesRecorder::default();
     let (run, found) = linearize(system, &clock, None, Algorithm::Jacobi, recorder).unwrap();
@@ -251,6 +253,34 @@ fn a_derivative_that_is_no_number_is_named() {
         "the derivative of the rate of `x` with respect to `u` is NaN where it stands; linearise it where the \
          model is smooth: at another time, or with other start values or parameters"
     );
+}
+
+/// A discrete real counts as constant, and is no place to cut a loop.
+#[test]
+fn a_discrete_connection_is_named() {
+    let mut system = System::new();
+    let mut variables = vec![
+        Variable::new("u", 0, ValueKind::Real, Role::Input),
+        Variable::new("y", 1, ValueKind::Real, Role::Output),
+    ];
+    system
+        .add("plant", Box::new(Kink(variables.clone(), 1.0)))
+        .unwrap();
+    variables[1].is_discrete = true;
+    system
+        .add("sampler", Box::new(Kink(variables, 1.0)))
+        .unwrap();
+    system.connect("sampler.y", "plant.u").unwrap();
+    system.connect("plant.y", "sampler.u").unwrap();
+    let clock = Clock::standing(0.0, 1.0).unwrap();
+    let recorder = &mut SeriesRecorder::default();
+    let (_, found) = linearize(system, &clock, None, Algorithm::Jacobi, recorder).unwrap();
+    let found = found.unwrap();
+    assert_eq!(found.constant, ["sampler.y=plant.u"]);
+    assert_eq!(found.wires.len(), 1);
+    let error = found.wire("sampler.y", "plant.u").unwrap_err();
+    let begin = "the connection `sampler.y=plant.u` changes at events alone";
+    assert!(error.to_string().starts_with(begin), "{error}");
 }
 
 /// Exported FMUs of both versions, for co-simulation and model exchange, at the same point: by directional

@@ -95,7 +95,9 @@ impl Covariance {
     pub fn wandering(&self) -> Vec<usize> {
         let processes = self.model.get().map_or(&[][..], |own| &own.processes);
         let all = processes.iter().enumerate();
-        all.filter(|(_, own)| own.wanders()).map(|(k, _)| k).collect()
+        all.filter(|(_, own)| own.wanders())
+            .map(|(k, _)| k)
+            .collect()
     }
 
     /// Variance of a quantity with this gradient over the shared parameters (delta method), and the smallest degrees of

@@ -8,16 +8,20 @@ use std::path::Path;
 /// Sections whose lines are independent of each other.
 const OF_LINES: [&str; 5] = [
     "[connect]",
-    "[inputs]",
+    INPUTS,
     "[parameters]",
     "[initial]",
     "[stability]",
 ];
 
+/// The section of the columns that drive inputs.
+const INPUTS: &str = "[inputs]";
+
 /// The section of a measured signal and its column.
 const MEASURED: &str = "[[measured]]";
 
-/// Comments out lines of a problem file at `path` until `pilotage fit` accepts it. Also returns the reasons.
+/// Comments out lines of a problem file at `path` until `pilotage fit` accepts it. Also returns the reasons for data that are
+/// left out with them; what `init` itself proposed may go without a word.
 ///
 /// # Errors
 /// If nothing can be left out: a model without equations, a run that is no time series, no measured signal.
@@ -30,8 +34,12 @@ pub fn accepted(mut text: String, path: &Path) -> Result<(String, Vec<String>), 
         };
         text = match &refused {
             ProblemError::At { place, fault } => {
-                reasons.push(fault.clone());
-                without(&text, place, fault).ok_or_else(|| Failure::new(fault.clone()))?
+                let (text, section) =
+                    without(&text, place, fault).ok_or_else(|| Failure::new(fault.clone()))?;
+                if [INPUTS, MEASURED].contains(&section.as_str()) {
+                    reasons.push(fault.clone());
+                }
+                text
             }
             _ => return Err(refused.into()),
         };
@@ -46,8 +54,8 @@ fn refusal(text: &str, path: &Path) -> Option<ProblemError> {
     }
 }
 
-/// The text with the refused part commented out; `None` if the problem requires it.
-fn without(text: &str, place: &Place, fault: &str) -> Option<String> {
+/// The text with the refused part commented out, and the section of that; `None` if the problem requires it.
+fn without(text: &str, place: &Place, fault: &str) -> Option<(String, String)> {
     let lines: Vec<&str> = text.lines().collect();
     let at = place.line.checked_sub(1)?;
     let head = lines
@@ -75,5 +83,5 @@ fn without(text: &str, place: &Place, fault: &str) -> Option<String> {
         kept += line;
         kept += "\n";
     }
-    Some(kept)
+    Some((kept, section.to_owned()))
 }

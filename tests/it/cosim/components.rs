@@ -89,6 +89,12 @@ impl Linear {
         self
     }
 
+    /// One whose output is said to depend on the input at once, as that of an FMU is that says nothing.
+    pub fn undeclared(mut self) -> Self {
+        self.variables[1].feedthrough = vec![0];
+        self
+    }
+
     /// One whose input can be a ramp within a step.
     pub fn following(mut self) -> Self {
         self.abilities.input_derivatives = true;

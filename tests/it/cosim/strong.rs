@@ -50,6 +50,30 @@ fn the_published_example_is_right_within_two_parts_in_a_thousand() {
     }
 }
 
+/// `u = t` drives `ẋ = b u - a x` with inputs that are held, `y = c x + d u`: an integrator that does not say that its output
+/// depends on the state alone, and a lag with direct feedthrough. With a single value in each step one of both would be of
+/// first order.
+#[test]
+fn held_inputs_are_right_for_states_and_for_direct_feedthrough() {
+    let error = |own: Linear, step: f64, exact: f64| {
+        let mut system = System::new();
+        system
+            .add("u", Box::new(Signal::new(|t| [t, 1.0])))
+            .unwrap();
+        system.add("own", Box::new(own)).unwrap();
+        system.connect("u.y", "own.u").unwrap();
+        let (run, recorder) = simulate(system, 2.0, step, Algorithm::Strong);
+        assert_eq!(run.report.holding, ["own"]);
+        (last(&recorder, "own.y") - exact).abs()
+    };
+    let integrator = Linear::new(0.0, 1.0, 1.0, 0.0).undeclared().revocable();
+    assert!(error(integrator, 0.5, 2.0) < 1e-12);
+    let lag = || Linear::new(-1.0, 1.0, 1.0, 2.0).revocable();
+    let exact = 1.0 + (-2.0_f64).exp() + 4.0;
+    let [coarse, fine] = [0.2, 0.1].map(|step| error(lag(), step, exact));
+    assert!(coarse < 1e-3 && coarse / fine > 6.0, "{coarse} {fine}");
+}
+
 /// Components with derivatives of their outputs: those of the controller, which has direct feedthrough, are the ones for the
 /// slope with which its input ends. The corrections converge and the error is of fourth order.
 #[test]

@@ -179,6 +179,18 @@ fn time_events_come_exactly_when_they_were_announced() {
     assert_eq!(run.work().time_events, 7);
 }
 
+/// Times that are added up differ from those of the events, 0.3 apart, by rounding.
+#[test]
+fn time_events_at_the_end_of_a_step_up_to_rounding_come_in_it() {
+    let (mut run, mut time) = (default("counter", 0, 0), 0.0);
+    for step in 1..=60 {
+        time += 0.1;
+        run.step_to(time).unwrap();
+        assert_eq!(events(&mut run), step / 3, "{time}");
+        assert!((run.time() - time).abs() < 1e-12, "{time}");
+    }
+}
+
 #[test]
 fn states_and_nominals_may_jump_over_several_rounds() {
     let mut run = default("jump", 1, 0);

@@ -105,7 +105,9 @@ pub(crate) fn uncertainty(
         let own = signal_of(posed, *k);
         own.is_some_and(|own| wandering.contains(&own))
     });
-    found.notes.extend(measured.map(|k| words::wanders(posed, k)));
+    found
+        .notes
+        .extend(measured.map(|k| words::wanders(posed, k)));
     found.notes.extend(words::held(posed, sensitivities));
     found.notes.extend(words::beyond(posed, fit));
     let more = words::notes(&found, fit);
