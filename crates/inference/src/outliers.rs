@@ -22,6 +22,8 @@ const SOON: f64 = 0.25;
 const FEW: usize = 2;
 /// Number of samples before and after a break whose medians are the levels there.
 const BESIDE: usize = 5;
+/// Values of which more than one in this number breaks away have no usual change.
+const FEWER: usize = 4;
 /// Ratio of a run's rms residual to the median of all runs above which its fit is far worse.
 const WORSE: f64 = 3.0;
 /// Ratio of the standard deviation of a normal distribution to its median magnitude.
@@ -106,6 +108,9 @@ impl Breaks {
         let known: Vec<usize> = (0..own.values.len()).filter(finite).collect();
         let least = least.max(STEPS * own.resolution);
         let breaks = breaks(own, &known, least, usual);
+        if breaks.len() * FEWER > known.len() {
+            return;
+        }
         let soon = (SOON * known.len() as f64) as usize;
         let mut next = 0;
         while let Some(&(at, size)) = breaks.get(next) {

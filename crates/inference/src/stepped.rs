@@ -2,9 +2,12 @@
 
 /// Most samples at which a signal of steps changes, as one in this number.
 const STEPS: usize = 10;
+/// The usual step is at least this part of the signal's range: smaller ones are those of a quantised signal.
+const SIZE: f64 = 0.25;
 
-/// Whether a signal keeps its values and jumps, as a target of steps does: it changes at few of its samples. Changes
-/// between two samples at one time are jumps already, and do not count.
+/// Whether a signal keeps its values and jumps, as a target of steps does: it changes at few of its samples, never at two
+/// after each other, and by a large part of its range. Changes between two samples at one time are jumps already, and do not
+/// count.
 pub fn is_stepped(time: &[f64], values: &[f64]) -> bool {
     let known: Vec<(f64, f64)> = time
         .iter()
@@ -13,8 +16,21 @@ pub fn is_stepped(time: &[f64], values: &[f64]) -> bool {
         .filter(|(_, value)| value.is_finite())
         .collect();
     let pairs = known.windows(2).filter(|pair| pair[1].0 > pair[0].0);
-    let changes = pairs.clone().filter(|pair| pair[1].1 != pair[0].1).count();
-    changes > 0 && STEPS * changes <= pairs.count()
+    let changes: Vec<f64> = pairs.map(|pair| (pair[1].1 - pair[0].1).abs()).collect();
+    let mut steps: Vec<f64> = changes.iter().copied().filter(|own| *own > 0.0).collect();
+    steps.sort_by(f64::total_cmp);
+    let [least, most] = known
+        .iter()
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], own| {
+            [a.min(own.1), b.max(own.1)]
+        });
+    let is_alone = changes
+        .windows(2)
+        .all(|pair| pair[0] == 0.0 || pair[1] == 0.0);
+    let usual = steps.get(steps.len() / 2);
+    is_alone
+        && STEPS * steps.len() <= changes.len()
+        && usual.is_some_and(|own| *own >= SIZE * (most - least))
 }
 
 #[cfg(test)]
@@ -37,6 +53,9 @@ mod tests {
         assert!(!stepped(&|_| 1.0));
         assert!(!stepped(&|t| (0.1 * t).sin()));
         assert!(!stepped(&|t| (t / 5.0).floor()));
+        // A ramp between two levels, and a signal that is rounded.
+        assert!(!stepped(&|t| ((t - 20.0) / 8.0).clamp(0.0, 1.0)));
+        assert!(!stepped(&|t| (5.0 * (0.03 * t).sin()).round()));
         // Two samples at the time of the jump.
         let mut twice = time.clone();
         twice[50] = twice[49];

@@ -122,7 +122,7 @@ pub fn notes(report: &Report) -> Vec<String> {
     let note = |name: &String| {
         format!(
             "`{name}` cannot let its inputs change within a step (no input derivatives, no intermediate \
-             updates): it holds them, with the right means; --parts {name}=N makes that finer"
+             updates): it holds their means; --parts {name}=N makes that finer"
         )
     };
     report.holding.iter().map(note).collect()

@@ -129,7 +129,10 @@ fn model(
     let words = "an FMU, a model file, a pilot file or a vehicle file";
     recognise::expect([&file.to_owned()], &kinds, words)?;
     expect_there(file)?;
-    match recognise::is_toml(file) {
+    // A file that `fit -o` has written may have any ending.
+    let texts = [FileKind::Pilot, FileKind::Vehicle, FileKind::Model];
+    let is_text = recognise::of(file).is_some_and(|kind| texts.contains(&kind));
+    match is_text || recognise::is_toml(file) {
         true if recognise::is_model(file) => Ok(native_component::of_model(AnyModel::Text(
             open::read(file)?,
         ))),

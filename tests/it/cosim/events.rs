@@ -99,8 +99,8 @@ fn discrete_inputs_are_set_in_events() {
     );
 }
 
-/// `u = t`, extrapolated: `y = t - 1 + e^{-t}`. The FMU asks twice in a step. Where it takes no updates, which is said, the
-/// input has two values in each step: a single mean would be off by more than 5e-4.
+/// `u = t`, extrapolated: `y = t - 1 + e^{-t}`. The FMU asks twice in a step; what it is told makes it more than
+/// three times as exact as the mean that is held where it takes none, which is said.
 #[test]
 fn inputs_go_on_within_steps_by_intermediate_updates() {
     let run_with = |is_updated| -> (Run, f64) {
@@ -121,10 +121,8 @@ fn inputs_go_on_within_steps_by_intermediate_updates() {
     assert_eq!(held.report.holding, ["fmu"]);
     let (updated, fine) = run_with(true);
     assert!(updated.report.holding.is_empty());
-    assert!(
-        coarse.abs() < 1e-5 && fine.abs() < 2e-4 && coarse != fine,
-        "{coarse} {fine}"
-    );
+    let ratio = coarse / fine;
+    assert!(coarse.abs() > 1e-5 && ratio > 3.0, "{coarse} {fine}");
 }
 
 /// The same in a strong coupling, with states that are saved and restored.

@@ -169,7 +169,10 @@ impl Stepper {
     fn step_between_jumps(&mut self, begin: f64, end: f64, h: f64) -> Result<(), Ending> {
         let short = (OVER_A_JUMP * h).max(16.0 * ROUNDING * end.abs());
         let mut t = begin;
-        while let Some(jump) = self.jump_within(t, end) {
+        // A jump that follows the end by rounding belongs to it, and may stay ahead: no step goes beyond the stop time.
+        while t < end
+            && let Some(jump) = self.jump_within(t, end)
+        {
             if !self.can_vary {
                 self.steps.ramps += 1;
                 break;

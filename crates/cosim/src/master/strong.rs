@@ -293,7 +293,9 @@ impl Strong {
         column: usize,
     ) -> Result<(), Ending> {
         let profile = exchange.profiles[p];
-        let change = DIFFERENCE * exchange.history.magnitudes[p].max(profile.end.abs());
+        let size = DIFFERENCE * exchange.history.magnitudes[p].max(profile.end.abs());
+        // Towards 0: an input at the end of its range stays in it.
+        let change = if profile.end > 0.0 { -size } else { size };
         let mut end = self.tried[column];
         end.value += change;
         exchange.profiles[p] = exchange.history.interpolated(p, self.degree, h, end);

@@ -14,11 +14,11 @@ impl Wired {
     /// outputs.
     ///
     /// For the states, inputs are ramps or the middle of each part's line. Outputs with direct feedthrough need the
-    /// input values at the end; if these differ, ramps are taken from an extra last part that ends there, before the
-    /// component is restored and takes the actual last part. Held inputs get the end values in a last piece of that
-    /// part, with the mean kept ([`Self::last_piece`]): outputs may depend on states and inputs, and many FMUs do not say
-    /// on which. Without steps of any length, these too are taken from an extra part. The derivatives of these outputs
-    /// are those for the inputs' derivatives at the end too, if the component has directional derivatives.
+    /// input values at the end; if these differ, they are taken from an extra last part that ends there, before the
+    /// component is restored and takes the actual last part. Held inputs have their end values in the last piece of that
+    /// part alone, if the component takes steps of any length: many FMUs do not say on which inputs outputs depend, and
+    /// those of states follow from the mean. A component without rollback takes this part as the actual one. The derivatives
+    /// of these outputs are those for the inputs' derivatives at the end too, if the component has directional derivatives.
     pub(super) fn substeps(
         &mut self,
         values: &mut Values,
@@ -36,8 +36,9 @@ impl Wired {
             false => !is_held,
         };
         let needs_ends = self.outputs.has_feedthrough && ends_elsewhere;
-        let is_split = needs_ends && !is_ramp && self.abilities.variable_steps;
-        let has_two_passes = needs_ends && !is_split && self.abilities.rollback;
+        let can_split = needs_ends && !is_ramp && self.abilities.variable_steps;
+        let has_two_passes = needs_ends && self.abilities.rollback;
+        let is_split = can_split && !has_two_passes;
         let only_ends = needs_ends && !has_two_passes && !is_split && self.outputs.feeds_through;
         let place = if only_ends && !is_ramp { 1.0 } else { 0.5 };
         self.note_used(profiles, (2.0 * place - 1.0) / f64::from(parts));
@@ -45,13 +46,16 @@ impl Wired {
         for part in 0..parts {
             let begin = t + f64::from(part) * step;
             let at = |place: f64| (f64::from(part) + place) / f64::from(parts);
-            if has_two_passes && part + 1 == parts {
+            let is_last = part + 1 == parts;
+            if has_two_passes && is_last {
                 self.save(LAST_PART).map_err(failed)?;
-                match is_ramp {
-                    true => self.set_ramps(profiles, true, at(0.0), h).map_err(failed)?,
-                    false => self.hold(profiles, true, 1.0).map_err(failed)?,
+                if !(can_split && self.split(profiles, at(0.5), (begin, step), true)?) {
+                    match is_ramp {
+                        true => self.set_ramps(profiles, true, at(0.0), h).map_err(failed)?,
+                        false => self.hold(profiles, true, 1.0).map_err(failed)?,
+                    }
+                    self.step(begin, step, true)?;
                 }
-                self.step(begin, step, true)?;
                 self.get_outputs(values).map_err(failed)?;
                 let given = |p: usize| match is_ramp {
                     true => 2.0 * profiles[p].to_end().lean / h,
@@ -61,13 +65,7 @@ impl Wired {
                     .map_err(failed)?;
                 self.restore(LAST_PART).map_err(failed)?;
             }
-            if is_split && part + 1 == parts {
-                let piece = self.last_piece(profiles, at(0.5));
-                self.hold_before(profiles, at(0.5), piece).map_err(failed)?;
-                let middle = begin + (1.0 - piece) * step;
-                self.step(begin, middle - begin, is_revocable)?;
-                self.hold(profiles, true, 1.0).map_err(failed)?;
-                self.step(middle, begin + step - middle, is_revocable)?;
+            if is_split && is_last && self.split(profiles, at(0.5), (begin, step), false)? {
                 self.get_outputs(values).map_err(failed)?;
                 return (self.add_slopes(values, |p| profiles[p].slope)).map_err(failed);
             }
@@ -82,6 +80,35 @@ impl Wired {
         match has_two_passes {
             true => self.get_settled(values).map_err(failed),
             false => self.get_outputs(values).map_err(failed),
+        }
+    }
+
+    /// Takes a part of a communication step from `begin` by `step` \[s\] with held inputs that keep the mean of their lines,
+    /// whose middle is at the fraction `middle` of the communication step, and end at their end values
+    /// ([`Self::last_piece`]). Returns false, in the state before it, if a revocable component discards steps of these
+    /// lengths.
+    fn split(
+        &mut self,
+        profiles: &[InputProfile],
+        middle: f64,
+        (begin, step): (f64, f64),
+        is_revocable: bool,
+    ) -> Result<bool, Ending> {
+        let failed = |failure: Failure| failure.at(begin);
+        let piece = self.last_piece(profiles, middle);
+        let turn = begin + (1.0 - piece) * step;
+        self.hold_before(profiles, middle, piece).map_err(failed)?;
+        let mut stepped = self.step(begin, turn - begin, is_revocable);
+        if stepped.is_ok() {
+            self.hold(profiles, true, 1.0).map_err(failed)?;
+            stepped = self.step(turn, begin + step - turn, is_revocable);
+        }
+        match stepped {
+            Err(Ending::Discarded { .. }) if is_revocable => {
+                self.restore(LAST_PART).map_err(failed)?;
+                Ok(false)
+            }
+            other => other.map(|()| true),
         }
     }
 

@@ -82,7 +82,7 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     if args.orders.is_none() {
         interrupt::listen("stopping")?;
     }
-    let before = beforehand(&posed, &|| interrupt::is_asked());
+    let before = beforehand(&posed, &|| deadline.ask().is_break());
     if let Some(own) = before.excitation.as_ref().filter(|_| !args.json) {
         terminal::print(&excitation::first_lines(own))?;
     }
