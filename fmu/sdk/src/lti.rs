@@ -11,7 +11,7 @@
 //!     ⎣0 0 0⎦       ⎣    ⋯    ⎦
 //! ```
 //!
-//! Only the rows of the states are computed ([`Rows`]). A is balanced first: in a canonical form with poles of magnitude
+//! Only the rows of the states are computed. A is balanced first: in a canonical form with poles of magnitude
 //! ρ, each state is ρ times as large as the one before it, and the norm would be of order ρⁿ (B. N. Parlett, C. Reinsch,
 //! "Balancing a matrix for calculation of eigenvalues and eigenvectors", Numerische Mathematik 13, 1969).
 
