@@ -59,4 +59,4 @@ pub use data::{Data, Run};
 pub use inference::{Direction, Inference, Obstacle};
 pub use interval::{Class, Interval, LEVEL, quantile};
 pub use row::{Noise, Row, normal_equations};
-pub use stepped::is_stepped;
+pub use stepped::{are_stepped, is_stepped};

@@ -33,6 +33,19 @@ pub fn is_stepped(time: &[f64], values: &[f64]) -> bool {
         && usual.is_some_and(|own| *own >= SIZE * (most - least))
 }
 
+/// Whether signals, each with its times, keep their values or [jump](is_stepped), and at least one jumps.
+pub fn are_stepped<'a>(signals: impl Iterator<Item = (&'a [f64], &'a [f64])> + Clone) -> bool {
+    let is_constant = |values: &[f64]| {
+        let mut known = values.iter().filter(|value| value.is_finite());
+        let first = known.next();
+        known.all(|value| Some(value) == first)
+    };
+    let mut all = signals.clone();
+    let mut any = signals;
+    all.all(|(time, values)| is_constant(values) || is_stepped(time, values))
+        && any.any(|(time, values)| is_stepped(time, values))
+}
+
 #[cfg(test)]
 mod tests {
     use super::is_stepped;

@@ -7,7 +7,7 @@ use super::overwrite::{self, OutputKind, Overwrite};
 use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, made, terminal};
 use crate::document::quoted;
-use crate::inference::is_stepped;
+use crate::inference::are_stepped;
 use crate::series::Series;
 use instance::Instance;
 use std::fmt::Write;
@@ -254,17 +254,10 @@ fn write_inputs(
 
 /// Whether a column keeps its values and jumps in some of the runs, and does nothing else in the others.
 fn jumps(column: &str, runs: &[Series]) -> bool {
-    let columns = || {
-        let all = runs.iter();
-        all.filter_map(|run| Some((&run.time, &run.column(column)?.values)))
-    };
-    let is_stepped = |(time, values): (&Vec<f64>, &Vec<f64>)| is_stepped(time, values);
-    let is_constant = |values: &[f64]| {
-        let mut known = values.iter().filter(|value| value.is_finite());
-        let first = known.next();
-        known.all(|value| Some(value) == first)
-    };
-    columns().any(is_stepped) && columns().all(|own| is_stepped(own) || is_constant(own.1))
+    are_stepped(
+        runs.iter()
+            .filter_map(|run| Some((run.time.as_slice(), run.column(column)?.values.as_slice()))),
+    )
 }
 
 /// Measured signals: outputs with the names of columns, and the position.

@@ -213,12 +213,17 @@ impl Stepper {
         result
     }
 
+    /// Whether all components can return to the beginning of a fixed step.
+    fn can_go_back(&self) -> bool {
+        self.strong.is_some() && self.can_reject
+    }
+
     fn stride_once(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
         self.parts_left = MAX_PARTS;
         let result = self.stride_in_halves(t, end, h, 1.0);
         if let Err(Ending::Discarded { .. }) = &result
-            && self.strong.is_some()
-            && self.can_reject
+            && self.can_go_back()
+            && self.can_vary
         {
             // No shorter step succeeds: the longest one ends the run where the component comes farthest.
             let begin = self.exchange.history.time();
@@ -238,7 +243,7 @@ impl Stepper {
             self.exchange.save().map_err(|failure| failure.at(t))?;
         }
         let can_halve = self.can_vary && self.parts_left > 0 && part > SHORTEST_PART;
-        let can_go_back = self.strong.is_some() && self.can_reject;
+        let can_go_back = self.can_go_back();
         match self.attempt(h, false) {
             // A shorter step may succeed.
             Err(Ending::Discarded { .. })

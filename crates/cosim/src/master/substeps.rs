@@ -97,7 +97,9 @@ impl Wired {
         let failed = |failure: Failure| failure.at(begin);
         let piece = self.last_piece(profiles, middle);
         let turn = begin + (1.0 - piece) * step;
-        self.hold_before(profiles, middle, piece).map_err(failed)?;
+        // With the end value in the last piece, the mean is that of the line.
+        let before = |own: &InputProfile| (own.line(middle) - piece * own.end) / (1.0 - piece);
+        self.set_to(profiles, before).map_err(failed)?;
         let mut stepped = self.step(begin, turn - begin, is_revocable);
         if stepped.is_ok() {
             self.hold(profiles, true, 1.0).map_err(failed)?;
@@ -127,21 +129,6 @@ impl Wired {
         };
         let all = self.inputs.positions.iter().map(of);
         all.fold(LONGEST_PIECE, f64::min)
-    }
-
-    /// Sets the inputs to the values with which a part has the mean of its line, whose middle is at this fraction of the
-    /// step, if the inputs have their end values in the last `piece` of it.
-    fn hold_before(
-        &mut self,
-        profiles: &[InputProfile],
-        middle: f64,
-        piece: f64,
-    ) -> Result<(), Failure> {
-        for (value, &p) in self.inputs.values.iter_mut().zip(&self.inputs.positions) {
-            let profile = &profiles[p];
-            *value = (profile.line(middle) - piece * profile.end) / (1.0 - piece);
-        }
-        self.set_reals()
     }
 
     /// Adds the effect of these changes of the inputs' derivatives to the derivatives of the fed outputs, if derivatives
@@ -204,12 +191,19 @@ impl Wired {
         to_ends: bool,
         at: f64,
     ) -> Result<(), Failure> {
-        for (value, &p) in self.inputs.values.iter_mut().zip(&self.inputs.positions) {
-            let profile = profiles[p];
-            *value = match to_ends {
-                true => profile.to_end().line(at),
-                false => profile.line(at),
-            };
+        self.set_to(profiles, |own| match to_ends {
+            true => own.to_end().line(at),
+            false => own.line(at),
+        })
+    }
+
+    fn set_to(
+        &mut self,
+        profiles: &[InputProfile],
+        value: impl Fn(&InputProfile) -> f64,
+    ) -> Result<(), Failure> {
+        for (own, &p) in self.inputs.values.iter_mut().zip(&self.inputs.positions) {
+            *own = value(&profiles[p]);
         }
         self.set_reals()
     }

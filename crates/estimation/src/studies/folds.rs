@@ -76,15 +76,15 @@ pub(crate) fn left_out(
         return Ok(None);
     }
     let anew = file.clone();
-    let mut fit = refit(&mut file, whole, open, goes_on)?;
-    if !fit.is_answer() && goes_on().is_continue() {
+    let mut found = refit(&mut file, whole, open, goes_on)?;
+    if !found.is_answer() && goes_on().is_continue() {
         // From all of its own starts.
         file = anew;
         let observer: &mut Observer<'_> = &mut |_| goes_on();
-        fit = crate::fit::fit(&Posed::new(&file, open)?, observer);
+        found = fit(&Posed::new(&file, open)?, observer);
     }
-    match fit.is_answer() {
-        true => Ok(validated(&file, &fit, open, goes_on)?.pop()),
+    match found.is_answer() {
+        true => Ok(validated(&file, &found, open, goes_on)?.pop()),
         false => Ok(None),
     }
 }

@@ -3,7 +3,7 @@
 use super::bands::bands;
 use super::checked::records;
 use super::{Flight, Point, Unfit, response};
-use crate::stepped::is_stepped;
+use crate::stepped::are_stepped;
 use pilotage_text::counted;
 use std::fmt;
 
@@ -67,11 +67,12 @@ impl Excitation {
             true => points.iter().map(Row::of).collect(),
             false => bands(flights, of_stick)?,
         };
-        let all_forcings = |is_such: &dyn Fn(&[f64], &[f64]) -> bool| {
-            let is_own = |own: &Flight<'_>| own.forcing.iter().all(|all| is_such(all, own.time));
-            flights.iter().all(is_own)
-        };
-        let is_still = all_forcings(&|own, _| stands_still(own));
+        let is_still = flights
+            .iter()
+            .all(|own| own.forcing.iter().all(|own| stands_still(own)));
+        let forcings = flights
+            .iter()
+            .flat_map(|own| own.forcing.iter().map(|all| (own.time, *all)));
         let unseen = unfit.iter().map(|(_, why)| why);
         let mut unseen = unseen.filter(|why| matches!(why, Unfit::Uneven | Unfit::Missing));
         let response = |own: &Flight<'_>| match of_stick {
@@ -81,8 +82,7 @@ impl Excitation {
         Some(Self {
             has_lines,
             unseen: unseen.next().copied().filter(|_| !has_lines),
-            jumps: !is_still
-                && all_forcings(&|own, time| stands_still(own) || is_stepped(time, own)),
+            jumps: are_stepped(forcings),
             is_undriven: is_still && rows.iter().all(|own| own.forcing == 0.0),
             is_motionless: flights.iter().all(response),
             is_still,

@@ -162,7 +162,6 @@ fn outputs(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Vec<Vec<Vec<f
 /// The noise of each term, given the residuals of all runs.
 fn noises(posed: &Posed<'_>, outputs: &[Vec<Vec<f64>>]) -> Vec<Noise> {
     let terms = posed.runs.first().map_or(0, |run| run.measured.len());
-    let unknowns_per_value = unknowns_per_value(posed);
     let noise = |term: usize| {
         let runs = posed.runs.iter().zip(outputs);
         let residuals = runs.flat_map(|(run, outputs)| {
@@ -173,7 +172,7 @@ fn noises(posed: &Posed<'_>, outputs: &[Vec<Vec<f64>>]) -> Vec<Noise> {
             Loss::Square | Loss::Linear => Noise::Normal,
             Loss::Student { dof } => Noise::student(dof, residuals),
             Loss::Absolute { smoothing } => {
-                Noise::laplace(smoothing, unknowns_per_value, residuals)
+                Noise::laplace(smoothing, unknowns_per_value(posed), residuals)
             }
             Loss::Huber { threshold } => Noise::huber(threshold, residuals),
         }
