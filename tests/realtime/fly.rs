@@ -46,6 +46,9 @@ column = "position"
 "pilot.tau" = {}
 "#;
 
+/// Time of a frame of the display [s].
+const FRAME: f64 = 1.0 / 60.0;
+
 fn pilotage() -> PathBuf {
     env!("CARGO_BIN_EXE_pilotage").into()
 }
@@ -107,14 +110,18 @@ fn a_session_in_a_browser_is_recorded_and_its_stick_identified() {
     } else {
         eprintln!("no flight counts: this machine is too busy; the page's own fit is not tried");
     }
-    // A state waits for a frame of the display, and a frame stays until the next.
+    // A state waits for a frame of the display, and a frame stays until the next. The page looks at the stick once a
+    // frame, and its time from input to picture begins there: what the stick wants may be a frame older.
     let slowest = files.iter().map(|file| to_picture(&folder, file));
     let slowest = slowest.fold(0.0, f64::max);
     let [low, high] = interval("pilot.tau");
     eprintln!(
         "delay between {low} and {high} s, of which 0.1 are the stick's; from input to picture {slowest} s"
     );
-    assert!(high > 0.1 && low < 0.1 + slowest, "{slowest}: {json}");
+    assert!(
+        high > 0.1 && low < 0.1 + FRAME + slowest,
+        "{slowest}: {json}"
+    );
     assert!(high - low < 0.2, "{json}");
 }
 
