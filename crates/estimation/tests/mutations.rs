@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 const MUTATIONS: usize = 10_000;
 
 /// Of each problem one mutation of so many is fitted, if it can be.
-const FIT_EVERY: usize = 5;
+const FIT_EVERY: usize = 10;
 
 /// What is put in the place of a number or a word.
 const WORDS: [&str; 28] = [
@@ -177,7 +177,7 @@ fn mutations_of_problems_neither_panic_nor_hang() {
     let posed: Vec<bool> = mutated.par_iter().filter_map(of_one).collect();
     let fitted = posed.iter().filter(|is_fitted| **is_fitted).count();
     assert!(
-        posed.len() >= 500 && fitted >= 100,
+        posed.len() >= 500 && fitted >= 50,
         "{} posed, {fitted} fitted",
         posed.len()
     );

@@ -7,7 +7,8 @@ use std::process::Command;
 #[test]
 fn guidance_is_what_its_experiments_find() {
     let output = Command::new(python::interpreter())
-        .args(["-B", "docs/guidance/remake.py", "--quick"])
+        .args(python::compiled_elsewhere())
+        .args(["docs/guidance/remake.py", "--quick"])
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .env("PILOTAGE", env!("CARGO_BIN_EXE_pilotage"))
         .output()

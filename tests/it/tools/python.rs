@@ -1,7 +1,7 @@
 //! A Python with fmpy, made by the tests themselves, and the scripts of `tests/python` run in it.
 
 use sha2::{Digest, Sha256};
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -17,9 +17,18 @@ const PACKAGES: &str = "packages";
 pub fn run<A: AsRef<OsStr>>(script: &str, arguments: impl IntoIterator<Item = A>) -> String {
     let file = root().join("tests/python").join(script);
     let mut command = Command::new(interpreter());
-    // Neither the user's own packages nor compiled files beside the scripts.
-    command.arg("-I").arg("-B").arg(&file).args(arguments);
+    // Without the user's own packages.
+    command.arg("-I").args(compiled_elsewhere());
+    command.arg(&file).args(arguments);
     succeeded(&mut command, &format!("tests/python/{script}"))
+}
+
+/// Arguments of Python: what it compiles is kept in the environment and not beside the scripts.
+pub fn compiled_elsewhere() -> [OsString; 2] {
+    let folder = interpreter().ancestors().nth(2).expect("it lies in bin/");
+    let mut prefix = OsString::from("pycache_prefix=");
+    prefix.push(folder.join("compiled"));
+    ["-X".into(), prefix]
 }
 
 /// As [`run`]; gives what it printed and what was said on stderr.
@@ -29,7 +38,8 @@ pub fn run_and_listen<A: AsRef<OsStr>>(
 ) -> (String, String) {
     let file = root().join("tests/python").join(script);
     let output = Command::new(interpreter())
-        .args(["-I", "-B"])
+        .arg("-I")
+        .args(compiled_elsewhere())
         .arg(&file)
         .args(arguments)
         .output()
@@ -94,6 +104,8 @@ fn environment() -> PathBuf {
             "--quiet",
             "--disable-pip-version-check",
             "--no-deps",
+            // What is imported is compiled then: a tenth of all that is installed.
+            "--no-compile",
         ];
         let pip = &mut Command::new(&python);
         pip.args(install).arg("--requirement").arg(&requirements);

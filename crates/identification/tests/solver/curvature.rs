@@ -1,15 +1,16 @@
 //! The second-order condition of a collocation problem: on the reduced variables and on all of them.
 
 use crate::random_collocation::{Draw, Random, constraints, iterate, problem};
-use pilotage::expression::System;
-use pilotage::sqp::curvature::{Activity, activities};
-use pilotage::sqp::problem::Pattern;
-use pilotage::sqp::{
-    self, Curvature, Hessian, Iterate, Problem, QpSolver, Solution, SparseProblem, SparseQp, Status,
-};
-use pilotage::transcription::Scheme;
-use pilotage::transcription::{
+use pilotage_collocation::Scheme;
+use pilotage_collocation::{
     Bound, Collocation, Condensed, Differentiated, Loss, Recording, Run, Scales,
+};
+use pilotage_expression::System;
+use pilotage_sqp::curvature::{Activity, activities};
+use pilotage_sqp::problem::Pattern;
+use pilotage_sqp::{
+    Curvature, Hessian, Iterate, Problem, QpSolver, Solution, SparseProblem, SparseQp, SqpOptions,
+    Status, solve,
 };
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -113,7 +114,7 @@ fn both_paths_find_the_same_smallest_curvature() {
 
 /// `ẋ = θ² w`, x measured and bounded: θ and -θ do the same, so θ = 0 is a KKT point whatever was measured.
 fn squared() -> System {
-    let equations = |at: pilotage::expression::Point<'_>| {
+    let equations = |at: pilotage_expression::Point<'_>| {
         let rate = at.p[0] * at.p[0] * at.u[0];
         [vec![rate], vec![at.x[0]; 2]]
     };
@@ -150,8 +151,8 @@ where
         &[Bound::at_samples(-limit, limit)],
     );
     let start = vec![0.0; problem.n_variables()];
-    let options = sqp::SqpOptions::default();
-    sqp::solve(&problem, &mut Q::default(), start, &options, &mut |_| {
+    let options = SqpOptions::default();
+    solve(&problem, &mut Q::default(), start, &options, &mut |_| {
         ControlFlow::Continue(())
     })
 }

@@ -1,15 +1,15 @@
 //! Every derivative against central differences.
 
 use crate::random_collocation::{Draw, Random, SCHEMES, iterate, problem};
-use pilotage::expression::System;
-use pilotage::identification::constraints::RouthHurwitz;
-use pilotage::identification::joint::{Joint, open_loop};
-use pilotage::identification::{FitOptions, InitialState, Trial, problem as fit, start};
-use pilotage::models::{Pilot, Quadcopter};
-use pilotage::sqp::{Hessian, Iterate, Problem, QpSolver, SparseProblem};
-use pilotage::transcription::node::NodeModel;
-use pilotage::transcription::simd::{LANES, Lanes};
-use pilotage::transcription::{Condensed, Differentiated, Scales};
+use pilotage_collocation::node::NodeModel;
+use pilotage_collocation::simd::{LANES, Lanes};
+use pilotage_collocation::{Condensed, Differentiated, Scales};
+use pilotage_expression::System;
+use pilotage_identification::constraints::RouthHurwitz;
+use pilotage_identification::joint::{Joint, open_loop};
+use pilotage_identification::{FitOptions, InitialState, Trial, problem as fit, start};
+use pilotage_models::{Pilot, Quadcopter};
+use pilotage_sqp::{Hessian, Iterate, Problem, QpSolver, SparseProblem};
 use proptest::prelude::*;
 use std::sync::Arc;
 

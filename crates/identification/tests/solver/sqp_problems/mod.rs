@@ -6,9 +6,9 @@ mod library;
 use library::{Answer, Example, examples};
 use nalgebra::{DMatrix, DVector};
 use num_dual::HyperDual64;
-use pilotage::sqp::curvature::TOLERANCE;
-use pilotage::sqp::problem::Pattern;
-use pilotage::sqp::{
+use pilotage_sqp::curvature::TOLERANCE;
+use pilotage_sqp::problem::Pattern;
+use pilotage_sqp::{
     Hessian, Problem, Solution, SparseProblem, SparseQp, SqpOptions, Status, solve,
 };
 use std::ops::ControlFlow;

@@ -3,13 +3,13 @@
 
 use crate::random_collocation::{Random, SCHEMES, iterate, problem, problem_on_samples};
 use nalgebra::{DMatrix, DVector};
-use pilotage::identification::{FitOptions, InitialState, Trial, problem as fit, start};
-use pilotage::sqp::problem::Pattern;
-use pilotage::sqp::{
-    self, Curvature, Hessian, Iterate, Iteration, Problem, QpFailure, QpSolver, SparseProblem,
-    SparseQp, Step,
+use pilotage_collocation::{Condensed, Scales, Scheme};
+use pilotage_identification::{FitOptions, InitialState, Trial, problem as fit, start};
+use pilotage_sqp::problem::Pattern;
+use pilotage_sqp::{
+    Curvature, Hessian, Iterate, Iteration, Problem, QpFailure, QpSolver, SparseProblem, SparseQp,
+    SqpOptions, Step, solve,
 };
-use pilotage::transcription::{Condensed, Scales, Scheme};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -295,7 +295,7 @@ fn steps_and_multipliers_are_those_of_the_dense_kkt_system() {
 
 /// Two shipped trials, as they are.
 fn trials() -> Vec<Trial> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/trials");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/trials");
     ["10m-run1.csv", "20m-run1.csv"]
         .map(|name| Trial::read(&folder.join(name)).unwrap())
         .into()
@@ -437,11 +437,11 @@ fn every_step_of_an_identification_is_optimal() {
             worst: (0.0, 0.0),
             steps: 0,
         };
-        let limits = sqp::SqpOptions {
+        let limits = SqpOptions {
             max_iterations: 8,
-            ..sqp::SqpOptions::default()
+            ..SqpOptions::default()
         };
-        sqp::solve(&problem, &mut qp, z, &limits, &mut |_| {
+        solve(&problem, &mut qp, z, &limits, &mut |_| {
             ControlFlow::Continue(())
         });
         assert!(qp.steps >= 4, "{}: {} steps", scheme.name(), qp.steps);
@@ -502,12 +502,12 @@ impl<Q: QpSolver<Random>> QpSolver<Random> for Watched<'_, Q> {
 fn iterates(problem: &Random, z: Vec<f64>, qp: impl QpSolver<Random>) -> Vec<Iteration> {
     let mut log = Vec::new();
     let relaxed = std::cell::Cell::new(false);
-    let limits = sqp::SqpOptions {
+    let limits = SqpOptions {
         max_iterations: 40,
         tolerance: 1e-6,
-        ..sqp::SqpOptions::default()
+        ..SqpOptions::default()
     };
-    sqp::solve(
+    solve(
         problem,
         &mut Watched(qp, &relaxed),
         z,

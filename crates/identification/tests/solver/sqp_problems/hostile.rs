@@ -5,7 +5,7 @@ use super::{Functions, Nlp, run};
 use crate::random_collocation::Draw;
 use num_dual::DualNum;
 use num_dual::HyperDual64 as H;
-use pilotage::sqp::{Solution, Status};
+use pilotage_sqp::{Solution, Status};
 use std::collections::BTreeMap;
 
 /// One term, with two numbers in [-1, 1]; several are not finite, or not differentiable, somewhere.

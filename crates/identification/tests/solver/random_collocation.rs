@@ -3,11 +3,11 @@
 //! of initial state.
 
 use num_dual::DualNum;
-use pilotage::expression::{Point, System};
-use pilotage::sqp::{Iterate, Problem};
-use pilotage::transcription::{
+use pilotage_collocation::{
     Bound, Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme,
 };
+use pilotage_expression::{Point, System};
+use pilotage_sqp::{Iterate, Problem};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::sync::Arc;
