@@ -113,6 +113,10 @@ pub fn main() -> ExitCode {
         pilotage_process::leftovers::stay_if_ending();
         return code;
     }
+    // Without it, what FMUs print stays where users expect it, and `/dev/stdout` may name an output.
+    if is_watched && std::env::args_os().any(|argument| argument == "--json") {
+        pilotage_process::own::separate_stdout();
+    }
     let code = run(command);
     pilotage_process::finished(code);
     pilotage_process::leftovers::stay_if_ending();

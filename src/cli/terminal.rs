@@ -1,13 +1,13 @@
 //! Output to the terminal.
 
 use super::Failure;
-use pilotage_process::own::restore_streams;
+use pilotage_process::own::{Stdout, restore_streams};
 use std::io::{ErrorKind, Write};
 
 /// Prints to stdout. A closed reader (`pilotage ... | head`) is no failure.
 pub fn print(text: &str) -> Result<(), Failure> {
     restore_streams();
-    let mut stdout = std::io::stdout().lock();
+    let mut stdout = Stdout;
     let written = stdout.write_all(text.as_bytes());
     match written.and_then(|()| stdout.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {

@@ -236,6 +236,18 @@ fn misses(row: &str) -> Option<String> {
     })
 }
 
+/// With `--json`, what an FMU prints goes to stderr: stdout is one JSON value, also where the FMU closes it.
+#[test]
+fn what_an_fmu_prints_is_no_result() {
+    for act in ["flood", "closeout"] {
+        let folder = folder(&format!("{act}@fmi2Instantiate"));
+        for command in ["cosim", "isolated"] {
+            let ended = folder.pilotage(&[arguments(command), &["--json", "--force"]].concat());
+            assert!(ended.json().is_object(), "{act}, {command}");
+        }
+    }
+}
+
 /// What is still there of a command that a signal ended at some moment: nothing that is half, nothing in the temporary
 /// folder once the next command has begun, and no process. `PILOTAGE_MOMENTS` says at how many moments.
 #[test]

@@ -1,7 +1,9 @@
 //! State of this process that foreign code in it may change: stdout, stderr, and the umask.
 
+use std::io::{self, Write};
+
 #[cfg(unix)]
-pub use unix::{remember, restore_streams, restore_umask};
+pub use unix::{remember, restore_streams, restore_umask, separate_stdout};
 
 /// Does nothing on this system.
 #[cfg(not(unix))]
@@ -10,6 +12,28 @@ pub fn remember() {}
 /// Does nothing on this system.
 #[cfg(not(unix))]
 pub fn restore_streams() {}
+
+/// Does nothing on this system.
+#[cfg(not(unix))]
+pub fn separate_stdout() {}
+
+/// What this process was given as stdout. After [`separate_stdout`] foreign code does not write to it.
+#[derive(Debug, Default)]
+pub struct Stdout;
+
+impl Write for Stdout {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        #[cfg(unix)]
+        if let Some(written) = unix::write_separated(bytes) {
+            return written;
+        }
+        io::stdout().write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        io::stdout().flush()
+    }
+}
 
 /// Does nothing on this system.
 #[cfg(not(unix))]
@@ -23,7 +47,8 @@ mod unix {
     use rustix::fs::{Mode, OFlags};
     use rustix::stdio::{dup2_stderr, dup2_stdout, stderr, stdout};
     use std::fs::File;
-    use std::sync::OnceLock;
+    use std::io::{self, Write};
+    use std::sync::{Mutex, OnceLock, PoisonError};
 
     /// The file behind a descriptor: device and inode.
     type Identity = Option<(u64, u64)>;
@@ -34,6 +59,9 @@ mod unix {
     }
 
     static OWN: OnceLock<Own> = OnceLock::new();
+
+    /// The initial stdout, where it is kept apart from descriptor 1.
+    static SEPARATED: OnceLock<Mutex<File>> = OnceLock::new();
 
     /// Stores the current state, before foreign code is loaded and while there is one thread.
     pub fn remember() {
@@ -54,29 +82,53 @@ mod unix {
         own.is_some_and(|own| rustix::process::umask(own.umask) != own.umask)
     }
 
-    /// In a watched process: redirects stdout and stderr to their initial files, which the watching process still has
-    /// open.
+    /// In a watched process: what foreign code prints goes to stderr from now on, so that stdout holds alone what
+    /// [`Stdout`](super::Stdout) writes.
+    pub fn separate_stdout() {
+        let Ok(own) = rustix::io::fcntl_dupfd_cloexec(stdout(), 3) else {
+            return;
+        };
+        if dup2_stdout(stderr()).is_ok() {
+            let _ = SEPARATED.set(Mutex::new(own.into()));
+        }
+    }
+
+    /// Writes to the initial stdout if that is kept apart.
+    pub(super) fn write_separated(bytes: &[u8]) -> Option<io::Result<usize>> {
+        let file = SEPARATED.get()?;
+        let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
+        let before = OWN.get().and_then(|own| own.streams[0]);
+        if let Some(found) = theirs(file.as_fd(), stdout().as_raw_fd(), before) {
+            // The old number may belong to another file by now, which is not ours to close.
+            std::mem::forget(std::mem::replace(&mut *file, found));
+        }
+        Some(file.write(bytes))
+    }
+
+    /// In a watched process: redirects stdout and stderr to their files, which the watching process still has open.
     pub fn restore_streams() {
         let Some(own) = OWN.get().filter(|_| crate::is_attached()) else {
             return;
         };
-        if let Some(file) = theirs(stdout(), own.streams[0]) {
-            let _ = dup2_stdout(&file);
+        if let Some(file) = theirs(stderr(), stderr().as_raw_fd(), own.streams[1]) {
+            let _ = dup2_stderr(&file);
             keep(file);
         }
-        if let Some(file) = theirs(stderr(), own.streams[1]) {
-            let _ = dup2_stderr(&file);
+        if SEPARATED.get().is_none()
+            && let Some(file) = theirs(stdout(), stdout().as_raw_fd(), own.streams[0])
+        {
+            let _ = dup2_stdout(&file);
             keep(file);
         }
     }
 
-    /// The parent's file for this stream, if the stream no longer refers to its initial file.
-    fn theirs(stream: BorrowedFd<'_>, before: Identity) -> Option<File> {
+    /// The parent's file with this number, if the stream no longer refers to its initial file.
+    fn theirs(stream: BorrowedFd<'_>, number: i32, before: Identity) -> Option<File> {
         if before.is_none() || identity(stream) == before {
             return None;
         }
         let parent = rustix::process::getppid()?.as_raw_nonzero();
-        let path = format!("/proc/{parent}/fd/{}", stream.as_raw_fd());
+        let path = format!("/proc/{parent}/fd/{number}");
         // Existing contents of a file are kept.
         let flags = OFlags::WRONLY | OFlags::APPEND | OFlags::CLOEXEC | OFlags::NOCTTY;
         let file = rustix::fs::open(path, flags, Mode::empty()).ok()?;

@@ -4,9 +4,10 @@
 use crate::cli::Failure;
 use crate::identification::result::StartReport;
 use crate::identification::{Fit, solve::Iterate};
+use pilotage_process::own::Stdout;
 use serde_json::{Value, json};
 use std::fs::File;
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, LineWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// Destination of the lines. Write errors are reported at the end, since they are no reason to stop a fit.
@@ -25,7 +26,7 @@ impl Log {
     /// Opens the file, which is written during the fit, or stdout for `-`.
     pub fn open(path: &Path) -> Result<Self, Failure> {
         let out: Box<dyn Write> = match is_stdout(path) {
-            true => Box::new(io::stdout()),
+            true => Box::new(LineWriter::new(Stdout)),
             false => {
                 let file = File::create(path);
                 Box::new(file.map_err(|error| Failure::cannot_write(path, &error))?)
