@@ -2,6 +2,7 @@
 
 use crate::data::{Data, Run};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use pilotage_linear::svd::svd;
 
 /// A vector whose remainder is shorter than this part of its length is within the span of the others.
 const DEPENDENT: f64 = 1e-8;
@@ -200,8 +201,8 @@ fn pseudo_inverse(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     if rows == 0 || columns == 0 {
         return DMatrix::zeros(columns, rows);
     }
-    let svd = matrix.clone().svd(true, true);
-    let tolerance = DEPENDENT * svd.singular_values.max();
-    svd.pseudo_inverse(tolerance)
-        .unwrap_or_else(|_| DMatrix::zeros(columns, rows))
+    svd(matrix).map_or_else(
+        || DMatrix::zeros(columns, rows),
+        |found| found.pseudo_inverse(DEPENDENT * found.singular[0]),
+    )
 }

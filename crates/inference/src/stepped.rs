@@ -1,13 +1,17 @@
 //! Signals of steps: targets that jump, switched inputs.
 
 /// Most samples at which a signal of steps changes, as one in this number.
-const STEPS: usize = 10;
-/// The usual step is at least this part of the signal's range: smaller ones are those of a quantised signal.
+const STEPS: usize = 4;
+/// Where all steps are alike, they are at least this part of the signal's range: smaller ones may be those of a quantised
+/// signal.
 const SIZE: f64 = 0.25;
+/// Steps are not alike if the usual one is larger than the least by this factor: those of a quantised signal that keeps its
+/// values are one quantum.
+const UNLIKE: f64 = 2.5;
 
 /// Whether a signal keeps its values and jumps, as a target of steps does: it changes at few of its samples, never at two
-/// after each other, and by a large part of its range. Changes between two samples at one time are jumps already, and do not
-/// count.
+/// after each other, and either by a large part of its range or by more than what could be rounding. Changes between two
+/// samples at one time are jumps already, and do not count.
 pub fn is_stepped(time: &[f64], values: &[f64]) -> bool {
     let known: Vec<(f64, f64)> = time
         .iter()
@@ -30,7 +34,7 @@ pub fn is_stepped(time: &[f64], values: &[f64]) -> bool {
     let usual = steps.get(steps.len() / 2);
     is_alone
         && STEPS * steps.len() <= changes.len()
-        && usual.is_some_and(|own| *own >= SIZE * (most - least))
+        && usual.is_some_and(|own| *own >= SIZE * (most - least) || *own >= UNLIKE * steps[0])
 }
 
 /// Whether signals, each with its times, keep their values or [jump](is_stepped), and at least one jumps.
@@ -69,6 +73,14 @@ mod tests {
         // A ramp between two levels, and a signal that is rounded.
         assert!(!stepped(&|t| ((t - 20.0) / 8.0).clamp(0.0, 1.0)));
         assert!(!stepped(&|t| (5.0 * (0.03 * t).sin()).round()));
+        // Levels without order, kept for five samples, and one for each two; a course that is held.
+        let level = |k: f64| (100.0 * (12.9 * k * k).sin()).round() / 100.0;
+        assert!(stepped(&|t| level((t / 5.0).floor())));
+        assert!(!stepped(&|t| level((t / 2.0).floor())));
+        assert!(stepped(&|t| (0.35 * (t / 5.0).floor()).sin()));
+        // Rounded with a jump between.
+        let rounded = |t: f64| (3.0 * (0.02 * t).sin() + if t > 60.0 { 5.0 } else { 0.0 }).round();
+        assert!(!stepped(&|t| rounded(t)));
         // Two samples at the time of the jump.
         let mut twice = time.clone();
         twice[50] = twice[49];

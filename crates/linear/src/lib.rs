@@ -44,6 +44,7 @@ mod margins;
 mod modes;
 mod realization;
 mod state_space;
+pub mod svd;
 
 pub use discrete::Sampled;
 pub use figures::{Figure, LoopFigures, OpenLoop};

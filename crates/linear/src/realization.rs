@@ -2,6 +2,7 @@
 
 use super::modes::exponential;
 use super::state_space::StateSpace;
+use super::svd::{Svd, svd};
 use nalgebra::DMatrix;
 use thiserror::Error;
 
@@ -59,9 +60,6 @@ const ROUNDING: f64 = 1e-11;
 /// Factor by which the singular values of states exceed the noise level, taken from the middle singular value.
 const ABOVE_NOISE: f64 = 100.0;
 
-/// Maximum number of iterations of the singular value decomposition per row or column.
-const MAX_ITERATIONS: usize = 100;
-
 /// Maximum number of rows and columns of the Hankel matrix.
 const LARGEST: usize = 240;
 
@@ -107,15 +105,13 @@ pub fn realize(
     };
     // The Hankel matrix starts at the second step: the first one includes direct feedthrough.
     let (rows, columns) = (blocks * p, blocks * m);
-    let limit = MAX_ITERATIONS * rows.max(columns);
-    let svd = hankel(1).try_svd(true, true, 5.0 * f64::EPSILON, limit);
-    // If the iteration does not converge, the responses are treated as noise.
+    let found = svd(&hankel(1));
+    // If the rotations do not converge, the responses are treated as noise.
     let unclear = RealizationError::Order {
         steps: pulses.len(),
         order: rows.min(columns) / 2,
     };
-    let Some((Some(u), Some(v_t), singular)) = svd.map(|svd| (svd.u, svd.v_t, svd.singular_values))
-    else {
+    let Some(Svd { u, singular, v }) = found else {
         return Err(unclear);
     };
     let largest = singular.iter().copied().fold(0.0, f64::max);
@@ -128,11 +124,11 @@ pub fn realize(
     }
     let root = DMatrix::from_diagonal(&singular.rows(0, n).map(f64::sqrt));
     let inverse = DMatrix::from_diagonal(&singular.rows(0, n).map(|value| 1.0 / value.sqrt()));
-    let (u, v_t) = (u.columns(0, n), v_t.rows(0, n));
-    let phi = &inverse * u.transpose() * hankel(2) * v_t.transpose() * &inverse;
+    let (u, v) = (u.columns(0, n), v.columns(0, n));
+    let phi = &inverse * u.transpose() * hankel(2) * v * &inverse;
     let c = (u.rows(0, p) * &root).into_owned();
     // The sequence begins with C Φ Γ.
-    let phi_gamma = (&root * v_t.columns(0, m)).into_owned();
+    let phi_gamma = &root * v.rows(0, m).transpose();
     let no_logarithm = RealizationError::Logarithm { step };
     let (a, b, gamma) = match n {
         0 => (phi, phi_gamma.clone(), phi_gamma),

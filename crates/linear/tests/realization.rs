@@ -110,3 +110,20 @@ fn a_gain_has_no_states() {
         (0, 3.0)
     );
 }
+
+/// One mode, from an integrator to fast ones: the Hankel matrix of its responses has rank one to the last bit.
+#[test]
+fn one_mode_comes_back_however_slow_it_is() {
+    for k in 0..60 {
+        let pole = if k == 0 { 0.0 } else { -3.0 / 1.12_f64.powi(k) };
+        let decay = pole.exp();
+        let responses: Vec<DMatrix<f64>> = (0..steps_needed(1, 1))
+            .map(|step| DMatrix::from_element(1, 1, 0.7 * decay.powi(step as i32)))
+            .collect();
+        let names = |name: &str| vec![name.to_owned()];
+        let found = realize(&responses, 1.0, names("u"), names("y")).unwrap();
+        let poles = found.system.poles();
+        assert_eq!(poles.len(), 1);
+        assert!((poles[0].re - pole).abs() < 1e-12, "{pole}: {}", poles[0]);
+    }
+}
