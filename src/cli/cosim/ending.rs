@@ -69,6 +69,16 @@ impl Words {
         {
             *message += &format!("; the rows until {} s are kept", run.time);
         }
+        if let Some(message) = &mut words.message
+            && let Ending::EndRequested { instance, .. } | Ending::Discarded { instance, .. } =
+                &run.ending
+            && run.ends_within_step
+            && run.order.len() > 1
+        {
+            *message += &format!(
+                "; the last row lies within a step, and only values of `{instance}` are those of its time"
+            );
+        }
         words
     }
 }

@@ -203,6 +203,9 @@ pub struct Run {
     pub steps: u64,
     /// Time of the last row \[s\].
     pub time: f64,
+    /// Whether the last row lies within a step: the component that ended the run is there, all others are elsewhere in the
+    /// step.
+    pub ends_within_step: bool,
     /// Names of the instances in the order in which they stepped.
     pub order: Vec<String>,
     /// The recorded signals.
@@ -356,6 +359,7 @@ pub(super) fn run_and_look(
         ending,
         steps,
         time: last_row,
+        ends_within_step: last_row > time,
         order,
         report,
         components: Components {

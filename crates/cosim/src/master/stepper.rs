@@ -316,10 +316,12 @@ impl Stepper {
             // Equal parts of the remainder may be longer by rounding.
             let may_reject = self.can_reject && h > 1.01 * control.min_step;
             let mut has_converged = true;
-            let error = match self.attempt(h, self.can_reject) {
-                Ok(is_consistent) => {
+            // The estimate of the error takes steps too, which may be discarded.
+            let attempted = self.attempt(h, self.can_reject);
+            let error = match attempted.and_then(|own| Ok((own, self.error(h)?))) {
+                Ok((is_consistent, error)) => {
                     has_converged = is_consistent;
-                    let error = self.error(h)? / control.tolerance;
+                    let error = error / control.tolerance;
                     if has_converged {
                         error
                     } else {
