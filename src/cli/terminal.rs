@@ -1,8 +1,22 @@
 //! Output to the terminal.
 
 use super::Failure;
-use pilotage_process::own::{Stdout, restore_streams};
-use std::io::{ErrorKind, Write};
+use pilotage_process::own::{restore_streams, write_separated};
+use std::io::{self, ErrorKind, Write};
+
+/// What this process was given as stdout, also where foreign code prints elsewhere.
+#[derive(Debug)]
+pub struct Stdout;
+
+impl Write for Stdout {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        write_separated(bytes).unwrap_or_else(|| io::stdout().write(bytes))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        io::stdout().flush()
+    }
+}
 
 /// Prints to stdout. A closed reader (`pilotage ... | head`) is no failure.
 pub fn print(text: &str) -> Result<(), Failure> {

@@ -1,9 +1,7 @@
 //! State of this process that foreign code in it may change: stdout, stderr, and the umask.
 
-use std::io::{self, Write};
-
 #[cfg(unix)]
-pub use unix::{remember, restore_streams, restore_umask, separate_stdout};
+pub use unix::{remember, restore_streams, restore_umask, separate_stdout, write_separated};
 
 /// Does nothing on this system.
 #[cfg(not(unix))]
@@ -17,28 +15,10 @@ pub fn restore_streams() {}
 #[cfg(not(unix))]
 pub fn separate_stdout() {}
 
-/// What this process was given as stdout. After [`separate_stdout`] foreign code does not write to it.
-#[derive(Debug, Default)]
-pub struct Stdout;
-
-impl Write for Stdout {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        #[cfg(unix)]
-        if let Some(written) = unix::write_separated(bytes) {
-            return written;
-        }
-        io::stdout().write(bytes)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        io::stdout().flush()
-    }
-}
-
 /// Does nothing on this system.
 #[cfg(not(unix))]
-pub fn restore_umask() -> bool {
-    false
+pub fn write_separated(_bytes: &[u8]) -> Option<std::io::Result<usize>> {
+    None
 }
 
 #[cfg(unix)]
@@ -83,7 +63,7 @@ mod unix {
     }
 
     /// In a watched process: what foreign code prints goes to stderr from now on, so that stdout holds alone what
-    /// [`Stdout`](super::Stdout) writes.
+    /// [`write_separated`] writes.
     pub fn separate_stdout() {
         let Ok(own) = rustix::io::fcntl_dupfd_cloexec(stdout(), 3) else {
             return;
@@ -93,8 +73,8 @@ mod unix {
         }
     }
 
-    /// Writes to the initial stdout if that is kept apart.
-    pub(super) fn write_separated(bytes: &[u8]) -> Option<io::Result<usize>> {
+    /// Writes to the initial stdout if that is [kept apart](separate_stdout); returns how many of these bytes were written.
+    pub fn write_separated(bytes: &[u8]) -> Option<io::Result<usize>> {
         let file = SEPARATED.get()?;
         let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
         let before = OWN.get().and_then(|own| own.streams[0]);

@@ -2,9 +2,9 @@
 //! one for the fit at the end.
 
 use crate::cli::Failure;
+use crate::cli::terminal::Stdout;
 use crate::identification::result::StartReport;
 use crate::identification::{Fit, solve::Iterate};
-use pilotage_process::own::Stdout;
 use serde_json::{Value, json};
 use std::fs::File;
 use std::io::{self, ErrorKind, LineWriter, Write};
