@@ -25,9 +25,8 @@ pub fn run<A: AsRef<OsStr>>(script: &str, arguments: impl IntoIterator<Item = A>
 
 /// Arguments of Python: what it compiles is kept in the environment and not beside the scripts.
 pub fn compiled_elsewhere() -> [OsString; 2] {
-    let folder = interpreter().ancestors().nth(2).expect("it lies in bin/");
     let mut prefix = OsString::from("pycache_prefix=");
-    prefix.push(folder.join("compiled"));
+    prefix.push(home().join("compiled"));
     ["-X".into(), prefix]
 }
 
@@ -56,8 +55,13 @@ pub fn run_and_listen<A: AsRef<OsStr>>(
 
 /// The folder with packages that carry FMUs of other tools: those of `tests/fmus.txt`.
 pub fn packages() -> PathBuf {
-    let environment = interpreter().ancestors().nth(2);
-    environment.expect("it lies in bin/").join(PACKAGES)
+    home().join(PACKAGES)
+}
+
+/// The folder of the virtual environment.
+fn home() -> &'static Path {
+    let folder = interpreter().ancestors().nth(2);
+    folder.expect("it lies in bin/")
 }
 
 /// The interpreter of the virtual environment, made at the first call.

@@ -318,10 +318,10 @@ impl Stepper {
             let mut has_converged = true;
             // The estimate of the error takes steps too, which may be discarded.
             let attempted = self.attempt(h, self.can_reject);
-            let error = match attempted.and_then(|own| Ok((own, self.error(h)?))) {
+            let relative = |own| Ok((own, self.error(h)? / control.tolerance));
+            let error = match attempted.and_then(relative) {
                 Ok((is_consistent, error)) => {
                     has_converged = is_consistent;
-                    let error = error / control.tolerance;
                     if has_converged {
                         error
                     } else {
