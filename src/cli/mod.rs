@@ -36,7 +36,7 @@ mod vehicle;
 
 pub use failure::{Failure, Outcome};
 
-use clap::{Parser, Subcommand};
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::process::ExitCode;
 
 /// Identify how a human pilot acts on a vehicle, and export that pilot as an FMU.
@@ -99,7 +99,12 @@ struct IsolatedArgs {
 
 /// Entry point of the command. Exit codes: 0 done, 1 ran but the answer is no, 2 invalid usage or input.
 pub fn main() -> ExitCode {
-    let command = Cli::parse().command;
+    let matches = Cli::command().get_matches();
+    let writes_json = writes_json(&matches);
+    let command = match Cli::from_arg_matches(&matches) {
+        Ok(cli) => cli.command,
+        Err(error) => error.format(&mut Cli::command()).exit(),
+    };
     crate::atomic_file::stay();
     pilotage_process::own::remember();
     // If signals cannot be handled, temporary files remain until the next run removes them.
@@ -114,13 +119,21 @@ pub fn main() -> ExitCode {
         return code;
     }
     // Without it, what FMUs print stays where users expect it, and `/dev/stdout` may name an output.
-    if is_watched && std::env::args_os().any(|argument| argument == "--json") {
+    if is_watched && writes_json {
         pilotage_process::own::separate_stdout();
     }
     let code = run(command);
     pilotage_process::finished(code);
     pilotage_process::leftovers::stay_if_ending();
     ExitCode::from(code)
+}
+
+/// Whether the command was given `--json`.
+fn writes_json(matches: &ArgMatches) -> bool {
+    match matches.subcommand() {
+        Some((_, own)) => writes_json(own),
+        None => matches!(matches.try_get_one("json"), Ok(Some(true))),
+    }
 }
 
 /// Runs a command and returns its exit code.

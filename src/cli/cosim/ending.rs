@@ -34,8 +34,8 @@ impl Words {
             } => {
                 let words = match words {
                     Some(words) => format!(": {words}"),
-                    None => "; it may take a shorter --step, or those of --algorithm strong and --tolerance, \
-                             which get shorter"
+                    None => "; a shorter --step may help: --algorithm strong with --tolerance shortens steps by \
+                             itself"
                         .to_owned(),
                 };
                 let message = format!(

@@ -22,8 +22,8 @@ Examples:
   pilotage init run*.csv --pilot lead_lag --vehicle double_integrator -o problem.toml
   pilotage init run*.csv --pilot my_pilot.toml --vehicle my_aircraft.toml -o problem.toml
 
-  # Parameters of one model: columns with the names of its inputs drive it, columns with the names of its outputs or
-  # states are measured.
+  # Parameters of one model: columns with the names of its inputs drive it, those with the names of
+  # its outputs or states are measured.
   pilotage init day*.csv --model tank.toml -o problem.toml
 
 Without -o the file is printed. Comments in it mark what had to be guessed.";
@@ -311,8 +311,10 @@ fn write_parameters(text: &mut String, instances: &[Instance]) {
         let start = crate::document::number(own.start);
         let unit = match own.unit.as_str() {
             "" => String::new(),
-            unit => format!(" [{unit}]"),
+            unit => format!("[{unit}]"),
         };
+        let about = [own.description.as_str(), &unit];
+        let about: Vec<&str> = about.into_iter().filter(|own| !own.is_empty()).collect();
         let fixed = match own.name.ends_with("_limit") {
             true => ", fixed = true",
             false => "",
@@ -320,7 +322,10 @@ fn write_parameters(text: &mut String, instances: &[Instance]) {
         let idle = if sought.is_known { "" } else { "# " };
         let name = format!("{}.{}", sought.name, own.name);
         let line = format!("{idle}{} = {{ start = {start}{fixed} }}", quoted(&name));
-        let _ = writeln!(text, "{line:<40} # {}{unit}", own.description);
+        let _ = match about.is_empty() {
+            true => writeln!(text, "{line}"),
+            false => writeln!(text, "{line:<40} # {}", about.join(" ")),
+        };
     }
 }
 
