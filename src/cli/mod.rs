@@ -11,6 +11,7 @@ mod export;
 mod failure;
 mod fit;
 mod fly;
+mod fmu_warnings;
 mod folder;
 mod folds;
 mod format;
@@ -121,6 +122,10 @@ pub fn main() -> ExitCode {
     // Without it, what FMUs print stays where users expect it, and `/dev/stdout` may name an output.
     if is_watched && writes_json {
         pilotage_process::own::separate_stdout();
+    }
+    // `validate` judges what an FMU says where it is misused.
+    if !matches!(command, Command::Probe(_)) {
+        fmu_warnings::show();
     }
     let code = run(command);
     pilotage_process::finished(code);

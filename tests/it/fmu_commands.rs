@@ -109,6 +109,33 @@ fn rows_before_a_failure_are_kept_and_it_says_where() {
     }
 }
 
+/// Each text once and the first twenty, from another process too. The result is the same as without.
+#[test]
+fn warnings_of_an_fmu_are_shown() {
+    let folder = folder(&["warn", "good"]);
+    let run = |fmu: &str, step: &str, isolation: &[&str]| {
+        let words = ["cosim", fmu, "--stop-time", "10", "--step", step, "--force"];
+        let ended = folder.pilotage(&[&words, isolation].concat());
+        assert_eq!(ended.code, 0, "{ended:?}");
+        (ended.stderr, folder.read("result.csv"))
+    };
+    let warning = |text: &str| format!("warning: `warn`: {text}\n");
+    let table = warning("the table ends at 100 %");
+    let [first, second] = [0, 5].map(|time| warning(&format!("extrapolated at {time} s")));
+    let expected = [table.clone(), first, second].concat();
+    assert_eq!(run("warn.fmu", "5", &[]).0, expected);
+    assert_eq!(run("warn.fmu", "5", &["--isolate", "all"]).0, expected);
+    let (said, rows) = run("warn.fmu", "0.1", &[]);
+    let lines: Vec<&str> = said.lines().collect();
+    assert_eq!(lines.len(), 21, "{said}");
+    assert_eq!(
+        lines[20],
+        "note: these were 20 different warnings of FMUs; further ones are not shown"
+    );
+    let (said, same) = run("good.fmu", "0.1", &[]);
+    assert_eq!((said.as_str(), same), ("", rows.replace("warn.", "good.")));
+}
+
 #[test]
 fn what_was_there_stays_if_the_initialization_fails() {
     let folder = folder(&["error-in-initialization"]);

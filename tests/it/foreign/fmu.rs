@@ -211,7 +211,13 @@ extern "C" fn fmi2DoStep(c: *mut c_void, t: f64, h: f64, no_state_prior: c_int) 
         v.polls = 3;
         return PENDING;
     }
-    if fmu.behaviour == "warn" { WARNING } else { OK }
+    if fmu.behaviour == "warn" {
+        fmu.log(WARNING, c"logStatusWarning", "the table ends at 100 %");
+        fmu.log(WARNING, c"logStatusWarning", &format!("extrapolated at {t} s"));
+        fmu.log(OK, c"logAll", "stepped");
+        return WARNING;
+    }
+    OK
 }
 
 #[unsafe(no_mangle)]
