@@ -66,12 +66,18 @@ impl LoopFigure<'_> {
     /// Frequencies at which the gain is 1, or if there are none, at which the phase is -180° [rad/s].
     fn crossings(&self) -> Vec<f64> {
         let gain = self.margins.gain_crossings.iter().map(|c| c.frequency);
-        let phase = self.margins.phase_crossings.iter().map(|c| c.frequency);
+        let phase = phase_crossings(&self.margins);
         match self.margins.gain_crossings.is_empty() {
             false => gain.collect(),
             true => phase.collect(),
         }
     }
+}
+
+/// Frequencies at which the phase is -180° [rad/s], as far as a logarithmic axis has them.
+fn phase_crossings(margins: &Margins) -> impl Iterator<Item = f64> {
+    let all = margins.phase_crossings.iter().map(|c| c.frequency);
+    all.filter(|frequency| *frequency > 0.0)
 }
 
 /// The page as a self-contained HTML file.
@@ -146,7 +152,7 @@ fn bode(loops: &[LoopFigure]) -> Figure {
     };
     let phase = |response: &Response| response.phase().into_iter().map(f64::to_degrees).collect();
     let gains = |own: &Margins| own.gain_crossings.iter().map(|c| c.frequency).collect();
-    let phases = |own: &Margins| own.phase_crossings.iter().map(|c| c.frequency).collect();
+    let phases = |own: &Margins| phase_crossings(own).collect();
     let mut figure = Figure::of(
         "bode",
         "Bode plot",

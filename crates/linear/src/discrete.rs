@@ -93,7 +93,11 @@ impl Sampled {
         let mut poles = self.poles(&others)?;
         poles.extend(self.poles(wires)?);
         let response = Response::of(evaluate, &poles, Some(PI / self.step));
-        let margins = Margins::of(&response, evaluate);
+        let highest = PI / self.step;
+        let mut margins = Margins::of(&response, evaluate).with_end(highest, evaluate(highest));
+        if let (_, 0) = response.low() {
+            margins = margins.with_end(0.0, evaluate(0.0));
+        }
         Ok((response, margins))
     }
 }

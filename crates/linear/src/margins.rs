@@ -7,6 +7,8 @@ use std::f64::consts::PI;
 
 /// Points of the response per decade of frequency.
 const POINTS_A_DECADE: f64 = 100.0;
+/// A smaller gain at an end of the frequencies is 0 up to rounding.
+const NO_GAIN: f64 = 1e-9;
 
 /// The response of an open loop at ascending frequencies.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -35,7 +37,7 @@ pub struct GainCrossing {
 /// A frequency at which the phase of the loop is -180°.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PhaseCrossing {
-    /// Frequency [rad/s].
+    /// Frequency [rad/s]; 0 for a steady gain below 0.
     pub frequency: f64,
     /// `1 / |L|`: factor by which the gain may change until the loop is at its stability limit; below 1 for a gain that
     /// must not decrease further.
@@ -156,6 +158,19 @@ impl Margins {
         }
     }
 
+    /// The same with the crossing at an end of the frequencies, 0 or that of Nyquist, where a response is real: a loop may
+    /// have its limit there though its phase only reaches -180°.
+    pub(super) fn with_end(mut self, frequency: f64, value: Complex<f64>) -> Self {
+        if value.re < -NO_GAIN && value.re.is_finite() && clear_sine(value) == 0.0 {
+            self.phase_crossings
+                .push(PhaseCrossing::at((frequency, value)));
+            let by_frequency =
+                |a: &PhaseCrossing, b: &PhaseCrossing| a.frequency.total_cmp(&b.frequency);
+            self.phase_crossings.sort_by(by_frequency);
+        }
+        self
+    }
+
     /// The crossing with the phase margin of smallest magnitude.
     pub fn phase_margin(&self) -> Option<&GainCrossing> {
         let by_size = |a: &&GainCrossing, b: &&GainCrossing| {
@@ -245,7 +260,10 @@ impl StateSpace {
         poles.extend(super::modes::eigenvalues(&closed));
         let evaluate = |omega| self.transfer(0, 0, Complex::new(0.0, omega));
         let response = Response::of(evaluate, &poles, None);
-        let margins = Margins::of(&response, evaluate);
+        let mut margins = Margins::of(&response, evaluate);
+        if let (_, 0) = response.low() {
+            margins = margins.with_end(0.0, evaluate(0.0));
+        }
         (response, margins)
     }
 }

@@ -182,6 +182,41 @@ fn held_parts_have_the_poles_of_the_difference_equation() {
     );
 }
 
+/// Limits at the ends of the frequencies, where the phase reaches -180° and does not cross it.
+#[test]
+fn a_loop_may_have_its_limit_at_no_frequency_and_at_that_of_nyquist() {
+    // 1 + k / (s - 1) has the pole 1 - k: the gain may fall to 1/k. A positive feedback of g < 1 may rise to 1.
+    for (pole, k, limit) in [(-1.0, 3.0, 1.0 / 3.0), (-1.0, 0.5, 2.0), (1.0, -0.5, 2.0)] {
+        let closing = Wire {
+            factor: -1.0,
+            ..wire(0, 0)
+        };
+        let (_, margins) = lag("a", k, pole)
+            .open_loop(&[closing], 0)
+            .unwrap()
+            .margins();
+        let [crossing] = margins.phase_crossings[..] else {
+            panic!("{margins:?}")
+        };
+        assert_eq!(crossing.frequency, 0.0);
+        close(crossing.gain_margin, limit, 1e-12);
+    }
+    // x_{i+1} = x_i - k h x_i has the pole 1 - k h, which is -1 for k h = 2.
+    for (k, h) in [(0.5, 1.0), (1.99, 1.0), (2.01, 1.0), (7.0, 0.1)] {
+        let integrator = lag("integrator", 1.0, 0.0);
+        let closing = Wire {
+            factor: -k,
+            ..wire(0, 0)
+        };
+        let (_, margins) = Sampled::new(&integrator, h).margins(&[closing], 0).unwrap();
+        let [crossing] = margins.phase_crossings[..] else {
+            panic!("{margins:?}")
+        };
+        close(crossing.frequency, PI / h, 1e-12);
+        close(crossing.gain_margin, 2.0 / (k * h), 1e-9);
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(5), cases: 64, ..ProptestConfig::default() })]
 
