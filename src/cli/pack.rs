@@ -25,7 +25,12 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
-    let check = |output: &Path| args.fmu.check_output(Some(&args.model), output);
+    let check = |output: &Path| {
+        // Of a crate's folder, cargo reads no FMUs: they may be made where its author is.
+        let is_apart = args.model.is_dir() && output.extension().is_some_and(|own| own == "fmu");
+        let input = (!is_apart).then_some(args.model.as_path());
+        args.fmu.check_output(input, output)
+    };
     args.output.as_deref().map_or(Ok(()), check)?;
     let what = "the folder of a crate, or a shared library";
     recognise::expect(

@@ -50,7 +50,8 @@ impl Collocation {
     ///
     /// # Panics
     /// If a run violates the requirements of [`Run`], or its numbers of inputs, recordings or initial states differ
-    /// from those of the model; if lower and upper bounds are not in order.
+    /// from those of the model; if lower and upper bounds are not in order; if the scales are not those of the model's
+    /// states and parameters.
     pub fn new(
         tapes: Arc<Differentiated>,
         constraints: ParameterConstraints,
@@ -59,8 +60,10 @@ impl Collocation {
         scales: Scales,
         bounds: &[Bound],
     ) -> Self {
+        let given = [scales.states.len(), scales.parameters.len()];
         let model = NodeModel::new(tapes, scales);
         let (n, p, inputs) = (model.n_states(), model.n_parameters(), model.n_inputs());
+        assert_eq!(given, [n, p], "a scale for each state and each parameter");
         let measured = model.n_outputs().checked_sub(bounds.len());
         let measured = measured.expect("no more bounds than outputs");
         assert!(n > 0, "a model with states: others need no collocation");

@@ -20,7 +20,12 @@ pub fn solve(
 
 impl Scales {
     /// The largest magnitude of each state over all runs, and the magnitude of each parameter; `states` holds the
-    /// states of each run at its samples.
+    /// states of each run at its samples. A state has a scale of at least 1e-3, a parameter of at least a millionth of the
+    /// largest; if all are 0, they have 1. A start near 0 says nothing of a parameter's size, and with a scale far too small
+    /// a wrong point counts as converged: set [`Scales::parameters`] where that may be, and the states' in other units.
+    ///
+    /// # Panics
+    /// If there is no run, or one without samples.
     pub fn of(states: &[Vec<Vec<f64>>], theta: &[f64]) -> Self {
         let n = states[0][0].len();
         let largest = |i: usize| {
@@ -32,7 +37,10 @@ impl Scales {
         Self {
             states: (0..n).map(largest).collect(),
             parameters: parameters
-                .map(|t| t.abs().max(1e-6 * typical).max(1e-9))
+                .map(|t| match typical > 0.0 {
+                    true => t.abs().max(1e-6 * typical).max(1e-9),
+                    false => 1.0,
+                })
                 .collect(),
         }
     }

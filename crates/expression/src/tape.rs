@@ -151,6 +151,9 @@ pub struct Registers<const B: usize> {
 impl Tape {
     /// The tape of lists of expressions over this number of variables; the variables for which `is_early` holds are
     /// known before the others.
+    ///
+    /// # Panics
+    /// If an expression has a variable with a higher index.
     pub fn new(
         graph: &Graph,
         variables: usize,
@@ -445,7 +448,11 @@ impl<'a> Writer<'a> {
         };
         for (k, operation) in graph.operations().iter().enumerate() {
             match operation {
-                Operation::Variable(index) => writer.registers[k] = Some(*index),
+                Operation::Variable(index) => {
+                    let is_known = (*index as usize) < variables || !needed[k];
+                    assert!(is_known, "variable {index} of {variables} variables");
+                    writer.registers[k] = Some(*index);
+                }
                 Operation::Constant(bits) if needed[k] => {
                     let register = variables + writer.tape.constants.len();
                     writer.registers[k] = Some(register as u32);

@@ -52,7 +52,7 @@ pub struct Record<'a> {
     /// Inputs at each sample; between two times they are linear from the last row of the first time to the first row of
     /// the second.
     pub inputs: &'a [Vec<f64>],
-    /// Values of each signal at the samples, NaN where there is none.
+    /// Values of each signal at the samples, NaN where there is none; infinite ones are missing too.
     pub measured: &'a [Vec<f64>],
 }
 
@@ -154,7 +154,8 @@ impl Filter {
     /// linear, for which the filter is exact.
     ///
     /// # Panics
-    /// If the number of variables differs from that of the equations.
+    /// If the number of variables differs from that of the equations; if `parts` is 0; if the record's times are not
+    /// ascending, or the numbers of its rows or signals differ from those of its times or of the equations.
     pub fn run(
         &self,
         record: &Record<'_>,
@@ -214,6 +215,8 @@ impl Filter {
         parts: usize,
         see: &mut dyn FnMut(&Seen) -> f64,
     ) -> Course<N> {
+        assert!(parts > 0, "an interval between samples has a step at least");
+        self.check(record);
         let mut place = Place::new(self, record, initial, rest);
         let mut found = Course {
             innovations: Vec::new(),
@@ -226,6 +229,23 @@ impl Filter {
             self.update::<T, N>(&mut place, sample, &mut found, see);
         }
         found
+    }
+
+    fn check(&self, record: &Record<'_>) {
+        let samples = record.time.len();
+        assert!(record.time.is_sorted_by(|a, b| a <= b), "ascending times");
+        assert_eq!(
+            record.inputs.len(),
+            samples,
+            "a row of inputs for each sample"
+        );
+        let signals = self.measure.outputs(0).len() / (2 + self.states);
+        assert_eq!(record.measured.len(), signals, "the measured signals");
+        let is_whole = |own: &Vec<f64>| own.len() == samples;
+        assert!(
+            record.measured.iter().all(is_whole),
+            "a value for each sample"
+        );
     }
 
     /// Propagates mean and covariance to a sample.

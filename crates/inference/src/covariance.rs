@@ -76,7 +76,8 @@ pub struct Covariance {
 }
 
 impl Covariance {
-    /// Standard deviations.
+    /// Standard deviations; 0 along what the data do not determine ([`Inference::flat`](crate::Inference::flat)), so that
+    /// a parameter of which they say nothing has 0 too.
     pub fn deviations(&self) -> Vec<f64> {
         self.matrix.diagonal().iter().map(|v| v.sqrt()).collect()
     }

@@ -44,6 +44,9 @@ pub struct Automatic {
 impl Solver {
     /// A solver for `indicators` event indicators and as many states as there are absolute tolerances.
     /// [`Self::restart`] starts it.
+    ///
+    /// # Panics
+    /// If the relative tolerance is not a number above 0, or an absolute one not a number.
     pub fn new(indicators: usize, options: SolverOptions) -> Self {
         let n = options.absolute.len();
         let scheme = Automatic {

@@ -66,8 +66,19 @@ struct Done {
 impl<S: Scheme> Solver<S> {
     /// A solver with this method and `indicators` event indicators. The permitted error of a step is `relative` times
     /// each state plus `absolute`, for each state in its unit. [`Self::restart`] starts it.
+    ///
+    /// # Panics
+    /// If the relative tolerance is not a number above 0, or an absolute one not a number.
     pub fn with(scheme: S, indicators: usize, relative: f64, absolute: &[f64]) -> Self {
         let n = absolute.len();
+        assert!(
+            relative > 0.0 && relative.is_finite(),
+            "a relative tolerance of {relative}"
+        );
+        assert!(
+            absolute.iter().all(|own| own.is_finite()),
+            "absolute tolerances: {absolute:?}"
+        );
         Self {
             scheme,
             t: 0.0,

@@ -31,6 +31,9 @@ const STATIONARY: f64 = 1e-6;
 /// `observer` receives each iterate and may stop the solve with a status of its choice ([`Status::TimeLimit`],
 /// [`Status::Interrupted`], [`Status::Stopped`]); the best iterate so far is then returned. A point that has converged
 /// is returned as converged, whatever the observer returns.
+///
+/// # Panics
+/// If the numbers of lower and upper limits differ, or if one is NaN.
 pub fn solve<P: Problem + ?Sized, Q: QpSolver<P>>(
     problem: &P,
     qp: &mut Q,
@@ -38,6 +41,12 @@ pub fn solve<P: Problem + ?Sized, Q: QpSolver<P>>(
     options: &SqpOptions,
     observer: &mut dyn FnMut(&Iteration) -> ControlFlow<Status>,
 ) -> Solution {
+    let (lower, upper) = problem.limits();
+    assert_eq!(lower.len(), upper.len(), "as many lower as upper limits");
+    assert!(
+        !lower.iter().chain(upper).any(|own| own.is_nan()),
+        "a limit is NaN"
+    );
     let current = Iterate::new(problem, start);
     Sqp {
         problem,

@@ -36,7 +36,9 @@ impl Unit {
         if name.is_empty() {
             return Some(Self::none());
         }
-        let base = Base::in_modelicas_spelling(name)?;
+        let Some(base) = Base::in_modelicas_spelling(name) else {
+            return name.strip_suffix("/s").and_then(Self::rate_of_temperature);
+        };
         let display = || {
             let (_, display) = DISPLAYED.iter().find(|(unit, _)| *unit == name)?;
             let factor = base.factor / Base::of(display)?.factor;
@@ -71,19 +73,20 @@ impl Unit {
         // Every name was parsed before, in `of`; one that is not a product is a temperature in degrees.
         match Product::parse(&self.name) {
             Some(product) => Self::of(&product.rate().to_string()),
-            None => {
-                let mut base = Base {
-                    offset: 0.0,
-                    ..self.base
-                };
-                base.exponents[2] -= 1;
-                Self {
-                    name: format!("{}/s", self.name),
-                    base,
-                    display: None,
-                }
-            }
+            None => Self::rate_of_temperature(&self.name).expect("a temperature in degrees"),
         }
+    }
+
+    /// `degC/s` of `degC`, which is no product; `None` for a unit without an offset.
+    fn rate_of_temperature(name: &str) -> Option<Self> {
+        let mut base = Base::in_modelicas_spelling(name).filter(|base| base.offset != 0.0)?;
+        base.offset = 0.0;
+        base.exponents[2] -= 1;
+        Some(Self {
+            name: format!("{name}/s"),
+            base,
+            display: None,
+        })
     }
 
     /// The name as it is printed: `kg·m²`, `µs/rad`; empty for dimensionless.
@@ -137,6 +140,14 @@ mod tests {
             "1/s", "m/s", "m/s2", "rad/s2", "m", "m.s2", "1/s2", "1/(m.s3)",
         ];
         assert_eq!(rates, expected);
+        // What a library says of a rate is read again by `pack`.
+        for name in ["degC", "degF"] {
+            let rate = Unit::of(name).rate();
+            assert_eq!(Unit::parse(&rate.name), Some(rate));
+        }
+        let factor = Unit::of("degF/s").base.factor;
+        assert!((factor - 5.0 / 9.0).abs() < 1e-15, "{factor}");
+        assert_eq!(Unit::parse("km/h/s"), None);
     }
 
     #[test]

@@ -14,6 +14,14 @@ pub enum RunError {
     /// The solver failed.
     #[error(transparent)]
     Integration(#[from] IntegrationError<CallError>),
+    /// The requested time is not after the current one.
+    #[error("the run is at {time} s and cannot go to {target} s")]
+    Backwards {
+        /// Current time \[s\].
+        time: f64,
+        /// Requested time \[s\].
+        target: f64,
+    },
     /// The event iteration does not end.
     #[error(
         "at {time} s the FMU still wants new discrete states after {rounds} rounds of the event iteration"

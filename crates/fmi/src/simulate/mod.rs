@@ -283,7 +283,15 @@ impl ModelExchangeRun {
 
     /// Integrates to `target` \[s\], and handles all events up to and at that time. A time event that differs from it by
     /// rounding is at that time: the run then ends at the event's.
+    ///
+    /// # Errors
+    /// If a call or the solver fails, if events accumulate, or if the target is before the current time or NaN.
     pub fn step_to(&mut self, target: f64) -> Result<Reached, RunError> {
+        // By rounding it may be where an event was.
+        let time = self.time();
+        if target.is_nan() || target < time - AT_TARGET * time.abs().max(1.0) {
+            return Err(RunError::Backwards { time, target });
+        }
         if self.is_in_event_mode() {
             self.finish_event(false)?;
         }
