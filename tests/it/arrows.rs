@@ -72,11 +72,29 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
 /// The code of a source file: without comments, and without its unit tests (they may use anything).
 fn code(path: &Path) -> String {
     let text = fs::read_to_string(path).unwrap();
-    let text = text.split("#[cfg(test)]").next().unwrap();
-    (text.lines())
+    without_tests(&text)
         .filter(|line| !line.trim_start().starts_with("//"))
         .map(|line| format!("{line}\n"))
         .collect()
+}
+
+/// The lines that are in no item with `#[cfg(test)]`. An item ends with a semicolon in its first line, or with a brace as
+/// far from the margin as it is itself.
+fn without_tests(text: &str) -> impl Iterator<Item = &str> {
+    let mut end = None;
+    text.lines().filter(move |line| {
+        let margin = line.len() - line.trim_start().len();
+        match &end {
+            None if line.trim() == "#[cfg(test)]" => end = Some((margin, true)),
+            None => return true,
+            Some((_, true)) if line.trim_start().starts_with("#[") => {}
+            Some((_, true)) if line.ends_with([';', '}']) => end = None,
+            Some((own, true)) => end = Some((*own, false)),
+            Some((own, false)) if margin == *own && line.trim_start() == "}" => end = None,
+            Some(_) => {}
+        }
+        false
+    })
 }
 
 /// The items of a `use` list up to its closing brace, without what stands in inner braces.
@@ -96,21 +114,28 @@ fn top_level(list: &str) -> Vec<String> {
     items
 }
 
-/// The modules and workspace crates that a file's code names: `crate::x`, `pilotage_x`, and the nested
-/// `use crate::{x, y}`.
-fn named(code: &str) -> BTreeSet<String> {
-    let word = |text: &str| -> String {
-        text.chars()
-            .take_while(|c| c.is_ascii_alphanumeric() || *c == '_')
-            .collect()
-    };
+fn word(text: &str) -> String {
+    text.chars()
+        .take_while(|c| c.is_ascii_alphanumeric() || *c == '_')
+        .collect()
+}
+
+/// The names that follow a path such as `crate::`, alone or in a list.
+fn after(code: &str, path: &str) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
-    for rest in code.split("crate::").skip(1) {
+    for rest in code.split(path).skip(1) {
         match rest.strip_prefix('{') {
             None => found.extend([word(rest)]),
             Some(list) => found.extend(top_level(list).iter().map(|item| word(item.trim()))),
         }
     }
+    found
+}
+
+/// The modules and workspace crates that a file's code names: `crate::x`, `pilotage_x`, and the nested
+/// `use crate::{x, y}`.
+fn named(code: &str) -> BTreeSet<String> {
+    let mut found = after(code, "crate::");
     for rest in code.split("pilotage_").skip(1) {
         found.insert(word(rest));
     }
@@ -118,7 +143,7 @@ fn named(code: &str) -> BTreeSet<String> {
     found
 }
 
-/// The sources of the library, without those of the exported FMU: paths from the root, and code.
+/// The sources of the library, without tests and without those of the exported FMU: paths from the root, and code.
 fn library() -> Vec<(String, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut files = Vec::new();
@@ -128,7 +153,10 @@ fn library() -> Vec<(String, String)> {
         let path = file.strip_prefix(root).unwrap().to_str().unwrap();
         (path.replace('\\', "/"), code(file))
     };
-    files.iter().map(relative).collect()
+    let is_test =
+        |(file, _): &(String, String)| file.contains("/tests/") || file.ends_with("/tests.rs");
+    let all = files.iter().map(relative);
+    all.filter(|own| !is_test(own)).collect()
 }
 
 /// Whether a file is that module: its own, or one in its folder.
@@ -183,11 +211,9 @@ fn of_co_simulation_estimation_knows_descriptions_alone() {
         if !file.starts_with("crates/estimation/") {
             continue;
         }
-        for rest in code.split("pilotage_cosim::").skip(1) {
-            let known = ["description::", "SystemDescription", "DescriptionError"];
-            let named = rest.trim_start_matches('{');
-            let is_known = known.iter().any(|name| named.starts_with(name));
-            assert!(is_known, "{file} names {}", rest.lines().next().unwrap());
+        let known = ["description", "SystemDescription", "DescriptionError"];
+        for name in after(&code, "pilotage_cosim::") {
+            assert!(known.contains(&name.as_str()), "{file} names {name}");
         }
     }
 }
@@ -216,11 +242,9 @@ fn of_estimation_each_module_names_those_beneath_it() {
             continue;
         };
         seen.insert(own);
-        let above = &layers[own + 1..];
-        let named: Vec<&str> = code.split("crate::").skip(1).collect();
-        for layer in above {
-            let is_named = |text: &&&str| text.starts_with(&format!("{layer}::"));
-            assert_eq!(named.iter().find(is_named), None, "{file} names {layer}");
+        let named = after(&code, "crate::");
+        for layer in &layers[own + 1..] {
+            assert!(!named.contains(*layer), "{file} names {layer}");
         }
     }
     assert_eq!(seen.len(), layers.len());
@@ -242,8 +266,23 @@ fn only_the_command_line_knows_clap_and_the_terminal() {
         ] {
             assert!(!code.contains(word), "{file} uses {word}");
         }
+        let streams = after(code, "std::io::");
+        let streams = ["stdout", "stderr"].map(|name| streams.contains(name));
+        assert_eq!(streams, [false; 2], "{file} imports stdout or stderr");
         let knows = code.contains("crate::cli") || code.contains("pilotage::cli");
         assert!(!knows || file == "src/main.rs", "{file}");
+    }
+}
+
+/// The arrows are read from paths that begin at the crate. The command line may know everything.
+#[test]
+fn no_path_climbs_out_of_its_module() {
+    for (file, code) in library() {
+        let is_free = is_of(&file, "src/cli");
+        assert!(
+            is_free || !code.contains("super::super"),
+            "{file}: say `crate::`"
+        );
     }
 }
 
@@ -292,4 +331,15 @@ fn names_are_found_in_paths_and_in_nested_lists() {
     let code = "use crate::series::{Column, Series};\nuse crate::{fmi::{a, b}, sqp};\nlet x = pilotage_models::y();";
     let expected = ["fmi", "models", "series", "sqp"].map(str::to_owned);
     assert_eq!(named(code), BTreeSet::from(expected));
+}
+
+#[test]
+fn unit_tests_are_left_out_and_what_follows_them_is_not() {
+    let code = "use a;\n#[cfg(test)]\nmod tests;\nuse b;\nmod m {\n    #[cfg(test)]\n    #[path = \"x\"]\n    mod t {\n        \
+                use c;\n        fn f() {\n        }\n    }\n    use d;\n}\n#[cfg(test)]\nmod tests {\n    use e;\n}\nuse f;";
+    let left: Vec<&str> = without_tests(code).map(str::trim).collect();
+    assert_eq!(
+        left,
+        ["use a;", "use b;", "mod m {", "use d;", "}", "use f;"]
+    );
 }
