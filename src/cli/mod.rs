@@ -201,7 +201,14 @@ impl Command {
             | Self::Fly(_) => guard::arguments_name_fmus(),
             // Only those of system files are loaded in this process.
             Self::Info(_) | Self::Validate(_) => guard::systems_name_fmus(),
-            _ => false,
+            // No wildcard: of each new command it must be said.
+            Self::Demo(_)
+            | Self::Vehicle(_)
+            | Self::Models(_)
+            | Self::Export(_)
+            | Self::Pack(_)
+            | Self::Probe(_)
+            | Self::Isolated(_) => false,
         }
     }
 }

@@ -83,6 +83,9 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     }
     let figure = content.figures.iter().find(|own| own.name == args.figure);
     let table = content.tables.iter().find(|own| own.name == args.figure);
+    // Several signals of a unit share a figure, which is named after the first.
+    let shows = || content.showing(&args.figure).filter(|_| table.is_none());
+    let figure = figure.or_else(shows);
     let extension = if figure.is_some() { "svg" } else { "csv" };
     let output = args.output.clone();
     let name = args.figure.replace(['/', '\\'], "-");
@@ -180,24 +183,26 @@ impl Content {
         super::format::aligned(&rows)
     }
 
+    /// The first figure with this signal or quantity.
+    fn showing(&self, name: &str) -> Option<&Figure> {
+        let is_named = |label: &str, end: &str| label.split(end).next() == Some(name);
+        let shows = |own: &&Figure| {
+            let mut quantities = own.panels.iter().map(|panel| &panel.y.label);
+            let mut lines = own.panels.iter().flat_map(|panel| &panel.series);
+            quantities.any(|label| is_named(label, " ["))
+                || lines.any(|line| line.label == name || is_named(&line.label, ", "))
+        };
+        self.figures.iter().find(shows).filter(|_| !name.is_empty())
+    }
+
     fn unknown(&self, name: &str) -> Failure {
         let figures = self.figures.iter().map(|own| own.name.as_str());
         let names: Vec<&str> = figures
             .chain(self.tables.iter().map(|own| own.name.as_str()))
             .collect();
-        let shows = |own: &&Figure| {
-            let mut quantities = own.panels.iter().map(|panel| &panel.y.label);
-            let mut lines = own.panels.iter().flat_map(|panel| &panel.series);
-            let is_line = |label: &str| label == name || label.split(", ").next() == Some(name);
-            !name.is_empty()
-                && (quantities.any(|label| label.split(" [").next() == Some(name))
-                    || lines.any(|line| is_line(&line.label)))
-        };
-        let figure = self.figures.iter().find(shows);
-        let hint = match (figure, suggestion(name, names.iter().copied())) {
-            (Some(figure), _) => format!("the figure `{}` shows it", figure.name),
-            (None, Some(near)) => format!("did you mean `{near}`?"),
-            (None, None) => "`--figure list` lists them".to_owned(),
+        let hint = match suggestion(name, names.iter().copied()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => "`--figure list` lists them".to_owned(),
         };
         Failure::new(format!("there is no figure or table `{name}`")).hint(hint)
     }

@@ -11,6 +11,7 @@ use pilotage_ode::{DormandPrince, Solver};
 use pilotage_sdk::{At, Equations, Role};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use std::collections::BTreeSet;
 use std::convert::Infallible;
 
 const TABLE: &str = include_str!("model_library.txt");
@@ -268,6 +269,16 @@ fn each_stick_has_its_limit() {
     }
 }
 
+/// Of each model there is something in the literature's words, but for one that has no transfer function.
+#[test]
+fn no_model_is_without_a_reference() {
+    let compared = ["pole ", "static ", "response "].map(|kind| rows(kind).map(|row| row[0]));
+    let compared: BTreeSet<&str> = compared.into_iter().flatten().collect();
+    let all = all().iter().map(|model| model.name);
+    let missing: Vec<&str> = all.filter(|name| !compared.contains(name)).collect();
+    assert_eq!(missing, ["dead_zone"]);
+}
+
 /// Through the characteristic polynomial, which does not mind poles that stand twice.
 #[test]
 fn poles_are_those_of_the_transfer_functions() {
@@ -279,7 +290,6 @@ fn poles_are_those_of_the_transfer_functions() {
             None => sets.push((row[..2].to_vec(), vec![pole])),
         }
     }
-    assert_eq!(sets.len(), 15);
     for (head, poles) in sets {
         let linear = Running::built_in(head[0]).with(head[1]).linear();
         assert_eq!(linear.a.nrows(), poles.len(), "{head:?}: {poles:?}");
@@ -293,7 +303,6 @@ fn poles_are_those_of_the_transfer_functions() {
 
 #[test]
 fn static_gains_and_frequency_responses_are_those_of_the_transfer_functions() {
-    let mut compared = 0;
     for kind in ["static ", "response "] {
         for row in rows(kind) {
             let running = Running::built_in(row[0]).with(row[1]);
@@ -305,10 +314,8 @@ fn static_gains_and_frequency_responses_are_those_of_the_transfer_functions() {
             let s = Complex::new(0.0, frequency);
             let found = running.linear().response(s, from, to);
             assert_near(found, expected, 1e-11, &row);
-            compared += 1;
         }
     }
-    assert_eq!(compared, 234);
 }
 
 /// With the start values of both, each pilot flies a vehicle of the library.

@@ -200,6 +200,21 @@ fn results_are_laid_over_each_other() {
     assert_eq!(list.lines().count(), 2, "{list}");
 }
 
+/// Signals of one unit share a figure; the name of each finds it.
+#[test]
+fn a_figure_is_found_by_the_name_of_a_signal() {
+    let folder = Folder::new();
+    for file in ["a.csv", "b.csv"] {
+        folder.write(file, "time,pilot.error [m],car.z [m]\n0,0,1\n1,1,2\n");
+    }
+    let ended = folder.pilotage(&["plot", "a.csv", "b.csv", "--figure", "car.z"]);
+    assert_eq!(
+        (ended.stdout.as_str(), ended.code),
+        ("wrote car.z.svg\n", 0)
+    );
+    assert!(folder.read("car.z.svg").contains(">car.z, b.csv</text>"));
+}
+
 #[test]
 fn what_cannot_be_drawn_is_told() {
     let folder = Folder::new();

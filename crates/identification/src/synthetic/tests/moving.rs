@@ -165,7 +165,7 @@ fn every_vehicle_of_the_library_is_flown() {
         let vehicle = library_vehicle(built_in.name);
         let human = Human::default()
             .suited(&vehicle, 0, Given::default())
-            .unwrap();
+            .unwrap_or_else(|error| panic!("{}: {error:?}", built_in.name));
         let flights = Flights {
             targets: vec![0.5],
             runs: 1,
