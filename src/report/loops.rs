@@ -66,7 +66,7 @@ impl LoopFigure<'_> {
     /// Frequencies at which the gain is 1, or if there are none, at which the phase is -180° [rad/s].
     fn crossings(&self) -> Vec<f64> {
         let gain = self.margins.gain_crossings.iter().map(|c| c.frequency);
-        let phase = phase_crossings(&self.margins);
+        let phase = phase_crossings(self.margins);
         match self.margins.gain_crossings.is_empty() {
             false => gain.collect(),
             true => phase.collect(),
