@@ -135,15 +135,18 @@ impl Args {
         let mut figure = figure.thinned();
         if let Some(run) = &self.run {
             let runs = figure.runs();
-            if !runs.contains(&run.as_str()) {
+            // Flights are named without the ending of their file, runs of a problem with it.
+            let is_named = |own: &&str| own == run || own.strip_suffix(".csv") == Some(run);
+            let Some(found) = runs.iter().copied().find(is_named) else {
                 let message = format!("`{}` has no run `{run}`", figure.name);
                 let hint = match runs.is_empty() {
                     true => "it is not divided into runs".to_owned(),
                     false => format!("it has: {}", runs.join(", ")),
                 };
                 return Err(Failure::new(message).hint(hint));
-            }
-            figure = figure.of_run(run);
+            };
+            let found = found.to_owned();
+            figure = figure.of_run(&found);
         }
         match extension_of(output) {
             "svg" => Ok(to_svg(&figure, self.width).into_bytes()),

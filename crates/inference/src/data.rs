@@ -25,8 +25,12 @@ pub struct Run {
 
 impl Run {
     /// A run without own unknowns, with one signal whose samples are one second apart.
+    ///
+    /// # Panics
+    /// If there is not one residual for each row.
     pub fn of(shared: DMatrix<f64>, residuals: DVector<f64>) -> Self {
         let (n, p) = shared.shape();
+        assert_eq!(residuals.len(), n, "a residual for each row");
         Self {
             own: DMatrix::zeros(n, 0),
             time: (0..n).map(|t| t as f64).collect(),
