@@ -3,16 +3,18 @@
 //!     cargo run --release --example own_model
 //!
 //! A second-order pilot drives a rover on a line towards moving targets. A fit of the recorded position and stick
-//! recovers the pilot's four parameters and the rover's drag, although both signals are noisy. The same `Rover` then
-//! drives in a co-simulation; `pilotage pack` would make an FMU of it.
+//! recovers the pilot's four parameters and the rover's drag, although both signals are noisy, with standard deviations.
+//! The same `Rover` then drives in a co-simulation; `pilotage pack` would make an FMU of it.
 
+use nalgebra::{DMatrix, DVector};
 use pilotage::cosim::{Algorithm, Clock, NativeComponent, SeriesRecorder, System, run};
 use pilotage::expression::Model;
+use pilotage::inference::{self, Data, Inference, Method};
 use pilotage::models::{Model as BuiltIn, traced};
-use pilotage::sqp::{SqpOptions, Status};
+use pilotage::sqp::{Iterate, SqpOptions, Status};
 use pilotage::transcription::{
     Bound, Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme,
-    solve,
+    Sensitivities, Sensitivity, solve,
 };
 use pilotage_sdk::{At, Equations, Scalar, Table};
 use std::error::Error;
@@ -23,6 +25,8 @@ use std::sync::Arc;
 const TRUTH: [f64; 5] = [9.0, 5.0, 3.0, 4.5, 0.25];
 const SAMPLES: usize = 401;
 const STEP: f64 = 0.05;
+/// Standard deviations of the noise of position \[m\] and stick.
+const NOISE: [f64; 2] = [0.02, 0.01];
 
 struct Rover;
 
@@ -67,7 +71,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let free = ParameterConstraints::default();
     // The stick is measured, and also bounded: it has stops.
     let bounds = [Bound::at_samples(-1.0, 1.0)];
-    let problem = Collocation::new(model, free, Scheme::HermiteSimpson, runs, scales, &bounds);
+    let problem = Collocation::new(
+        model,
+        free,
+        Scheme::HermiteSimpson,
+        runs.clone(),
+        scales,
+        &bounds,
+    );
     let z = problem.variables(&states, &start);
     let solution = solve(&problem, z, &SqpOptions::default(), &mut |_| {
         ControlFlow::Continue(())
@@ -81,19 +92,65 @@ fn main() -> Result<(), Box<dyn Error>> {
         solution.iterate.z.len(),
         solution.work.iterations
     );
+    let deviations = deviations(&problem, &runs, &solution.iterate)?;
     for (k, (found, truth)) in found.iter().zip(TRUTH).enumerate() {
         let name = if k < 4 {
             format!("theta{}", k + 1)
         } else {
             "drag".into()
         };
-        println!("{name:<7} {found:8.4}   (true: {truth})");
+        let sd = deviations[k];
+        println!("{name:<7} {found:8.4} ± {sd:.4}   (true: {truth})");
     }
     println!(
         "the pilot found drives the rover to {:.3} m",
         driven(&found)?
     );
     Ok(())
+}
+
+/// Standard deviations of the parameters: the linearised fit as a regression, each row a residual in standard deviations of
+/// its noise.
+fn deviations(
+    problem: &Collocation,
+    runs: &[Run],
+    at: &Iterate,
+) -> Result<Vec<f64>, Box<dyn Error>> {
+    let derivatives = Sensitivities::new(problem, at).ok_or("the equations are singular")?;
+    let p = problem.n_parameters();
+    let row_of_run = |(j, (run, own)): (usize, (&Run, &Sensitivity))| {
+        let predicted = problem.outputs_at_samples(&at.z, j);
+        let rows = NOISE.len() * SAMPLES;
+        let of = |row: usize| (row / SAMPLES, row % SAMPLES);
+        // Columns of θ first; those of free initial states, of which there are none here, would follow.
+        let column =
+            |row: usize, c: usize| own.outputs[of(row).0][(of(row).1, c)] / NOISE[of(row).0];
+        let residual = |row: usize, _| {
+            let (k, i) = of(row);
+            (run.measured[k].values[i] - predicted[k][i]) / NOISE[k]
+        };
+        inference::Run {
+            shared: DMatrix::from_fn(rows, p, column),
+            own: DMatrix::from_fn(rows, own.free.len(), |row, c| column(row, p + c)),
+            residuals: DVector::from_fn(rows, residual),
+            time: (0..rows).map(|row| run.time[of(row).1]).collect(),
+            signals: (0..NOISE.len())
+                .map(|k| k * SAMPLES..(k + 1) * SAMPLES)
+                .collect(),
+            prior: rows..rows,
+            // Where a bound holds, the fit cannot move.
+            active: own.active.clone(),
+        }
+    };
+    let rows = runs
+        .iter()
+        .zip(&derivatives.runs)
+        .enumerate()
+        .map(row_of_run);
+    let data = Data::of(rows.collect());
+    let inference = Inference::new(&data)?;
+    // The noise of the recordings is white. `None` chooses the method by the residuals.
+    Ok(inference.covariance(Some(Method::Plain))?.deviations())
 }
 
 /// A run to a moving target, with noise that is the same on every machine.
@@ -108,7 +165,7 @@ fn recorded(model: &Differentiated, number: usize) -> Run {
         time,
     };
     let states = model.simulate(&run, &TRUTH, &[0.0; 4]);
-    run.measured = [0.02_f64, 0.01]
+    run.measured = NOISE
         .iter()
         .enumerate()
         .map(|(k, sd)| {

@@ -7,7 +7,8 @@ use crate::Collocation;
 use nalgebra::{DMatrix, RowDVector};
 use pilotage_sqp::{Iterate, QpSolver};
 
-/// Derivatives of the outputs of a run at its samples, in physical units.
+/// Derivatives of the outputs of a run at its samples, in physical units. Divided by the noise's standard deviations they
+/// are the regression of `pilotage-inference`, which gives the parameters' covariance; `examples/own_model.rs` shows it.
 #[derive(Debug, Clone)]
 pub struct Sensitivity {
     /// The states with free initial values.
