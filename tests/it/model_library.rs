@@ -290,6 +290,7 @@ fn poles_are_those_of_the_transfer_functions() {
             None => sets.push((row[..2].to_vec(), vec![pole])),
         }
     }
+    assert_eq!(sets.len(), 15);
     for (head, poles) in sets {
         let linear = Running::built_in(head[0]).with(head[1]).linear();
         assert_eq!(linear.a.nrows(), poles.len(), "{head:?}: {poles:?}");
@@ -303,6 +304,7 @@ fn poles_are_those_of_the_transfer_functions() {
 
 #[test]
 fn static_gains_and_frequency_responses_are_those_of_the_transfer_functions() {
+    let mut compared = 0;
     for kind in ["static ", "response "] {
         for row in rows(kind) {
             let running = Running::built_in(row[0]).with(row[1]);
@@ -314,8 +316,10 @@ fn static_gains_and_frequency_responses_are_those_of_the_transfer_functions() {
             let s = Complex::new(0.0, frequency);
             let found = running.linear().response(s, from, to);
             assert_near(found, expected, 1e-11, &row);
+            compared += 1;
         }
     }
+    assert_eq!(compared, 234);
 }
 
 /// With the start values of both, each pilot flies a vehicle of the library.
