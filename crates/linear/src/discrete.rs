@@ -94,10 +94,9 @@ impl Sampled {
         poles.extend(self.poles(wires)?);
         let response = Response::of(evaluate, &poles, Some(PI / self.step));
         let highest = PI / self.step;
-        let mut margins = Margins::of(&response, evaluate).with_end(highest, evaluate(highest));
-        if let (_, 0) = response.low() {
-            margins = margins.with_end(0.0, evaluate(0.0));
-        }
+        let margins = Margins::of(&response, evaluate)
+            .with_steady(&response, evaluate)
+            .with_end(highest, evaluate(highest));
         Ok((response, margins))
     }
 }

@@ -158,6 +158,18 @@ impl Margins {
         }
     }
 
+    /// The same with the crossing at 0, if the loop has a steady gain.
+    pub(super) fn with_steady(
+        self,
+        response: &Response,
+        evaluate: impl Fn(f64) -> Complex<f64>,
+    ) -> Self {
+        match response.low() {
+            (_, 0) => self.with_end(0.0, evaluate(0.0)),
+            _ => self,
+        }
+    }
+
     /// The same with the crossing at an end of the frequencies, 0 or that of Nyquist, where a response is real: a loop may
     /// have its limit there though its phase only reaches -180°.
     pub(super) fn with_end(mut self, frequency: f64, value: Complex<f64>) -> Self {
@@ -260,10 +272,7 @@ impl StateSpace {
         poles.extend(super::modes::eigenvalues(&closed));
         let evaluate = |omega| self.transfer(0, 0, Complex::new(0.0, omega));
         let response = Response::of(evaluate, &poles, None);
-        let mut margins = Margins::of(&response, evaluate);
-        if let (_, 0) = response.low() {
-            margins = margins.with_end(0.0, evaluate(0.0));
-        }
+        let margins = Margins::of(&response, evaluate).with_steady(&response, evaluate);
         (response, margins)
     }
 }
