@@ -42,7 +42,14 @@ use std::process::ExitCode;
 
 /// Identify how a human pilot acts on a vehicle, and export that pilot as an FMU.
 #[derive(Debug, Parser)]
-#[command(version, about, max_term_width = 100, arg_required_else_help = true)]
+#[command(
+    version,
+    about,
+    max_term_width = 100,
+    arg_required_else_help = true,
+    after_help = "`pilotage COMMAND --help` shows examples.\n\nExit codes: 0 done, 1 the answer is no (not converged, not \
+    valid, unstable) or an FMU failed, 2 bad use or input; ended by Ctrl-C: 130."
+)]
 struct Cli {
     #[command(subcommand)]
     command: Command,

@@ -115,8 +115,13 @@ impl Interval {
     }
 }
 
-/// Half width, in standard deviations, of an interval with this confidence level, by Student's t.
+/// Half width, in standard deviations, of an interval with this confidence level (0.95 for 95 %), by Student's t. Degrees
+/// of freedom below 1 count as 1.
+///
+/// # Panics
+/// If the level does not lie between 0 and 1.
 pub fn quantile(level: f64, degrees: f64) -> f64 {
+    assert!(level > 0.0 && level < 1.0, "a level between 0 and 1");
     let (probability, degrees) = (0.5 * (1.0 + level), degrees.max(1.0));
     if degrees > MANY {
         return Normal::standard().inverse_cdf(probability);

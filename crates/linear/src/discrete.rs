@@ -24,7 +24,11 @@ impl Sampled {
     /// Samples parts placed [side by side](StateSpace::side_by_side), in steps of `step` \[s\]: `Φ = e^(A h)`,
     /// `Γ = ∫ e^(A t) dt B`, both from one exponential (C. F. Van Loan, IEEE Trans. Automatic Control 23(3), 1978). If
     /// the exponential would have no correct digits (`|A h|` above 1e8), all poles are infinite.
+    ///
+    /// # Panics
+    /// If the step is not a number above 0.
     pub fn new(parts: &StateSpace, step: f64) -> Self {
+        assert!(step > 0.0 && step.is_finite(), "a step above 0");
         let (n, m) = (parts.states.len(), parts.inputs.len());
         let mut exponent = DMatrix::zeros(n + m, n + m);
         exponent.view_mut((0, 0), (n, n)).copy_from(&parts.a);

@@ -35,7 +35,8 @@ pub struct Sought {
     pub at: Coordinate,
     /// Expected distance of the threshold from the estimate, above 0.
     pub step: f64,
-    /// Its range.
+    /// Its range: lower and upper end, with the estimate between them. A side whose end is not beyond the estimate has no
+    /// points.
     pub range: [f64; 2],
 }
 

@@ -86,10 +86,9 @@ const SPELT: &[(&str, &str)] = &[
     ("degrees", "deg"),
     ("radian", "rad"),
     ("radians", "rad"),
-    ("C", "degC"),
-    ("F", "degF"),
-    ("Ohm", "V/A"),
-    ("ohm", "V/A"),
+    ("ohm", "Ohm"),
+    ("Ω", "Ohm"),
+    ("lbs", "lb"),
     ("Nm", "N.m"),
     ("Ah", "A.h"),
     ("kWh", "kW.h"),
@@ -175,18 +174,30 @@ pub fn pretty(name: &str) -> String {
     if name == "1" {
         return String::new();
     }
-    let mut previous = ' ';
-    let superscript = |c: char| "⁰¹²³⁴⁵⁶⁷⁸⁹".chars().nth(c.to_digit(10)? as usize);
-    name.replace("us", "µs")
-        .chars()
-        .map(|c| {
-            let after_letter = previous.is_alphabetic() || "⁰¹²³⁴⁵⁶⁷⁸⁹".contains(previous);
-            previous = match c {
-                '.' => '·',
-                _ if after_letter => superscript(c).unwrap_or(c),
-                _ => c,
-            };
-            previous
-        })
-        .collect()
+    let mut shown = String::new();
+    let mut rest = name;
+    while let Some(first) = rest.chars().next() {
+        let letters = rest
+            .find(|c: char| !c.is_alphabetic())
+            .unwrap_or(rest.len());
+        let (symbol, after) = rest.split_at(letters);
+        match symbol.strip_prefix('u') {
+            Some(prefixed) if table::symbol(symbol).is_some() => shown.extend(["µ", prefixed]),
+            _ => shown.push_str(symbol),
+        }
+        rest = after;
+        if letters > 0 {
+            let digits = rest
+                .find(|c: char| !c.is_ascii_digit())
+                .unwrap_or(rest.len());
+            let (power, after) = rest.split_at(digits);
+            let superscript = |c: char| "⁰¹²³⁴⁵⁶⁷⁸⁹".chars().nth(c.to_digit(10)? as usize);
+            shown.extend(power.chars().filter_map(superscript));
+            rest = after;
+        } else {
+            shown.push(if first == '.' { '·' } else { first });
+            rest = &rest[first.len_utf8()..];
+        }
+    }
+    shown
 }

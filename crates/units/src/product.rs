@@ -17,7 +17,7 @@ pub struct Product {
 impl Product {
     /// Parses a unit name: symbols with or without prefix, separated by `.`, `·` or `*`, each optionally followed by
     /// `2`, `^2`, `-2`, `²` or `³`, and at most one `/`, followed by one symbol or several in parentheses. `None` if
-    /// the form is different or a symbol is unknown.
+    /// the form is different, a symbol is unknown, or the factor to base units is beyond what a double holds.
     pub fn parse(name: &str) -> Option<Self> {
         let (above, below) = match name.split_once('/') {
             Some((above, below)) => (above, inside_parentheses(below)?),
@@ -33,7 +33,8 @@ impl Product {
                 }
             }
         }
-        Some(Self { factors })
+        let product = Self { factors };
+        product.base().factor.is_normal().then_some(product)
     }
 
     /// The meaning of the product.

@@ -23,6 +23,14 @@ const PASCAL: Exponents = [1, -1, -2, 0, 0, 0, 0, 0];
 const JOULE: Exponents = [1, 2, -2, 0, 0, 0, 0, 0];
 const WATT: Exponents = [1, 2, -3, 0, 0, 0, 0, 0];
 const VOLT: Exponents = [1, 2, -3, -1, 0, 0, 0, 0];
+const OHM: Exponents = [1, 2, -3, -2, 0, 0, 0, 0];
+const SIEMENS: Exponents = [-1, -2, 3, 2, 0, 0, 0, 0];
+const COULOMB: Exponents = [0, 0, 1, 1, 0, 0, 0, 0];
+const FARAD: Exponents = [-1, -2, 4, 2, 0, 0, 0, 0];
+const HENRY: Exponents = [1, 2, -2, -2, 0, 0, 0, 0];
+const WEBER: Exponents = [1, 2, -2, -1, 0, 0, 0, 0];
+const TESLA: Exponents = [1, 0, -2, -1, 0, 0, 0, 0];
+const CUBIC_METRE: Exponents = [0, 3, 0, 0, 0, 0, 0, 0];
 
 /// Units that take the prefixes of [`PREFIXES`] (BIPM, "The International System of Units", 9th edition,
 /// 2019).
@@ -41,9 +49,20 @@ const PREFIXED: &[(&str, f64, Exponents)] = &[
     ("J", 1.0, JOULE),
     ("W", 1.0, WATT),
     ("V", 1.0, VOLT),
+    ("Ohm", 1.0, OHM),
+    ("S", 1.0, SIEMENS),
+    ("C", 1.0, COULOMB),
+    ("F", 1.0, FARAD),
+    ("H", 1.0, HENRY),
+    ("Wb", 1.0, WEBER),
+    ("T", 1.0, TESLA),
+    ("l", 1e-3, CUBIC_METRE),
+    ("L", 1e-3, CUBIC_METRE),
+    ("bar", 1e5, PASCAL),
 ];
 
 const PREFIXES: &[(&str, f64)] = &[
+    ("p", 1e-12),
     ("n", 1e-9),
     ("u", 1e-6),
     ("µ", 1e-6),
@@ -54,9 +73,11 @@ const PREFIXES: &[(&str, f64)] = &[
     ("k", 1e3),
     ("M", 1e6),
     ("G", 1e9),
+    ("T", 1e12),
 ];
 
-/// Units without prefixes (BIPM as above; international foot, nautical mile and pound, NIST SP 811).
+/// Units without prefixes (BIPM as above; international foot, nautical mile and pound, gallon of the USA, horsepower of
+/// 550 ft.lbf/s and conventional millimetre and inch of mercury, NIST SP 811, appendix B).
 const PLAIN: &[(&str, f64, Exponents)] = &[
     ("1", 1.0, ONE),
     ("%", 0.01, ONE),
@@ -78,7 +99,15 @@ const PLAIN: &[(&str, f64, Exponents)] = &[
     ("lb", 0.453_592_37, KILOGRAM),
     ("lbf", 0.453_592_37 * 9.806_65, NEWTON),
     ("slug", 0.453_592_37 * 9.806_65 / 0.3048, KILOGRAM),
-    ("bar", 1e5, PASCAL),
+    ("t", 1000.0, KILOGRAM),
+    ("kgf", 9.806_65, NEWTON),
+    ("yd", 0.9144, METRE),
+    ("gal", 231.0 * 0.0254 * 0.0254 * 0.0254, CUBIC_METRE),
+    ("hp", 550.0 * 0.3048 * 0.453_592_37 * 9.806_65, WATT),
+    ("psi", 0.453_592_37 * 9.806_65 / (0.0254 * 0.0254), PASCAL),
+    ("atm", 101_325.0, PASCAL),
+    ("mmHg", 133.322_4, PASCAL),
+    ("inHg", 3386.389, PASCAL),
 ];
 
 /// Units with a shifted zero; they stand alone, never in a product.
@@ -86,6 +115,7 @@ const SHIFTED: &[(&str, f64, f64, Exponents)] = &[
     ("degC", 1.0, 273.15, KELVIN),
     ("°C", 1.0, 273.15, KELVIN),
     ("degF", 5.0 / 9.0, 273.15 - 32.0 * 5.0 / 9.0, KELVIN),
+    ("°F", 5.0 / 9.0, 273.15 - 32.0 * 5.0 / 9.0, KELVIN),
 ];
 
 /// The unit of that name with a shifted zero.
