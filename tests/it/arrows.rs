@@ -324,6 +324,62 @@ fn the_fmu_drags_in_no_toolkit() {
     }
 }
 
+/// The rows of README's table of dependencies: names on the left, words on the right.
+fn readmes_table() -> Vec<(BTreeSet<String>, BTreeSet<String>)> {
+    let words = |text: &str| -> BTreeSet<String> {
+        let is_between = |c: char| !(c.is_ascii_alphanumeric() || "_-".contains(c));
+        let words = text.split(is_between).filter(|word| !word.is_empty());
+        words.map(str::to_owned).collect()
+    };
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let readme = fs::read_to_string(root.join("README.md")).unwrap();
+    let (_, table) = readme.split_once("Allowed dependencies").unwrap();
+    let (table, _) = table.split_once("\n## ").unwrap();
+    let mut rows: Vec<(BTreeSet<String>, BTreeSet<String>)> = Vec::new();
+    for line in table.lines().filter_map(|line| line.strip_prefix("    ")) {
+        if line.starts_with(' ') {
+            rows.last_mut().unwrap().1.extend(words(line));
+        } else {
+            let (names, known) = line.split_once("  ").unwrap_or((line, ""));
+            rows.push((words(names), words(known)));
+        }
+    }
+    rows
+}
+
+/// What a crate may import is what its manifest lists; the README says no more and no less.
+#[test]
+fn the_readmes_table_of_dependencies_is_that_of_the_manifests() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let crates = fs::read_dir(root.join("crates")).unwrap();
+    let crates = crates.map(|entry| entry.unwrap().path());
+    let folders: Vec<PathBuf> = (["abi", "sdk", "models"].map(|name| root.join("fmu").join(name)))
+        .into_iter()
+        .chain(crates.filter(|path| path.is_dir()))
+        .collect();
+    let name = |folder: &PathBuf| folder.file_name().unwrap().to_str().unwrap().to_owned();
+    let names: BTreeSet<String> = folders.iter().map(name).collect();
+    let table = readmes_table();
+    for folder in &folders {
+        let own = name(folder);
+        let manifest = fs::read_to_string(folder.join("Cargo.toml")).unwrap();
+        let (_, dependencies) = manifest.split_once("[dependencies]").unwrap_or_default();
+        let dependencies = dependencies.split("\n[").next().unwrap();
+        let listed = dependencies.lines().filter_map(|line| {
+            let name = line
+                .strip_prefix("pilotage-")?
+                .split(['.', ' ', '='])
+                .next()?;
+            Some(name.to_owned())
+        });
+        let listed: BTreeSet<String> = listed.collect();
+        let mut rows = table.iter().filter(|(left, _)| left.contains(&own));
+        let (_, right) = rows.next().unwrap_or_else(|| panic!("README lacks {own}"));
+        let said: BTreeSet<String> = right.intersection(&names).cloned().collect();
+        assert_eq!(said, listed, "of {own}: README, then its Cargo.toml");
+    }
+}
+
 #[test]
 fn names_are_found_in_paths_and_in_nested_lists() {
     let code = "use crate::series::{Column, Series};\nuse crate::{fmi::{a, b}, sqp};\nlet x = pilotage_models::y();";

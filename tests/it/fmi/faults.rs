@@ -1,12 +1,15 @@
 //! One fault planted in a good FMU's archive, files, binary or behaviour, and the finding that
 //! `pilotage validate` must have. Faults of the description are in `findings.rs`.
 
+use super::faults_files::{BUILD_FAULTS, TERMINAL_FAULTS};
 use super::findings::pairs;
+use super::{faults2, faults3};
 use crate::command::{Folder, waiting};
 use crate::foreign::{self, archive};
 use pilotage::fmi::platform;
 use rayon::prelude::*;
 use std::io::{Cursor, Write};
+use std::path::Path;
 use std::sync::LazyLock;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
@@ -190,6 +193,32 @@ fn cases() -> Vec<Case> {
 #[test]
 fn each_fault_is_found() {
     check(&cases());
+}
+
+/// The README's numbers are those of the lists.
+#[test]
+fn the_readme_counts_the_faults() {
+    let [of2, of3] = [faults2::FAULTS, faults3::FAULTS].map(|faults| pairs(faults).len());
+    let others = cases().len() + TERMINAL_FAULTS.len() + BUILD_FAULTS.len();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let text = |file: &str| {
+        std::fs::read_to_string(root.join(file))
+            .unwrap()
+            .replace('\n', " ")
+    };
+    let readme = text("README.md");
+    for said in [
+        format!(
+            "each of {of2} faults planted in a good description of FMI 2.0 and {of3} in one of FMI 3.0"
+        ),
+        format!("It finds {others} more in archives"),
+    ] {
+        assert!(readme.contains(&said), "README does not say: {said}");
+    }
+    let peers = text("docs/peers.md");
+    for said in [format!("| FMI 2 | {of2} |"), format!("| FMI 3 | {of3} |")] {
+        assert!(peers.contains(&said), "docs/peers.md does not say: {said}");
+    }
 }
 
 /// Each fault gives the expected finding, and the exit code fits its severity.
