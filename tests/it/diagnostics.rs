@@ -3,6 +3,7 @@
 
 use crate::command::{Folder, example};
 use pilotage::identification::closed_loop::LOOP_MARGIN;
+use pilotage::identification::diagnostics::recorded;
 use pilotage::identification::joint::Joint;
 use pilotage::identification::{
     ClosedLoop, Diagnostic, Fit, FitOptions, InitialState, Mesh, Objective, Scheme, Trial,
@@ -264,6 +265,55 @@ fn a_jump_in_one_run_is_told() {
     let (time, size) = jump.unwrap_or_else(|| panic!("{:?}", codes(&fit)));
     assert!(time == 7.0 && (size - 3.0).abs() < 0.2, "{time} {size}");
     assert!(!codes(&fit).contains(&"outlier"));
+}
+
+/// Found before any fit too, and not called a jump.
+#[test]
+fn a_position_that_stands_still_is_told() {
+    let mut trials = changed(|_| ());
+    for (run, samples) in [(0, 40..70), (1, 100..112)] {
+        let value = trials[run].position[samples.start];
+        trials[run].position[samples].fill(value);
+    }
+    let fit = fitted(&trials, &FitOptions::default());
+    for found in [&fit.diagnostics, &recorded(&trials)] {
+        let frozen = found.iter().find_map(|diagnostic| match diagnostic {
+            Diagnostic::Frozen {
+                from, to, count, ..
+            } => Some((*from, *to, *count)),
+            _ => None,
+        });
+        assert_eq!(frozen, Some((2.0, 3.45, 2)), "{found:?}");
+        let is_jump = |own: &Diagnostic| matches!(own, Diagnostic::Jump { .. });
+        assert!(!found.iter().any(is_jump), "{found:?}");
+    }
+    assert_eq!(recorded(&shipped()), []);
+}
+
+/// What needs no fit is known before it.
+#[test]
+fn recordings_are_doubted_before_a_fit() {
+    let before = |change: fn(&mut Trial)| -> Vec<&'static str> {
+        recorded(&changed(change))
+            .iter()
+            .map(Diagnostic::code)
+            .collect()
+    };
+    assert_eq!(before(|_| ()), [""; 0]);
+    assert_eq!(before(|own| own.position[100] += 5.0), ["outlier"]);
+    assert_eq!(before(|own| own.position.fill(1.0)), ["constant-data"]);
+    assert_eq!(
+        before(|own| own.position.iter_mut().for_each(|z| *z *= -1.0)),
+        ["wrong-scale"]
+    );
+    assert_eq!(
+        before(|own| own.stick.as_mut().unwrap().fill(0.0)),
+        ["dead-stick"]
+    );
+    assert_eq!(
+        before(|own| own.time.iter_mut().for_each(|t| *t *= 1e-3)),
+        ["time-scale"]
+    );
 }
 
 /// A recording in steps of 0.25 m, and one of 0.01 m of a single flight.

@@ -345,6 +345,29 @@ fn samples_and_runs_that_stand_out_are_told() {
     let misfit = misfit.unwrap();
     assert!(misfit.starts_with("x of 3.csv is fitted "), "{misfit}");
     assert_eq!([outlier, jump], [None, None]);
+    // A sensor that stands still at what it is in row 10.
+    let stays = |run, row| {
+        let of = |row: usize| (-0.04 * row as f64).exp();
+        f64::from(run == 2 && (11..30).contains(&row)) * (of(10) - of(row))
+    };
+    let folder = decays(stays);
+    let text = folder.read("2.csv");
+    let value = text.lines().nth(11).unwrap().split_once(',').unwrap().1;
+    let frozen = text.lines().enumerate().map(|(line, text)| {
+        let time = text.split_once(',').unwrap().0;
+        match (12..31).contains(&line) {
+            true => format!("{time},{value}\n"),
+            false => format!("{text}\n"),
+        }
+    });
+    folder.write("2.csv", frozen.collect::<String>());
+    let json = fit(&folder).json();
+    let frozen = words(&json, "frozen").unwrap();
+    assert!(
+        frozen.contains(&format!("x of 2.csv stays at {value} from 0.5 s to 1.45")),
+        "{frozen}"
+    );
+    assert_eq!(words(&json, "jump"), None);
     // A stop within the runs.
     let folder = decays(|_, _| 0.0);
     for run in 0..4 {

@@ -6,8 +6,9 @@ use std::ops::Range;
 const BREAK: f64 = 10.0;
 /// Number of samples before and after a break that define the usual change.
 const NEARBY: usize = 10;
-/// For residuals it also exceeds this part of the spread of all residuals ...
+/// It also exceeds this part of the spread of all residuals, or of all recorded values, ...
 const LARGE: f64 = 0.3;
+const LARGE_RECORDED: f64 = 0.1;
 /// ... and this multiple of the recording's resolution.
 const STEPS: f64 = 4.0;
 /// Share of distances between recorded values that may be below the resolution, by chance or by manual edits.
@@ -22,8 +23,16 @@ const SOON: f64 = 0.25;
 const FEW: usize = 2;
 /// Number of samples before and after a break whose medians are the levels there.
 const BESIDE: usize = 5;
-/// Values of which more than one in this number breaks away have no usual change.
+/// A recording stands still if it keeps a value for this multiple of the usual number of samples, ...
+const KEPT: f64 = 8.0;
+/// ... and makes up for it by this multiple of the usual change.
+const CAUGHT_UP: f64 = 5.0;
+/// Number of changes on either side without which a recording does not move.
+const MOVES: usize = 3;
+/// Values of which more than one in this number breaks away have no usual change. Recorded values that break away more
+/// often are the motion itself.
 const FEWER: usize = 4;
+const FEWER_RECORDED: usize = 50;
 /// Ratio of a run's rms residual to the median of all runs above which its fit is far worse.
 const WORSE: f64 = 3.0;
 /// Ratio of the standard deviation of a normal distribution to its median magnitude.
@@ -61,6 +70,15 @@ pub struct Breaks {
     pub jumps: Vec<(usize, usize, f64)>,
 }
 
+/// A stretch in which a recording stands still.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frozen {
+    /// The samples, which all have one value or none.
+    pub samples: Range<usize>,
+    /// The next sample with a value.
+    pub next: usize,
+}
+
 impl Values {
     /// The samples next to a break that are away from their neighbours on both sides, if these have the same level: few
     /// outliers, also if the change to or from them is too small for a break. Indices in `known`.
@@ -86,29 +104,29 @@ impl Values {
 
 impl Breaks {
     /// Finds the breaks of these runs. A break is a change between samples that is far beyond the changes nearby and
-    /// beyond the spread of all residuals; for recorded values, far beyond the spread.
+    /// beyond a part of the spread of all values.
     pub fn of(runs: &[Values], kind: Kind) -> Self {
         let mut found = Self::default();
-        let beyond = match kind {
-            Kind::Residuals => LARGE,
-            Kind::Recorded => BREAK,
+        let (part, fewer) = match kind {
+            Kind::Residuals => (LARGE, FEWER),
+            Kind::Recorded => (LARGE_RECORDED, FEWER_RECORDED),
         };
-        let least = beyond * spread(runs);
+        let least = part * spread(runs);
         let usual = noise(runs) * 2.0_f64.sqrt();
         for (run, own) in runs.iter().enumerate() {
-            found.of_run(own, run, least, usual);
+            found.of_run((run, own), (least, usual), fewer);
         }
         found
     }
 
-    /// Adds the breaks of one run. `least` is the smallest break, `usual` the typical change between samples of all
-    /// runs.
-    fn of_run(&mut self, own: &Values, run: usize, least: f64, usual: f64) {
+    /// Adds the breaks of one run, if they are fewer than one in `fewer` samples. `least` is the smallest break, `usual`
+    /// the typical change between samples of all runs.
+    fn of_run(&mut self, (run, own): (usize, &Values), (least, usual): (f64, f64), fewer: usize) {
         let finite = |k: &usize| own.values[*k].is_finite();
         let known: Vec<usize> = (0..own.values.len()).filter(finite).collect();
         let least = least.max(STEPS * own.resolution);
         let breaks = breaks(own, &known, least, usual);
-        if breaks.len() * FEWER > known.len() {
+        if breaks.len() * fewer > known.len() {
             return;
         }
         let soon = (SOON * known.len() as f64) as usize;
@@ -148,6 +166,12 @@ impl Breaks {
     pub fn samples(&self) -> impl Iterator<Item = (usize, usize)> + Clone {
         let all = self.outliers.iter();
         all.flat_map(|(run, samples)| samples.iter().map(move |k| (*run, *k)))
+    }
+
+    /// Forgets the jumps with which a recording ends a stretch in which it stood still.
+    pub fn forget_after(&mut self, run: usize, frozen: &[Frozen]) {
+        let is_after = |k: usize| frozen.iter().any(|own| own.next == k);
+        self.jumps.retain(|(of, k, _)| *of != run || !is_after(*k));
     }
 
     /// The largest jump.
@@ -215,6 +239,37 @@ pub fn misfit(rms: &[f64], tasks: &[f64]) -> Option<(usize, f64)> {
     let others = |values: &[f64]| median(values.iter().copied()).unwrap_or(0.0);
     let is_worse = |values: &[f64]| values[worst] > WORSE * others(values);
     (rms.len() > 2 && is_worse(rms) && is_worse(&parts)).then(|| (worst, rms[worst] / others(rms)))
+}
+
+/// The stretches in which a recording repeats a value and afterwards makes up for the motion that it has missed: a sensor
+/// that stood still. The first samples and the last ones are none, since a vehicle may rest there, nor are values that are
+/// all kept for long, as by a sensor that is slower than the recording.
+pub fn frozen(values: &[f64]) -> Vec<Frozen> {
+    let finite = |k: &usize| values[*k].is_finite();
+    let known: Vec<usize> = (0..values.len()).filter(finite).collect();
+    let kept: Vec<&[usize]> = known.chunk_by(|a, b| values[*a] == values[*b]).collect();
+    let value = |i: usize| values[kept[i][0]];
+    let changes: Vec<f64> = (1..kept.len())
+        .map(|i| (value(i) - value(i - 1)).abs())
+        .collect();
+    let least = STEPS * resolution(values);
+    // Change `i` leads from value `i` to the next one.
+    let is_frozen = |&i: &usize| {
+        let near = i.saturating_sub(NEARBY)..(i + NEARBY).min(changes.len());
+        let beside = |j: &usize| *j != i && *j + 1 != i;
+        let lengths = (near.clone().filter(beside)).map(|j| kept[j].len() as f64);
+        let around = near.filter(beside).map(|j| changes[j]);
+        let (Some(usual), Some(around)) = (median(lengths), median(around)) else {
+            return false;
+        };
+        kept[i].len() as f64 >= KEPT * usual && changes[i] > (CAUGHT_UP * around).max(least)
+    };
+    let inner = MOVES..kept.len().saturating_sub(MOVES);
+    let stretch = |i: usize| Frozen {
+        samples: kept[i][0]..kept[i][kept[i].len() - 1] + 1,
+        next: kept[i + 1][0],
+    };
+    inner.filter(is_frozen).map(stretch).collect()
 }
 
 /// Step in which values were recorded: the smallest distance between two of them, apart from a few exceptions.
@@ -315,6 +370,65 @@ mod tests {
         assert_eq!(found(&run).jump().map(|(_, sample, _)| sample), Some(100));
         run.modelled[100..].iter_mut().for_each(|h| *h += 30.0);
         assert_eq!(found(&run), Breaks::default());
+    }
+
+    /// A sine of which `kept` samples from the 100th on repeat a value, in steps of `resolution`.
+    fn sine(kept: usize, resolution: f64) -> Vec<f64> {
+        let at = |k: usize| {
+            let k = if (100..100 + kept).contains(&k) {
+                100
+            } else {
+                k
+            };
+            let value = 10.0 * (0.02 * k as f64).sin();
+            (value / resolution).round() * resolution
+        };
+        (0..300).map(at).collect()
+    }
+
+    #[test]
+    fn a_recording_that_stands_still_and_catches_up_is_frozen() {
+        let found = [Frozen {
+            samples: 100..130,
+            next: 130,
+        }];
+        assert_eq!(frozen(&sine(30, 1e-6)), found);
+        assert_eq!(frozen(&sine(30, 0.05)), found);
+        // Missing samples within.
+        let mut values = sine(30, 1e-6);
+        values[110] = f64::NAN;
+        assert_eq!(frozen(&values), found);
+        values[130] = f64::NAN;
+        assert_eq!(frozen(&values)[0].next, 131);
+        // Noise changes it at each sample.
+        let noise = white(3, 300).values;
+        let noisy = |k: usize| {
+            let own = if (100..130).contains(&k) { 100 } else { k };
+            sine(30, 1e-6)[own] + 0.05 * noise[own]
+        };
+        assert_eq!(frozen(&(0..300).map(noisy).collect::<Vec<_>>()), found);
+    }
+
+    #[test]
+    fn what_rests_or_is_recorded_seldom_or_coarsely_is_not_frozen() {
+        assert_eq!(frozen(&sine(0, 1e-6)), []);
+        // Two samples more than usual; in steps of 1 it stays for long at its crests.
+        assert_eq!(frozen(&sine(3, 1e-6)), []);
+        assert_eq!(frozen(&sine(0, 1.0)), []);
+        // Each tenth sample is new.
+        let seldom: Vec<f64> = (0..300).map(|k| sine(0, 1e-6)[k / 10 * 10]).collect();
+        assert_eq!(frozen(&seldom), []);
+        // At rest, then moving: nothing is made up for.
+        let rests: Vec<f64> = (0..300)
+            .map(|k| sine(0, 1e-6)[usize::max(k, 150) - 150])
+            .collect();
+        assert_eq!(frozen(&rests), []);
+        let pauses: Vec<f64> = (0..300)
+            .map(|k| sine(0, 1e-6)[if k < 80 { k } else { usize::max(k, 150) - 70 }])
+            .collect();
+        assert_eq!(frozen(&pauses), []);
+        assert_eq!(frozen(&[1.0; 50]), []);
+        assert_eq!(frozen(&[]), []);
     }
 
     /// Changes within the resolution of a recording are not outliers.

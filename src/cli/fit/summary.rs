@@ -69,7 +69,7 @@ pub fn to_json(found: &Identification, refitted: Option<&Refitted>) -> Value {
         "starts_tried": fit.tried,
         "starts_agreeing": fit.agreeing(),
         // The diagnostics; the key is kept for existing scripts.
-        "doubts": diagnostics(fit),
+        "doubts": diagnostics(&fit.diagnostics),
         "kkt": fit.kkt,
         "violation": fit.violation,
         "curvature": fit.curvature,
@@ -211,9 +211,10 @@ fn closed_loop(closed_loop: &ClosedLoop) -> Value {
     })
 }
 
-fn diagnostics(fit: &Fit) -> Vec<Value> {
+/// Code and words of each, and whether it is fatal.
+pub(in crate::cli) fn diagnostics(all: &[Diagnostic]) -> Vec<Value> {
     let one = |diagnostic: &Diagnostic| json!({ "code": diagnostic.code(), "words": diagnostic.to_string(), "fatal": diagnostic.is_fatal() });
-    fit.diagnostics.iter().map(one).collect()
+    all.iter().map(one).collect()
 }
 
 /// The status of the fit in a few words, which always includes doubts if there are diagnostics.

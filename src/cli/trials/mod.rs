@@ -3,9 +3,11 @@
 mod flown;
 mod synth;
 
+use super::fit::summary;
 use super::recognise::{self, FileKind};
 use super::system::flags::pair;
 use super::{Failure, Outcome, excitation, terminal};
+use crate::identification::diagnostics::{self, Diagnostic};
 use crate::identification::frequency::flights;
 use crate::identification::trials::{ColumnNames, SATURATED, Summary, TrialError, TrialSet};
 use crate::inference::spectrum::Excitation;
@@ -136,6 +138,7 @@ fn to_json(set: &TrialSet) -> Value {
     json!({
         "trials": trials,
         "notes": set.notes,
+        "doubts": summary::diagnostics(&diagnostics(set)),
         "excitation": excitation::to_json(excitation.as_ref()),
     })
 }
@@ -189,7 +192,18 @@ fn to_table(set: &TrialSet) -> String {
             );
         }
     }
+    for diagnostic in diagnostics(set) {
+        text += &format!("diagnostic ({}): {diagnostic}\n", diagnostic.code());
+    }
     text + &excited(set).map_or(String::new(), |own| excitation::to_text(&own))
+}
+
+/// What the recordings of the fit, and those of its validation, let doubt before any fit.
+fn diagnostics(set: &TrialSet) -> Vec<Diagnostic> {
+    let sets = [&set.fit, &set.validation].into_iter();
+    let sets = sets.filter(|trials| !trials.is_empty());
+    sets.flat_map(|trials| diagnostics::recorded(trials))
+        .collect()
 }
 
 /// The excitation by the trials of the fit.

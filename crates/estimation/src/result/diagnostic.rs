@@ -165,6 +165,25 @@ pub enum Diagnostic {
         /// Its unit.
         unit: Option<String>,
     },
+    /// A measured signal repeats a value while the model moves on.
+    Frozen {
+        /// The measured column.
+        measured: String,
+        /// Name of the run.
+        run: String,
+        /// The value.
+        value: f64,
+        /// Time of the first such sample \[s\].
+        from: f64,
+        /// Time of the last such sample \[s\].
+        to: f64,
+        /// The next sample relative to the value.
+        size: f64,
+        /// Unit of value and size.
+        unit: Option<String>,
+        /// Number of such stretches, of which this is the longest.
+        count: usize,
+    },
     /// A run that is fitted far worse than the others.
     Misfit {
         /// The measured column.
@@ -257,6 +276,7 @@ impl Diagnostic {
             Self::Stepped { .. } => "stepped-input",
             Self::Outlier { .. } => "outlier",
             Self::Jump { .. } => "jump",
+            Self::Frozen { .. } => "frozen",
             Self::Misfit { .. } => "misfit",
             Self::Clipped { .. } => "clipped",
             Self::Copy { .. } => "copy",
@@ -388,6 +408,25 @@ impl fmt::Display for Diagnostic {
                 "the residuals of {measured} in {run} jump by {size:.3e}{} at {time} s and do not come back: part of the \
                  column may have another origin or unit",
                 spaced(unit.as_deref()),
+            ),
+            Self::Frozen {
+                measured,
+                run,
+                value,
+                from,
+                to,
+                size,
+                unit,
+                count,
+            } => write!(
+                f,
+                "{measured} of {run} stays at {value}{unit} from {from} s to {to} s and is {size:.3e}{unit} away at the next \
+                 sample{}: the sensor or the recording stood still; empty these cells",
+                match count {
+                    1 => String::new(),
+                    _ => format!(" (the longest of {count} such stretches)"),
+                },
+                unit = spaced(unit.as_deref()),
             ),
             Self::Misfit {
                 measured,

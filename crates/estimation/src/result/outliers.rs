@@ -4,7 +4,7 @@ use crate::posed::Posed;
 use crate::problem::file::Noise;
 use crate::result::diagnostic::Diagnostic;
 use crate::result::{Fit, RunFit};
-use pilotage_inference::outliers::{Breaks, Kind, Values, misfit, resolution};
+use pilotage_inference::outliers::{Breaks, Frozen, Kind, Values, frozen, misfit, resolution};
 
 /// Fraction of a signal's samples at the ends of its range from which clipping is reported.
 const CLIPPED: f64 = 0.05;
@@ -12,6 +12,41 @@ const CLIPPED: f64 = 0.05;
 const STAYS: usize = 5;
 /// Minimum number of quantisation steps in the range: a coarser recording stays constant anywhere.
 const LEVELS: f64 = 20.0;
+
+/// A recording stands still if the model moves meanwhile by this part of the change after it.
+const MOVES: f64 = 0.3;
+
+/// The stretches in which a measured signal of a run keeps a value while the model moves.
+fn stood_still(run: &RunFit, k: usize) -> Vec<Frozen> {
+    let (recorded, modelled) = (&run.recorded[k], &run.predicted[k]);
+    let mut all = frozen(recorded);
+    all.retain(|own| {
+        let meanwhile = modelled[own.samples.start..=own.next].iter();
+        let low = meanwhile.clone().copied().fold(f64::INFINITY, f64::min);
+        let high = meanwhile.copied().fold(f64::NEG_INFINITY, f64::max);
+        high - low > MOVES * (recorded[own.next] - recorded[own.samples.start]).abs()
+    });
+    all
+}
+
+/// The longest stretch in which a measured signal stands still.
+pub fn of_frozen(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
+    let of_run = |run| stood_still(run, k).into_iter().map(move |own| (run, own));
+    let all: Vec<(&RunFit, Frozen)> = fit.runs.iter().flat_map(of_run).collect();
+    let count = all.len();
+    let (run, own) = all.into_iter().max_by_key(|(_, own)| own.samples.len())?;
+    let value = run.recorded[k][own.samples.start];
+    Some(Diagnostic::Frozen {
+        measured: posed.file.measured[k].column.value.clone(),
+        run: run.name.clone(),
+        value,
+        from: run.time[own.samples.start],
+        to: run.time[own.samples.end - 1],
+        size: run.recorded[k][own.next] - value,
+        unit: posed.unit_of(k).map(str::to_owned),
+        count,
+    })
+}
 
 /// Outlying samples of a measured signal. For a distribution with long tails they are expected.
 pub fn of_samples(posed: &Posed<'_>, fit: &Fit, k: usize) -> Vec<Diagnostic> {
@@ -25,7 +60,10 @@ pub fn of_samples(posed: &Posed<'_>, fit: &Fit, k: usize) -> Vec<Diagnostic> {
         .iter()
         .map(|run| looked_at(run, k, measured.noise))
         .collect();
-    let breaks = Breaks::of(&runs, Kind::Residuals);
+    let mut breaks = Breaks::of(&runs, Kind::Residuals);
+    for (run, own) in fit.runs.iter().enumerate() {
+        breaks.forget_after(run, &stood_still(own, k));
+    }
     let of_run = |run: usize| (measured.column.value.clone(), fit.runs[run].name.clone());
     let square = |(run, sample): (usize, usize)| runs[run].values[sample].powi(2);
     let largest = (breaks.samples()).max_by(|a, b| square(*a).total_cmp(&square(*b)));

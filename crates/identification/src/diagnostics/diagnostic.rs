@@ -141,6 +141,26 @@ pub enum Diagnostic {
         /// Unit of the size.
         unit: &'static str,
     },
+    /// The position repeats a value while the vehicle moves on.
+    #[error(
+        "the position of {run} stays at {value} m from {from} s to {to} s and is {size:.3} m away at the next sample{}: the \
+         sensor or the recording stood still; empty these cells",
+        stretches(*.count)
+    )]
+    Frozen {
+        /// Name of the run.
+        run: String,
+        /// The value \[m\].
+        value: f64,
+        /// Time of the first such sample \[s\].
+        from: f64,
+        /// Time of the last such sample \[s\].
+        to: f64,
+        /// The next sample relative to that \[m\].
+        size: f64,
+        /// Number of such stretches, of which this is the longest.
+        count: usize,
+    },
     /// The stick of the fitted pilot stays at zero.
     #[error("the fitted pilot does nothing: its stick stays at zero")]
     IdlePilot,
@@ -395,6 +415,7 @@ impl Diagnostic {
             Self::TargetOutlier { .. } => "target-outlier",
             Self::SteppedTarget { .. } => "stepped-target",
             Self::Jump { .. } => "jump",
+            Self::Frozen { .. } => "frozen",
             Self::MeshError { .. } => "mesh-error",
             Self::Leaves { .. } => "leaves-target",
             Self::IdlePilot => "idle-pilot",
@@ -457,6 +478,14 @@ fn others(count: usize) -> String {
     match count {
         1 => String::new(),
         _ => format!(" ({count} flights are such copies)"),
+    }
+}
+
+/// Number of such stretches, if there is more than one.
+fn stretches(count: usize) -> String {
+    match count {
+        1 => String::new(),
+        _ => format!(" (the longest of {count} such stretches)"),
     }
 }
 

@@ -34,25 +34,31 @@ const GYRATION: std::ops::RangeInclusive<f64> = 0.05..=5.0;
 /// Longest mesh interval relative to the run.
 const COARSE: f64 = 0.1;
 
+/// The diagnostics of the flights that need no fit and no vehicle.
+pub fn recorded(trials: &[Trial]) -> Vec<Diagnostic> {
+    let all = [
+        movement(trials),
+        time_scale(trials),
+        dead_stick(trials),
+        copy(trials),
+    ];
+    all.into_iter().flatten().collect()
+}
+
 /// The diagnostics of the flights.
 pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Diagnostic> {
     let vehicle = options.loop_vehicle().is_some();
-    [
-        movement(trials),
-        time_scale(trials),
+    let with_fit = [
         stick_sign(options, trials).filter(|_| vehicle),
-        dead_stick(trials),
-        copy(trials),
         vehicle_size(options).filter(|_| vehicle),
         (vehicle && !PitchLoop::of(&options.vehicle).is_stable())
             .then_some(Diagnostic::VehicleUnstable),
         stepped(options, trials),
         coarse_mesh(options, trials),
         saturated(fit, options, trials),
-    ]
-    .into_iter()
-    .flatten()
-    .collect()
+    ];
+    let recorded = recorded(trials).into_iter();
+    recorded.chain(with_fit.into_iter().flatten()).collect()
 }
 
 /// Targets that jump within a run.

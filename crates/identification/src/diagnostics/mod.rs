@@ -12,6 +12,14 @@ pub use diagnostic::Diagnostic;
 use super::{Fit, FitOptions, Trial, frequency};
 use pilotage_inference::spectrum::Excitation;
 
+/// Diagnostics of recorded flights before any fit, the most severe first.
+pub fn recorded(trials: &[Trial]) -> Vec<Diagnostic> {
+    let mut diagnostics = flights::recorded(trials);
+    diagnostics.extend(samples::recorded(trials));
+    diagnostics.sort_by_key(|diagnostic| !diagnostic.is_fatal());
+    diagnostics
+}
+
 /// Diagnostics of a fit, the most severe first.
 pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Diagnostic> {
     let mut diagnostics = flights::diagnostics(fit, options, trials);

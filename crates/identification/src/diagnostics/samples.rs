@@ -5,7 +5,7 @@ use crate::simulate::at_full_stick;
 use crate::statistics::rms;
 use crate::trials::median_step;
 use crate::{InitialState, Objective, RunFit};
-use pilotage_inference::outliers::{self, Breaks, Kind, Values, median, resolution};
+use pilotage_inference::outliers::{self, Breaks, Frozen, Kind, Values, median, resolution};
 
 /// Maximum number of samples by which a target differs in error.
 const FLICKER: usize = 2;
@@ -18,6 +18,21 @@ const GAP: f64 = 10.0;
 /// Number of standard errors by which a speed must exceed the possible speed from rest.
 const SURE: f64 = 5.0;
 
+/// The diagnostics of the samples that need no fit.
+pub fn recorded(trials: &[Trial]) -> Vec<Diagnostic> {
+    let looked_at: Vec<Values> = (trials.iter())
+        .map(|trial| values(trial, trial.position.clone()))
+        .collect();
+    let (frozen, breaks) = broken(trials, &looked_at, Kind::Recorded);
+    let all = [
+        outlier(&breaks, &looked_at, None, trials, "m"),
+        jump(&breaks, trials, "m"),
+        frozen,
+        trials.iter().find_map(target_outlier),
+    ];
+    all.into_iter().flatten().collect()
+}
+
 /// The diagnostics of the samples.
 pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Diagnostic> {
     let unit = options.objective.unit();
@@ -26,10 +41,17 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
         true => Kind::Residuals,
         false => Kind::Recorded,
     };
-    let breaks = Breaks::of(&looked_at, kind);
+    let (frozen, breaks) = broken(trials, &looked_at, kind);
     let all = [
-        outlier(&breaks, &looked_at, fit, trials, unit),
+        outlier(
+            &breaks,
+            &looked_at,
+            fit.is_feasible().then_some(fit),
+            trials,
+            unit,
+        ),
         jump(&breaks, trials, unit),
+        frozen,
         trials.iter().find_map(target_outlier),
         moving(&looked_at, options, trials),
         gap(trials).filter(|_| !fit.is_feasible()),
@@ -41,36 +63,45 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
 /// The residuals of each run, or the recorded positions if the fit is not feasible.
 fn looked_at(fit: &Fit, trials: &[Trial]) -> Vec<Values> {
     let pairs = trials.iter().zip(&fit.runs);
-    let values = |(trial, run): (&Trial, &RunFit)| Values {
-        time: trial.time.clone(),
-        values: match fit.is_feasible() {
-            true => run.residual.clone(),
-            false => trial.position.clone(),
-        },
-        resolution: resolution(&trial.position),
-        modelled: Vec::new(),
+    let of_run = |(trial, run): (&Trial, &RunFit)| match fit.is_feasible() {
+        true => values(trial, run.residual.clone()),
+        false => values(trial, trial.position.clone()),
     };
-    pairs.map(values).collect()
+    pairs.map(of_run).collect()
 }
 
+/// Values at the samples of a run.
+fn values(trial: &Trial, values: Vec<f64>) -> Values {
+    Values {
+        time: trial.time.clone(),
+        values,
+        resolution: resolution(&trial.position),
+        modelled: Vec::new(),
+    }
+}
+
+/// The largest outlier; its share of the objective if there is a fit.
 fn outlier(
     breaks: &Breaks,
     looked_at: &[Values],
-    fit: &Fit,
+    fit: Option<&Fit>,
     trials: &[Trial],
     unit: &'static str,
 ) -> Option<Diagnostic> {
     let size = |(run, k): (usize, usize)| looked_at[run].values[k].abs();
     let (run, k) = (breaks.samples()).max_by(|a, b| size(*a).total_cmp(&size(*b)))?;
     let squares = breaks.samples().map(|sample| size(sample).powi(2));
-    let total = fit.residuals().filter(|r| r.is_finite()).map(|r| r * r);
+    let share = |fit: &Fit| {
+        let total = fit.residuals().filter(|r| r.is_finite()).map(|r| r * r);
+        squares.sum::<f64>() / total.sum::<f64>()
+    };
     Some(Diagnostic::Outlier {
         run: trials[run].name.clone(),
         time: trials[run].time[k],
         value: looked_at[run].values[k],
         unit,
         count: breaks.samples().count(),
-        share: (fit.is_feasible()).then(|| squares.sum::<f64>() / total.sum::<f64>()),
+        share: fit.map(share),
     })
 }
 
@@ -82,6 +113,31 @@ fn jump(breaks: &Breaks, trials: &[Trial], unit: &'static str) -> Option<Diagnos
         size,
         unit,
     })
+}
+
+/// The longest stretch in which a position stands still while the vehicle moves, and the breaks that are none of these.
+fn broken(trials: &[Trial], looked_at: &[Values], kind: Kind) -> (Option<Diagnostic>, Breaks) {
+    let mut breaks = Breaks::of(looked_at, kind);
+    let mut all: Vec<(&Trial, Frozen)> = Vec::new();
+    for (run, trial) in trials.iter().enumerate() {
+        let frozen = outliers::frozen(&trial.position);
+        breaks.forget_after(run, &frozen);
+        all.extend(frozen.into_iter().map(|own| (trial, own)));
+    }
+    let count = all.len();
+    let longest = all.into_iter().max_by_key(|(_, own)| own.samples.len());
+    let diagnostic = longest.map(|(trial, own)| {
+        let (first, last) = (own.samples.start, own.samples.end - 1);
+        Diagnostic::Frozen {
+            run: trial.name.clone(),
+            value: trial.position[first],
+            from: trial.time[first],
+            to: trial.time[last],
+            size: trial.position[own.next] - trial.position[first],
+            count,
+        }
+    });
+    (diagnostic, breaks)
 }
 
 /// A target that leaves its value for a few samples and returns to it, constant before and after.
