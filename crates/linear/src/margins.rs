@@ -7,8 +7,17 @@ use std::f64::consts::PI;
 
 /// Points of the response per decade of frequency.
 const POINTS_A_DECADE: f64 = 100.0;
-/// A smaller gain at an end of the frequencies is 0 up to rounding.
+/// A smaller gain is 0 up to rounding, and a greater one than its reciprocal infinite.
 const NO_GAIN: f64 = 1e-9;
+/// Between two points the phase turns by no more than this \[rad\], and the gain changes by no more than this factor; else
+/// there are points between them, as near a zero of little damping.
+const TURN: f64 = 0.35;
+const FACTOR: f64 = 2.0;
+/// Times that an interval is halved at most, and number of points added at most.
+const HALVINGS: u32 = 40;
+const ADDED: usize = 5000;
+/// Sine of the phase where it passes -180°, at most: near a pole on the axis it jumps.
+const PASSES: f64 = 0.01;
 
 /// The response of an open loop at ascending frequencies.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -62,13 +71,61 @@ impl Response {
         poles: &[Complex<f64>],
         highest: Option<f64>,
     ) -> Self {
-        let frequency = frequencies(poles, highest);
-        let value = frequency.iter().map(|&omega| evaluate(omega)).collect();
-        Self { frequency, value }
+        let mut response = Self::default();
+        let mut left = ADDED;
+        for omega in frequencies(poles, highest) {
+            response.add((omega, evaluate(omega)), &evaluate, HALVINGS, &mut left);
+        }
+        for function in [excess_gain, sine_near_180] {
+            response.add_turns(function, &evaluate);
+        }
+        response
     }
-}
 
-impl Response {
+    /// Adds the points at which a function turns back just beyond 0: it has two roots between neighbouring points.
+    fn add_turns(
+        &mut self,
+        function: fn(Complex<f64>) -> f64,
+        evaluate: &impl Fn(f64) -> Complex<f64>,
+    ) {
+        let values: Vec<f64> = self.value.iter().map(|&value| function(value)).collect();
+        let turn = |i: usize| {
+            let sign = values[i].signum();
+            let is_least =
+                sign * values[i - 1] >= values[i].abs() && sign * values[i + 1] >= values[i].abs();
+            let ends = [self.frequency[i - 1], self.frequency[i + 1]];
+            let omega = is_least.then(|| least(ends, |omega| sign * function(evaluate(omega))))?;
+            (sign * function(evaluate(omega)) < 0.0).then_some((i, omega))
+        };
+        let turns: Vec<(usize, f64)> = (1..values.len().max(1) - 1).filter_map(turn).collect();
+        for (i, omega) in turns.into_iter().rev() {
+            let at = if omega < self.frequency[i] { i } else { i + 1 };
+            self.frequency.insert(at, omega);
+            self.value.insert(at, evaluate(omega));
+        }
+    }
+
+    /// Adds a point, and those that are wanted between the last one and it.
+    fn add(
+        &mut self,
+        (omega, value): (f64, Complex<f64>),
+        evaluate: &impl Fn(f64) -> Complex<f64>,
+        halvings: u32,
+        left: &mut usize,
+    ) {
+        if let (Some(&last), Some(before)) = (self.frequency.last(), self.value.last()) {
+            let middle = 0.5 * (last + omega);
+            let is_between = last < middle && middle < omega;
+            if is_between && halvings > 0 && *left > 0 && is_abrupt(*before, value) {
+                *left -= 1;
+                self.add((middle, evaluate(middle)), evaluate, halvings - 1, left);
+                return self.add((omega, value), evaluate, halvings - 1, left);
+            }
+        }
+        self.frequency.push(omega);
+        self.value.push(value);
+    }
+
     /// Behaviour at the lowest frequencies: the gain (signed if it is a steady gain), and the power of the frequency
     /// with which it changes: 0 for a loop with a steady gain, -1 for one that integrates once.
     pub fn low(&self) -> (f64, i32) {
@@ -96,6 +153,13 @@ impl Response {
         });
         unwrapped.collect()
     }
+}
+
+/// Whether a response changes much between two points.
+fn is_abrupt(a: Complex<f64>, b: Complex<f64>) -> bool {
+    let ratio = b / a;
+    let gain = ratio.norm().ln().abs();
+    gain.is_finite() && (gain > FACTOR.ln() || ratio.arg().abs() > TURN)
 }
 
 /// Logarithmic spacing, refined around each resonance.
@@ -149,9 +213,17 @@ impl Margins {
         };
         let gain_crossings = (sign_changes(&response.value, excess_gain).into_iter())
             .map(|ends| GainCrossing::at(crossing(ends, excess_gain)));
+        // At the points beside it the phase may be far from that, if a zero or a pole is near.
+        let is_passed = |value: Complex<f64>| {
+            let gains = NO_GAIN..1.0 / NO_GAIN;
+            value.re < 0.0
+                && gains.contains(&value.norm())
+                && (value.im / value.norm()).abs() < PASSES
+        };
         let phase_crossings = (sign_changes(&response.value, clear_sine).into_iter())
-            .filter(|ends| ends.iter().all(|&i| response.value[i].re < 0.0))
-            .map(|ends| PhaseCrossing::at(crossing(ends, |value| value.im)));
+            .map(|ends| crossing(ends, |value| value.im))
+            .filter(|(_, value)| is_passed(*value))
+            .map(PhaseCrossing::at);
         Self {
             gain_crossings: gain_crossings.collect(),
             phase_crossings: phase_crossings.collect(),
@@ -214,6 +286,14 @@ fn clear_sine(value: Complex<f64>) -> f64 {
     }
 }
 
+/// The same where the phase is nearer to -180° than to 0, and NaN elsewhere.
+fn sine_near_180(value: Complex<f64>) -> f64 {
+    match value.re < 0.0 {
+        true => clear_sine(value),
+        false => f64::NAN,
+    }
+}
+
 /// Pairs of positions between which a function of the response changes its sign. Zeros are skipped: a phase that
 /// reaches -180° and returns to the same side does not cross.
 fn sign_changes(values: &[Complex<f64>], function: fn(Complex<f64>) -> f64) -> Vec<[usize; 2]> {
@@ -223,6 +303,21 @@ fn sign_changes(values: &[Complex<f64>], function: fn(Complex<f64>) -> f64) -> V
         .filter(|pair| pair[0].1 * pair[1].1 < 0.0)
         .map(|pair| [pair[0].0, pair[1].0])
         .collect()
+}
+
+/// The place of a minimum of the function between the ends, by golden sections.
+fn least(ends: [f64; 2], function: impl Fn(f64) -> f64) -> f64 {
+    let part = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let [mut low, mut high] = ends;
+    // A minimum is no sharper than the root of a double's digits.
+    for _ in 0..40 {
+        let width = part * (high - low);
+        match function(high - width) < function(low + width) {
+            true => high = low + width,
+            false => low = high - width,
+        }
+    }
+    0.5 * (low + high)
 }
 
 /// A root of the function between the ends, where its signs differ.

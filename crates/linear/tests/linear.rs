@@ -217,6 +217,176 @@ fn a_loop_may_have_its_limit_at_no_frequency_and_at_that_of_nyquist() {
     }
 }
 
+/// Product of polynomials, coefficients of the highest power first.
+fn product(a: &[Complex<f64>], b: &[Complex<f64>]) -> Vec<Complex<f64>> {
+    let mut c = vec![Complex::new(0.0, 0.0); a.len() + b.len() - 1];
+    for (i, x) in a.iter().enumerate() {
+        for (j, y) in b.iter().enumerate() {
+            c[i + j] += *x * *y;
+        }
+    }
+    c
+}
+
+/// Value of a polynomial.
+fn value(polynomial: &[Complex<f64>], at: Complex<f64>) -> Complex<f64> {
+    (polynomial.iter()).fold(Complex::new(0.0, 0.0), |sum, c| sum * at + c)
+}
+
+/// The roots of a polynomial with real coefficients between 1e-5 and 1e5: sign changes over a dense grid, which is denser
+/// around one place.
+fn roots(coefficients: &[f64], around: f64) -> Vec<f64> {
+    let value = |x: f64| coefficients.iter().fold(0.0, |sum, c| sum * x + c);
+    let everywhere = (0..20_000).map(|i| 10_f64.powf(f64::from(i) / 2000.0 - 5.0));
+    let beside = (0..5000).flat_map(|i| {
+        let distance = 10_f64.powf(f64::from(i) / 500.0 - 10.0);
+        [around * (1.0 - distance), around * (1.0 + distance)]
+    });
+    let mut grid: Vec<f64> = everywhere.chain(beside).filter(|x| *x > 0.0).collect();
+    grid.sort_by(f64::total_cmp);
+    let changes = grid
+        .windows(2)
+        .filter(|ends| value(ends[0]) * value(ends[1]) < 0.0);
+    let bisected = changes.map(|ends| {
+        let (mut low, mut high) = (ends[0], ends[1]);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            match value(middle) * value(low) > 0.0 {
+                true => low = middle,
+                false => high = middle,
+            }
+        }
+        0.5 * (low + high)
+    });
+    bisected.collect()
+}
+
+/// The transfer function in controllable form; the denominator begins with 1 and is longer than the numerator.
+fn realized(numerator: &[f64], denominator: &[f64]) -> StateSpace {
+    let n = denominator.len() - 1;
+    let a = DMatrix::from_fn(n, n, |i, j| match i {
+        0 => -denominator[j + 1],
+        _ => f64::from(u8::from(i == j + 1)),
+    });
+    let names = |letter: &str, n: usize| (0..n).map(|i| format!("{letter}{i}")).collect();
+    let lacking = n - numerator.len();
+    StateSpace {
+        a,
+        b: DMatrix::from_fn(n, 1, |i, _| f64::from(u8::from(i == 0))),
+        c: DMatrix::from_fn(1, n, |_, j| match j.checked_sub(lacking) {
+            Some(j) => numerator[j],
+            None => 0.0,
+        }),
+        d: DMatrix::zeros(1, 1),
+        states: names("x", n),
+        inputs: names("u", 1),
+        outputs: names("y", 1),
+    }
+}
+
+/// `s² + 2 ζ ω s + ω²`.
+fn pair(frequency: f64, damping: f64) -> Vec<Complex<f64>> {
+    let real = |value| Complex::new(value, 0.0);
+    vec![
+        real(1.0),
+        real(2.0 * damping * frequency),
+        real(frequency * frequency),
+    ]
+}
+
+/// Zeros of little damping, near which the phase turns by half a circle at once: the loop's limit may lie there.
+#[test]
+fn crossings_near_zeros_of_little_damping_are_found() {
+    let loop_of = realized(
+        &[
+            16.398231311592898,
+            -0.0010902568509866953,
+            0.3893201543245366,
+        ],
+        &[
+            1.0,
+            0.06927631460791178,
+            0.06930162702841039,
+            0.0028408391593498887,
+            0.0001833905963999431,
+        ],
+    );
+    let (_, margins) = loop_of.margins();
+    let margin = margins.gain_margin().unwrap().gain_margin;
+    close(margin, 1.1002489376, 1e-9);
+    let rightmost = |factor: f64| -> f64 {
+        let closed = &loop_of.a - &loop_of.b * &loop_of.c * factor;
+        let poles = closed.complex_eigenvalues();
+        poles.iter().map(|pole| pole.re).fold(f64::MIN, f64::max)
+    };
+    assert!(rightmost(0.999 * margin) < 0.0 && rightmost(1.001 * margin) > 0.0);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(7), cases: 300, ..ProptestConfig::default() })]
+
+    /// The crossings are the roots of two polynomials in ω: |N|² - |D|², and the imaginary part of N times the conjugate of D.
+    #[test]
+    fn crossings_are_roots_of_polynomials(
+        zero in -1.0..1.0_f64, damping in -5.0..-1.0_f64, sign in any::<bool>(),
+        pairs in prop::collection::vec((-1.5..1.5_f64, 0.02..1.0_f64), 1..3), lags in prop::collection::vec(-1.5..1.5_f64, 1..3),
+        size in -2.0..2.0_f64,
+    ) {
+        let real = |value| Complex::new(value, 0.0);
+        let mut denominator = vec![real(1.0)];
+        for (frequency, damping) in pairs {
+            denominator = product(&denominator, &pair(10_f64.powf(frequency), damping));
+        }
+        for pole in lags {
+            denominator = product(&denominator, &[real(1.0), real(10_f64.powf(pole))]);
+        }
+        let frequency = 10_f64.powf(zero);
+        let mut numerator = pair(frequency, 10_f64.powf(damping));
+        // The gain somewhat above the zeros.
+        let above = Complex::new(0.0, 1.02 * frequency);
+        let gain = (value(&numerator, above) / value(&denominator, above)).norm();
+        let factor = 10_f64.powf(size) / gain * if sign { 1.0 } else { -1.0 };
+        numerator.iter_mut().for_each(|c| *c *= factor);
+        // Both as polynomials in ω, and their conjugates for a real ω.
+        let along = |polynomial: &[Complex<f64>]| -> Vec<Complex<f64>> {
+            let n = polynomial.len() as i32 - 1;
+            (0..).zip(polynomial).map(|(i, c)| c * Complex::new(0.0, 1.0).powi(n - i)).collect()
+        };
+        let conjugate = |polynomial: &[Complex<f64>]| polynomial.iter().map(Complex::conj).collect::<Vec<_>>();
+        let (n, d) = (along(&numerator), along(&denominator));
+        let [above, below] = [&n, &d].map(|own| product(own, &conjugate(own)));
+        let lacking = below.len() - above.len();
+        let excess: Vec<f64> = (0..below.len())
+            .map(|i| i.checked_sub(lacking).map_or(0.0, |i| above[i].re) - below[i].re)
+            .collect();
+        let imaginary: Vec<f64> = product(&n, &conjugate(&d)).iter().map(|c| c.im).collect();
+        let transfer = |omega: f64| {
+            let s = Complex::new(0.0, omega);
+            value(&numerator, s) / value(&denominator, s)
+        };
+        let is_limit = |omega: &f64| {
+            let value = transfer(*omega);
+            value.re < 0.0 && (1e-8..1e8).contains(&value.norm())
+        };
+        let parts = |own: &[Complex<f64>]| own.iter().map(|c| c.re).collect::<Vec<_>>();
+        let (_, margins) = realized(&parts(&numerator), &parts(&denominator)).margins();
+        let found: Vec<f64> = margins.gain_crossings.iter().map(|own| own.frequency).collect();
+        let expected = roots(&excess, frequency);
+        let has = |all: &[f64], own: f64| all.iter().any(|other| (other / own - 1.0).abs() < 1e-5);
+        for omega in &expected {
+            prop_assert!(has(&found, *omega), "gain {omega}: {found:?}, {expected:?}");
+        }
+        prop_assert!(found.iter().all(|own| (transfer(*own).norm() - 1.0).abs() < 1e-6), "{found:?}");
+        let found: Vec<f64> = margins.phase_crossings.iter().map(|own| own.frequency).collect();
+        let expected: Vec<f64> = roots(&imaginary, frequency).into_iter().filter(is_limit).collect();
+        for omega in &expected {
+            prop_assert!(has(&found, *omega), "phase {omega}: {found:?}, {expected:?}");
+        }
+        let is_real = |own: &f64| *own == 0.0 || (transfer(*own).im / transfer(*own).norm()).abs() < 1e-6;
+        prop_assert!(found.iter().all(is_real), "{found:?}");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(5), cases: 64, ..ProptestConfig::default() })]
 
