@@ -294,6 +294,32 @@ fn pair(frequency: f64, damping: f64) -> Vec<Complex<f64>> {
     ]
 }
 
+/// What gains in series hold is gone after as many steps: z = 0.
+#[test]
+fn gains_in_series_have_no_poles_of_their_own() {
+    let parts = [
+        lag("lag", 1.0, 1.0),
+        gain("a", 1.0),
+        gain("b", 1.0),
+        gain("c", 1.0),
+        gain("d", 1.0),
+    ];
+    let parts = StateSpace::side_by_side(&parts);
+    for first in [0, 1] {
+        let wires: Vec<Wire> = (first..4)
+            .map(|k| Wire {
+                factor: 0.9,
+                ..wire(k, k + 1)
+            })
+            .collect();
+        let poles = Sampled::new(&parts, 0.1).poles(&wires).unwrap();
+        let [pole] = poles[..] else {
+            panic!("{poles:?}")
+        };
+        close(pole.re, -1.0, 1e-12);
+    }
+}
+
 /// Zeros of little damping, near which the phase turns by half a circle at once: the loop's limit may lie there.
 #[test]
 fn crossings_near_zeros_of_little_damping_are_found() {
