@@ -15,6 +15,9 @@ pub struct Signal {
 /// Receives the rows of a run as they are computed.
 pub trait Recorder: Send {
     /// Called once, before the first row.
+    ///
+    /// # Errors
+    /// If the beginning cannot be written, here and below.
     fn begin(&mut self, signals: &[Signal]) -> io::Result<()>;
 
     /// One row: the time \[s\] and a value for each signal.
@@ -49,6 +52,8 @@ impl SeriesRecorder {
 
 impl Recorder for SeriesRecorder {
     fn begin(&mut self, signals: &[Signal]) -> io::Result<()> {
+        // Only the rows of the last run are kept.
+        self.series.time.clear();
         let rows = self.series.time.capacity();
         let column = |signal: &Signal| Column {
             name: signal.name.clone(),
@@ -118,6 +123,11 @@ impl<W: Write> CsvRecorder<W> {
 
 impl<W: Write + Send> Recorder for CsvRecorder<W> {
     fn begin(&mut self, signals: &[Signal]) -> io::Result<()> {
+        if !self.room.is_empty() {
+            return Err(io::Error::other(
+                "it has the rows of a run already; take another recorder",
+            ));
+        }
         let mut header = b"time".to_vec();
         for signal in signals {
             header.push(b',');
@@ -129,6 +139,9 @@ impl<W: Write + Send> Recorder for CsvRecorder<W> {
     }
 
     fn row(&mut self, time: f64, values: &[f64]) -> io::Result<()> {
+        if self.room.is_empty() {
+            return Err(io::Error::other("a row before its head"));
+        }
         let mut end = put_numbers(&mut self.room, self.filled, &[time]);
         for some in values.chunks(TOGETHER) {
             end = put_numbers(&mut self.room, end, some);

@@ -46,9 +46,15 @@ impl Solver {
     /// [`Self::restart`] starts it.
     ///
     /// # Panics
-    /// If the relative tolerance is not a number above 0, or an absolute one not a number.
+    /// If the relative tolerance or the longest step is not a number above 0, or an absolute tolerance is negative or not a
+    /// number.
     pub fn new(indicators: usize, options: SolverOptions) -> Self {
         let n = options.absolute.len();
+        assert!(
+            options.longest_step > 0.0,
+            "a longest step of {} s",
+            options.longest_step
+        );
         let scheme = Automatic {
             explicit: DormandPrince::new(n),
             implicit: (options.method == Method::Radau).then(|| Radau::new(n)),

@@ -8,8 +8,8 @@ pub enum IntegrationError<E: std::error::Error + 'static> {
     /// An evaluation failed.
     #[error(transparent)]
     Evaluation(#[from] E),
-    /// The derivatives are not defined at the start.
-    #[error("the derivatives are not defined at {time} s")]
+    /// The state is not finite at the start, or the derivatives are not defined there.
+    #[error("the states or their derivatives are not defined or not finite at {time} s")]
     Undefined {
         /// Time \[s\].
         time: f64,

@@ -68,7 +68,7 @@ impl<S: Scheme> Solver<S> {
     /// each state plus `absolute`, for each state in its unit. [`Self::restart`] starts it.
     ///
     /// # Panics
-    /// If the relative tolerance is not a number above 0, or an absolute one not a number.
+    /// If the relative tolerance is not a number above 0, or an absolute one is negative or not a number.
     pub fn with(scheme: S, indicators: usize, relative: f64, absolute: &[f64]) -> Self {
         let n = absolute.len();
         assert!(
@@ -76,7 +76,7 @@ impl<S: Scheme> Solver<S> {
             "a relative tolerance of {relative}"
         );
         assert!(
-            absolute.iter().all(|own| own.is_finite()),
+            absolute.iter().all(|own| *own >= 0.0 && own.is_finite()),
             "absolute tolerances: {absolute:?}"
         );
         Self {
@@ -92,7 +92,10 @@ impl<S: Scheme> Solver<S> {
             f_end: vec![0.0; n],
             scale: Scale {
                 relative,
-                absolute: absolute.to_vec(),
+                absolute: absolute
+                    .iter()
+                    .map(|own| own.max(f64::MIN_POSITIVE))
+                    .collect(),
             },
             longest_step: f64::INFINITY,
             watch: Watch::new(n, indicators),
@@ -102,6 +105,9 @@ impl<S: Scheme> Solver<S> {
 
     /// Continues from here after a discontinuity of the state or the equations. With `is_new`, the past says nothing
     /// about the future, so the step size is determined anew.
+    ///
+    /// # Panics
+    /// If the number of states is another one.
     pub fn restart(&mut self, t: f64, x: &[f64], is_new: bool) {
         match is_new {
             true => (self.h, self.done) = (None, None),
@@ -122,6 +128,9 @@ impl<S: Scheme> Solver<S> {
 
     /// To be called after [`Self::restart`]: which indicators count as positive before the first step, instead of their
     /// signs at its start.
+    ///
+    /// # Panics
+    /// If the number of indicators is another one.
     pub fn remember(&mut self, positive: &[bool]) {
         self.watch.remember(positive);
     }
@@ -130,7 +139,7 @@ impl<S: Scheme> Solver<S> {
     pub fn set_tolerances(&mut self, relative: f64, absolute: impl IntoIterator<Item = f64>) {
         self.scale.relative = relative;
         for (tolerance, new) in self.scale.absolute.iter_mut().zip(absolute) {
-            *tolerance = new;
+            *tolerance = f64::max(new, f64::MIN_POSITIVE);
         }
     }
 
@@ -157,13 +166,17 @@ impl<S: Scheme> Solver<S> {
     /// If an evaluation fails, or the error is too large even with the shortest step.
     ///
     /// # Panics
-    /// If `limit` is not after the current time.
+    /// If `limit` is not after the current time, or not finite.
     pub fn advance<M: System>(
         &mut self,
         system: &mut M,
         limit: f64,
     ) -> Result<Advance, IntegrationError<M::Error>> {
-        assert!(limit > self.t, "a step from {} s to {limit} s", self.t);
+        assert!(
+            limit > self.t && limit.is_finite(),
+            "a step from {} s to {limit} s",
+            self.t
+        );
         let system = &mut Counting {
             inner: system,
             evaluations: 0,
@@ -265,7 +278,8 @@ impl<S: Scheme> Solver<S> {
         limit: f64,
     ) -> Result<(), IntegrationError<M::Error>> {
         if !self.is_known {
-            let is_defined = system.derivatives(self.t, &self.x, &mut self.f)?
+            let is_defined = self.x.iter().all(|x| x.is_finite())
+                && system.derivatives(self.t, &self.x, &mut self.f)?
                 && self.watch.start(system, self.t, &self.x)?;
             if !is_defined {
                 return Err(IntegrationError::Undefined { time: self.t });

@@ -94,8 +94,15 @@ pub struct Iteration {
     /// Largest difference between an output and the value from which inputs were computed, relative to the largest
     /// magnitude so far (or the variable's nominal value, if larger).
     pub tolerance: f64,
-    /// Maximum number of corrections in a step.
+    /// Maximum number of corrections in a step, at least 1.
     pub max: u32,
+}
+
+impl Iteration {
+    /// Whether both are above 0.
+    pub(super) fn is_possible(&self) -> bool {
+        self.tolerance > 0.0 && self.tolerance.is_finite() && self.max > 0
+    }
 }
 
 impl Default for Iteration {
@@ -136,6 +143,9 @@ impl Control {
     }
     /// Whether the tolerance and the step bounds are valid.
     pub(super) fn is_possible(&self) -> bool {
-        self.tolerance > 0.0 && self.min_step > 0.0 && self.min_step <= self.max_step
+        self.tolerance > 0.0
+            && self.tolerance.is_finite()
+            && self.min_step > 0.0
+            && self.min_step <= self.max_step
     }
 }

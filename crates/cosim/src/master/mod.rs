@@ -22,7 +22,9 @@ use self::initialize::initialize;
 use self::stepper::Stepper;
 use self::summary::Wires;
 use self::wired::Wired;
-use super::algorithms::{Algorithm, Control, Coupling, MAX_EXTRAPOLATION, gauss_seidel_order};
+use super::algorithms::{
+    Algorithm, Control, Coupling, Iteration, MAX_EXTRAPOLATION, gauss_seidel_order,
+};
 use super::clock::Clock;
 use super::component::{Component, ComponentError, Experiment};
 use super::recorder::{Recorder, Signal};
@@ -84,6 +86,23 @@ pub enum MasterError {
     Control {
         /// The given control.
         control: Control,
+    },
+    /// An iteration of strong coupling that would end before it begins.
+    #[error(
+        "strong coupling with a tolerance of {} and at most {} corrections; both must be above 0",
+        iteration.tolerance, iteration.max
+    )]
+    Iteration {
+        /// The given iteration.
+        iteration: Iteration,
+    },
+    /// A tolerance that no error control can meet.
+    #[error(
+        "a tolerance of {tolerance} for the components' error control; expected a number above 0"
+    )]
+    Tolerance {
+        /// The given tolerance.
+        tolerance: f64,
     },
     /// Unsupported degree of extrapolation.
     #[error("extrapolation of degree {degree}; the highest is {MAX_EXTRAPOLATION}")]
@@ -317,6 +336,14 @@ pub(super) fn run_and_look(
     }
     if let Some(control) = coupling.control.filter(|control| !control.is_possible()) {
         return Err(MasterError::Control { control });
+    }
+    if coupling.algorithm == Algorithm::Strong && !coupling.iteration.is_possible() {
+        let iteration = coupling.iteration;
+        return Err(MasterError::Iteration { iteration });
+    }
+    let is_possible = |tolerance: &f64| *tolerance > 0.0 && tolerance.is_finite();
+    if let Some(tolerance) = tolerance.filter(|tolerance| !is_possible(tolerance)) {
+        return Err(MasterError::Tolerance { tolerance });
     }
     let order = match coupling.algorithm {
         Algorithm::Jacobi | Algorithm::Strong => (0..system.instances.len()).collect(),

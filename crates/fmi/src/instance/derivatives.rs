@@ -15,7 +15,7 @@ impl Instance {
     /// `knowns`.
     ///
     /// # Panics
-    /// FMI 2.0: if the lengths of `seed` and `knowns`, or of `result` and `unknowns`, differ.
+    /// If the lengths of `seed` and `knowns`, or of `result` and `unknowns`, differ, with all elements of arrays.
     pub fn directional_derivative(
         &mut self,
         unknowns: &[u32],
@@ -28,8 +28,8 @@ impl Instance {
             FmiVersion::V3 => "providesDirectionalDerivatives",
         };
         capable(self.facts.directional, flag)?;
-        self.check_lengths(knowns.len(), seed.len());
-        self.check_lengths(unknowns.len(), result.len());
+        self.check_lengths(knowns, seed.len());
+        self.check_lengths(unknowns, result.len());
         let (u, n) = (unknowns.as_ptr(), unknowns.len());
         let (k, m) = (knowns.as_ptr(), knowns.len());
         let (s, l, results) = (seed.as_ptr(), seed.len(), result.len());
@@ -48,6 +48,9 @@ impl Instance {
 
     /// `fmi3GetAdjointDerivative`: derivatives of the sum of `unknowns`, weighted by `seed`, with respect to each of
     /// `knowns`.
+    ///
+    /// # Panics
+    /// If the lengths of `seed` and `unknowns`, or of `result` and `knowns`, differ, with all elements of arrays.
     pub fn adjoint_derivative(
         &mut self,
         unknowns: &[u32],
@@ -58,6 +61,8 @@ impl Instance {
         if self.version() == FmiVersion::V3 {
             capable(self.facts.adjoint, "providesAdjointDerivatives")?;
         }
+        self.check_lengths(unknowns, seed.len());
+        self.check_lengths(knowns, result.len());
         let (u, n) = (unknowns.as_ptr(), unknowns.len());
         let (k, m) = (knowns.as_ptr(), knowns.len());
         let (s, l, results) = (seed.as_ptr(), seed.len(), result.len());
@@ -97,7 +102,7 @@ impl Instance {
         values: &mut [f64],
     ) -> Result<(), CallError> {
         assert_eq!(references.len(), orders.len());
-        self.check_lengths(references.len(), values.len());
+        self.check_lengths(references, values.len());
         let (r, n) = (references.as_ptr(), references.len());
         let (o, m) = (orders.as_ptr(), values.len());
         let functions = (

@@ -2,6 +2,7 @@
 
 use super::{CallError, Instance, MOST, call};
 use crate::binding::Functions;
+use crate::description::FmiVersion;
 use pilotage_abi::fmi2::{EventInfo, FALSE, TRUE};
 use pilotage_abi::{fmi2, fmi3};
 
@@ -89,7 +90,7 @@ impl Instance {
                         fmi3 UpdateDiscreteStates.update_discrete_states(
                             again, end, nominals, values, has_next, &raw mut next))?;
         }
-        Ok(match &self.loaded.binding.functions {
+        let update = match &self.loaded.binding.functions {
             Functions::Fmi2(_) => EventUpdate {
                 needs_another: info.new_discrete_states_needed != FALSE,
                 is_end_requested: info.terminate_simulation != FALSE,
@@ -104,7 +105,17 @@ impl Instance {
                 states_changed: flags[3] != 0,
                 next_time: (flags[4] != 0).then_some(next),
             },
-        })
+        };
+        match update.next_time {
+            Some(time) if time.is_nan() => Err(CallError::Absurd {
+                function: match self.version() {
+                    FmiVersion::V2 => fmi2::Function::NewDiscreteStates.into(),
+                    FmiVersion::V3 => fmi3::Function::UpdateDiscreteStates.into(),
+                },
+                what: "NaN as the time of the next event".to_owned(),
+            }),
+            _ => Ok(update),
+        }
     }
 
     /// `fmi3EvaluateDiscreteStates`: updates discrete states for new inputs, without ending the iteration.

@@ -2,7 +2,7 @@
 
 use super::{CallError, Experiment, Instance, c_string};
 use crate::binding::{Functions, Loaded};
-use crate::description::{Dimension, ModelDescription, Unknown};
+use crate::description::{Dimension, ModelDescription, ScalarVariable, Unknown};
 use crate::environment::{self, IntermediateUpdate, Registered};
 use crate::logger;
 use crate::memory::{self, PoisonedTexts};
@@ -11,6 +11,7 @@ use crate::version::{Function, InterfaceType, State};
 use pilotage_abi::fmi2::{CallbackFunctions, FALSE, TRUE, Type};
 use pilotage_abi::{fmi2, fmi3};
 use pilotage_process::Place;
+use std::collections::HashMap;
 use std::ffi::c_void;
 use std::path::{MAIN_SEPARATOR, Path};
 use std::sync::Arc;
@@ -48,6 +49,8 @@ pub(super) struct Facts {
     pub(super) listed_states: Option<usize>,
     /// The same for the listed event indicators.
     pub(super) listed_indicators: Option<usize>,
+    /// FMI 3.0: number of values of each array by its value reference; `None` if a structural parameter determines it.
+    pub(super) arrays: HashMap<u32, Option<usize>>,
 }
 
 impl Facts {
@@ -58,6 +61,10 @@ impl Facts {
             indicators: description.number_of_event_indicators.unwrap_or(0) as usize,
             listed_states: values_of(description, &description.structure.derivatives),
             listed_indicators: values_of(description, &description.structure.event_indicators),
+            arrays: (description.variables.iter())
+                .filter(|variable| !variable.dimensions.is_empty())
+                .map(|variable| (variable.value_reference, fixed_size(description, variable)))
+                .collect(),
             ..Self::default()
         };
         macro_rules! facts {
@@ -83,14 +90,18 @@ impl Facts {
 fn values_of(description: &ModelDescription, unknowns: &[Unknown]) -> Option<usize> {
     let value = |unknown: &Unknown| {
         let position = (unknown.index as usize).checked_sub(1)?;
-        let variable = description.variables.get(position)?;
-        let is_fixed = |dimension: &Dimension| matches!(dimension, Dimension::Fixed(_));
-        let is_known = variable.dimensions.iter().all(is_fixed);
-        usize::try_from(is_known.then(|| description.size(variable))??).ok()
+        fixed_size(description, description.variables.get(position)?)
     };
     unknowns
         .iter()
         .try_fold(0usize, |sum, unknown| sum.checked_add(value(unknown)?))
+}
+
+/// Number of values of a variable; `None` if it depends on a structural parameter.
+fn fixed_size(description: &ModelDescription, variable: &ScalarVariable) -> Option<usize> {
+    let is_fixed = |dimension: &Dimension| matches!(dimension, Dimension::Fixed(_));
+    let is_known = variable.dimensions.iter().all(is_fixed);
+    usize::try_from(is_known.then(|| description.size(variable))??).ok()
 }
 
 /// The state after initialization (FMI 3.0).

@@ -3,8 +3,8 @@
 use super::{CallError, Instance, call};
 use crate::binding::{Functions, owned};
 use crate::version::State;
-use pilotage_abi::fmi2;
 use pilotage_abi::fmi2::{FALSE, Status, StatusKind, TRUE};
+use pilotage_abi::{fmi2, fmi3};
 use std::ffi::c_char;
 use std::ptr;
 use std::time::Duration;
@@ -30,6 +30,12 @@ pub enum Step {
         /// The FMU requests the end of the simulation.
         is_end_requested: bool,
     },
+}
+
+/// Whether a time lies within a step, up to rounding.
+fn is_within(time: f64, [from, to]: [f64; 2]) -> bool {
+    let rounding = 1e-9 * (to - from) + 4.0 * f64::EPSILON * from.abs().max(to.abs());
+    from - rounding <= time && time <= to + rounding
 }
 
 impl Instance {
@@ -141,6 +147,13 @@ impl Instance {
             }),
             Err(error) => Err(error),
             Ok(()) if (event, end, early) == (0, 0, 0) => Ok(Step::Done),
+            Ok(()) if early != 0 && !is_within(last, [t, t + h]) => Err(CallError::Absurd {
+                function: fmi3::Function::DoStep.into(),
+                what: format!(
+                    "{last:?} s as the last successful time of a step from {t:?} s to {:?} s",
+                    t + h
+                ),
+            }),
             Ok(()) => Ok(Step::Stopped {
                 reached: if early != 0 { last } else { t + h },
                 is_event: event != 0,

@@ -18,7 +18,7 @@ pub trait Number: Copy + Default + sealed::Sealed {
     /// See [`CallError`].
     ///
     /// # Panics
-    /// FMI 2.0: if the numbers of values and references differ.
+    /// If the number of values is not that of the variables.
     fn get(i: &mut Instance, references: &[u32], values: &mut [Self]) -> Result<(), CallError>;
 
     /// Sets variables, in the same layout.
@@ -27,7 +27,7 @@ pub trait Number: Copy + Default + sealed::Sealed {
     /// See [`CallError`].
     ///
     /// # Panics
-    /// FMI 2.0: if the numbers of values and references differ.
+    /// If the number of values is not that of the variables.
     fn set(i: &mut Instance, references: &[u32], values: &[Self]) -> Result<(), CallError>;
 }
 
@@ -43,7 +43,7 @@ macro_rules! number {
         impl Number for $type {
             #[inline(always)]
             fn get(i: &mut Instance, r: &[u32], v: &mut [Self]) -> Result<(), CallError> {
-                i.check_lengths(r.len(), v.len());
+                i.check_lengths(r, v.len());
                 let n = v.len();
                 let functions = (None$(.or(Some(fmi2::Function::$Get2)))?, fmi3::Function::$Get3);
                 // SAFETY: the instance is alive; both arrays have the stated lengths.
@@ -55,7 +55,7 @@ macro_rules! number {
 
             #[inline(always)]
             fn set(i: &mut Instance, r: &[u32], v: &[Self]) -> Result<(), CallError> {
-                i.check_lengths(r.len(), v.len());
+                i.check_lengths(r, v.len());
                 // SAFETY: the instance is alive; both arrays have the stated lengths.
                 unsafe {
                     call!(i, $(fmi2 $Set2.$set2(r.as_ptr(), r.len(), v.as_ptr()),)?
@@ -129,11 +129,33 @@ impl Instance {
         CallError::Absurd { function, what }
     }
 
-    /// In FMI 2.0 every variable has one value, and the number of values is not passed to the FMU.
+    /// An FMU reads or writes as many values as its variables have: in FMI 2.0 the number of values is not passed to it, and
+    /// in FMI 3.0 few compare that number with the sizes of their variables.
     #[inline]
-    pub(super) fn check_lengths(&self, references: usize, values: usize) {
-        if self.version() == FmiVersion::V2 {
-            assert_eq!(references, values, "value references and values");
+    pub(super) fn check_lengths(&self, references: &[u32], values: usize) {
+        match self.facts.arrays.is_empty() {
+            true => assert_eq!(references.len(), values, "value references and values"),
+            false => self.check_sizes(references, values),
+        }
+    }
+
+    /// The same with arrays among the variables. Of those whose size is a structural parameter any number is taken.
+    fn check_sizes(&self, references: &[u32], values: usize) {
+        let sizes = references.iter().map(|own| self.facts.arrays.get(own));
+        let (mut least, mut is_exact) = (0_usize, true);
+        for size in sizes {
+            match size {
+                None => least += 1,
+                Some(Some(size)) => least = least.saturating_add(*size),
+                Some(None) => is_exact = false,
+            }
+        }
+        match is_exact {
+            true => assert_eq!(least, values, "values of the variables and values"),
+            false => assert!(
+                least <= values,
+                "{least} values of the variables and more, and {values} values"
+            ),
         }
     }
 
@@ -154,7 +176,7 @@ impl Instance {
     /// `fmi2SetReal`, `fmi3SetFloat64`.
     ///
     /// # Panics
-    /// FMI 2.0: if the numbers of values and references differ, here and in the calls below.
+    /// If the number of values is not that of the variables, with all elements of arrays, here and in the calls below.
     #[inline]
     pub fn set_real(&mut self, references: &[u32], values: &[f64]) -> Result<(), CallError> {
         f64::set(self, references, values)
@@ -179,7 +201,7 @@ impl Instance {
 
     /// `fmi2SetBoolean`, `fmi3SetBoolean`.
     pub fn set_booleans(&mut self, references: &[u32], values: &[bool]) -> Result<(), CallError> {
-        self.check_lengths(references.len(), values.len());
+        self.check_lengths(references, values.len());
         let as2 = |&value: &bool| if value { TRUE } else { FALSE };
         let values2: Vec<Boolean> = values.iter().map(as2).collect();
         let (r, n) = (references.as_ptr(), references.len());
@@ -196,7 +218,7 @@ impl Instance {
         references: &[u32],
         values: &mut [bool],
     ) -> Result<(), CallError> {
-        self.check_lengths(references.len(), values.len());
+        self.check_lengths(references, values.len());
         let (r, n) = (references.as_ptr(), references.len());
         let mut values2: Vec<Boolean> = vec![FALSE; values.len()];
         // A Rust `bool` must be 0 or 1; an FMU may write other bytes.
@@ -214,6 +236,7 @@ impl Instance {
 
     /// `fmi2SetBoolean`, `fmi3SetBoolean`, of one variable.
     pub fn set_boolean(&mut self, reference: u32, value: bool) -> Result<(), CallError> {
+        self.check_lengths(&[reference], 1);
         let value2 = if value { TRUE } else { FALSE };
         let r = &raw const reference;
         // SAFETY: as above, with one element each; nothing is allocated.
@@ -225,6 +248,7 @@ impl Instance {
 
     /// `fmi2GetBoolean`, `fmi3GetBoolean`, of one variable.
     pub fn get_boolean(&mut self, reference: u32) -> Result<bool, CallError> {
+        self.check_lengths(&[reference], 1);
         let (mut value2, mut byte) = (FALSE, 0u8);
         let r = &raw const reference;
         // SAFETY: as above, with one element each; nothing is allocated.
@@ -237,7 +261,7 @@ impl Instance {
 
     /// `fmi2SetString`, `fmi3SetString`.
     pub fn set_strings(&mut self, references: &[u32], values: &[&str]) -> Result<(), CallError> {
-        self.check_lengths(references.len(), values.len());
+        self.check_lengths(references, values.len());
         let texts = values.iter().map(|value| c_string(value));
         let texts: Vec<CString> = texts.collect::<Result<_, _>>()?;
         let pointers: Vec<*const c_char> = texts.iter().map(|text| text.as_ptr()).collect();
@@ -255,7 +279,7 @@ impl Instance {
         references: &[u32],
         count: usize,
     ) -> Result<Vec<String>, CallError> {
-        self.check_lengths(references.len(), count);
+        self.check_lengths(references, count);
         let mut pointers: Vec<*const c_char> = vec![ptr::null(); count];
         let (r, n) = (references.as_ptr(), references.len());
         let p = pointers.as_mut_ptr();
@@ -280,6 +304,7 @@ impl Instance {
 
     /// `fmi3SetBinary`.
     pub fn set_binaries(&mut self, references: &[u32], values: &[&[u8]]) -> Result<(), CallError> {
+        self.check_lengths(references, values.len());
         let sizes: Vec<usize> = values.iter().map(|value| value.len()).collect();
         let pointers: Vec<*const u8> = values.iter().map(|value| value.as_ptr()).collect();
         let (r, n) = (references.as_ptr(), references.len());
@@ -294,6 +319,7 @@ impl Instance {
         references: &[u32],
         count: usize,
     ) -> Result<Vec<Vec<u8>>, CallError> {
+        self.check_lengths(references, count);
         let mut sizes = vec![0usize; count];
         let mut pointers: Vec<*const u8> = vec![ptr::null(); count];
         let (r, n) = (references.as_ptr(), references.len());

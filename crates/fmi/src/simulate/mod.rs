@@ -101,6 +101,9 @@ pub struct ModelExchangeRun {
 
 impl ModelExchangeRun {
     /// Takes an instance for model exchange that is not initialized yet; initialize it by [`Self::instance`].
+    ///
+    /// # Panics
+    /// If the tolerance or the longest step is not a number above 0.
     pub fn new(instance: Instance, description: &ModelDescription, options: RunOptions) -> Self {
         let me = description.model_exchange.as_ref();
         Self {
@@ -147,7 +150,14 @@ impl ModelExchangeRun {
     }
 
     /// Sets the tolerance, until the run begins.
+    ///
+    /// # Panics
+    /// If it is not a number above 0.
     pub fn set_tolerance(&mut self, tolerance: f64) {
+        assert!(
+            tolerance > 0.0 && tolerance.is_finite(),
+            "a tolerance of {tolerance}"
+        );
         self.options.tolerance = tolerance;
     }
 

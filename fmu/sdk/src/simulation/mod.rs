@@ -183,12 +183,20 @@ impl<E: Equations> Simulation<E> {
     }
 
     /// Sets the relative tolerance, clamped to [`TOLERANCE_RANGE`].
+    ///
+    /// # Panics
+    /// If it is NaN.
     pub fn set_tolerance(&mut self, relative: f64) {
+        assert!(!relative.is_nan(), "a tolerance of {relative}");
         self.now.tolerance = relative.clamp(TOLERANCE_RANGE.0, TOLERANCE_RANGE.1);
     }
 
     /// Sets the time \[s\].
+    ///
+    /// # Panics
+    /// If it is not finite.
     pub fn set_time(&mut self, time: f64) {
+        assert!(time.is_finite(), "a time of {time} s");
         self.now.time = time;
     }
 
