@@ -117,6 +117,8 @@ impl Filter {
     pub fn new(of: &Equations<'_>) -> Self {
         let mut graph = of.graph.clone();
         let n = of.derivatives.len();
+        let is_whole = |(column, _): &(Vec<Node>, Node)| column.len() == n;
+        assert!(of.noises.iter().all(is_whole), "columns of {n} states");
         let mut linear = jacobian(&mut graph, of.derivatives, n);
         for i in 0..n {
             for j in 0..n {
@@ -238,6 +240,11 @@ impl Filter {
             record.inputs.len(),
             samples,
             "a row of inputs for each sample"
+        );
+        let inputs = record.inputs.first().map_or(0, Vec::len);
+        assert!(
+            record.inputs.iter().all(|row| row.len() == inputs),
+            "rows of {inputs} inputs"
         );
         let signals = self.measure.outputs(0).len() / (2 + self.states);
         assert_eq!(record.measured.len(), signals, "the measured signals");

@@ -269,7 +269,18 @@ impl Builder<'_> {
                     _ => None,
                 };
                 let mut taken: Vec<Node> = arguments.iter().map(of).collect();
-                if matches!(name, Name::Sqrt | Name::Log | Name::Asin | Name::Acos) {
+                let is_infinite_somewhere = matches!(
+                    name,
+                    Name::Sqrt
+                        | Name::Log
+                        | Name::Asin
+                        | Name::Acos
+                        | Name::Exp
+                        | Name::Sinh
+                        | Name::Cosh
+                        | Name::Tan
+                );
+                if is_infinite_somewhere {
                     taken[0] = self.guarded(taken[0], nodes, branches);
                 }
                 match (name, file) {
@@ -290,7 +301,7 @@ impl Builder<'_> {
         }
     }
 
-    /// An argument of a function that is not defined everywhere, replaced by a harmless value if its branch is not
+    /// An argument of a function that is not defined or not finite everywhere, replaced by a harmless value if its branch is not
     /// taken. Otherwise its derivative there, which is not a number, would spoil that of the branch taken.
     fn guarded(&mut self, argument: Node, nodes: &[Node], branches: &[Branch]) -> Node {
         if branches.is_empty() || self.graph.value(argument).is_some() {
@@ -329,15 +340,16 @@ impl Builder<'_> {
                 let equal = self.graph.binary(Operator::Equal, a, b);
                 self.not(equal)
             }
-            Comparison::LessEqual => {
-                let greater = self.graph.binary(Operator::Less, b, a);
-                self.not(greater)
-            }
-            Comparison::GreaterEqual => {
-                let less = self.graph.binary(Operator::Less, a, b);
-                self.not(less)
-            }
+            // Not the opposite of the other direction, which would hold for what is not a number.
+            Comparison::LessEqual => self.less_or_equal(a, b),
+            Comparison::GreaterEqual => self.less_or_equal(b, a),
         }
+    }
+
+    fn less_or_equal(&mut self, a: Node, b: Node) -> Node {
+        let less = self.graph.binary(Operator::Less, a, b);
+        let equal = self.graph.binary(Operator::Equal, a, b);
+        self.graph.add(less, equal)
     }
 
     fn not(&mut self, condition: Node) -> Node {
