@@ -9,10 +9,10 @@
 //! ```
 
 use clap::Parser;
+use pilotage::collocation::Scheme;
 use pilotage::identification::{FitOptions, Trial, fit};
 use pilotage::models::Quadcopter;
 use pilotage::synthetic::{Flights, Human};
-use pilotage::transcription::Scheme;
 use serde_json::{Value, json};
 use std::error::Error;
 use std::ops::ControlFlow;

@@ -6,10 +6,10 @@
 //! cargo bench --bench schemes -- --write docs/schemes.md  puts it into that page
 //! ```
 
+use pilotage::collocation::Differentiated;
+use pilotage::collocation::Scheme;
 use pilotage::identification::joint::Joint;
 use pilotage::identification::{Fit, FitError, FitOptions, InitialPosition, Mesh, Trial, fit};
-use pilotage::transcription::Differentiated;
-use pilotage::transcription::Scheme;
 use rayon::ThreadPoolBuilder;
 use std::error::Error;
 use std::ops::ControlFlow;

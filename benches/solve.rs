@@ -5,12 +5,12 @@
 //! cargo bench --bench solve -- --solution FILE    also writes θ and the states as JSON
 //! ```
 
+use pilotage::collocation::Scheme;
 use pilotage::estimation::refits::{covariance_by, uncertainty_by};
 use pilotage::estimation::{Posed, ProblemFile, part};
 use pilotage::identification::{Fit, FitError, FitOptions, InitialState, TrialSet, fit};
 use pilotage::inference::Method;
 use pilotage::sqp::SqpOptions;
-use pilotage::transcription::Scheme;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -114,7 +114,7 @@ fn covariances(root: &Path) -> Result<(), Box<dyn std::error::Error>> {
             ..SqpOptions::default()
         };
         let clock = Instant::now();
-        let last = pilotage::transcription::solve(&solved.problem, z, &options, &mut |_| {
+        let last = pilotage::collocation::solve(&solved.problem, z, &options, &mut |_| {
             ControlFlow::Continue(())
         });
         let iteration = clock.elapsed().as_secs_f64() / last.work.iterations.max(1) as f64;

@@ -7,15 +7,15 @@
 //! The same `Rover` then drives in a co-simulation; `pilotage pack` would make an FMU of it.
 
 use nalgebra::{DMatrix, DVector};
+use pilotage::collocation::{
+    Bound, Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme,
+    Sensitivities, Sensitivity, solve,
+};
 use pilotage::cosim::{Algorithm, Clock, NativeComponent, SeriesRecorder, System, run};
 use pilotage::expression::Model;
 use pilotage::inference::{self, Data, Inference, Method};
 use pilotage::models::{Model as BuiltIn, traced};
 use pilotage::sqp::{Iterate, SqpOptions, Status};
-use pilotage::transcription::{
-    Bound, Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme,
-    Sensitivities, Sensitivity, solve,
-};
 use pilotage_sdk::{At, Equations, Scalar, Table};
 use std::error::Error;
 use std::ops::ControlFlow;

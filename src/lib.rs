@@ -65,14 +65,13 @@ pub mod date;
 pub mod report;
 #[doc(hidden)]
 pub use {
-    pilotage_collocation as transcription, pilotage_cosim as cosim,
+    pilotage_collocation as collocation, pilotage_cosim as cosim,
     pilotage_estimation as estimation, pilotage_expression as expression,
     pilotage_filter as filter, pilotage_fmi as fmi, pilotage_fmi_check as fmi_check,
     pilotage_identification as identification,
     pilotage_identification::{synthetic, vehicle},
     pilotage_inference as inference, pilotage_linear as linear, pilotage_models as models,
-    pilotage_ode as integrate, pilotage_refits as refits, pilotage_series as series,
-    pilotage_sqp as sqp,
+    pilotage_ode as ode, pilotage_refits as refits, pilotage_series as series, pilotage_sqp as sqp,
     pilotage_text::{document, error_chain, suggestion},
 };
 

@@ -3,13 +3,13 @@
 //! parameters in the order of the unknowns.
 
 use super::{Clock, Failure, number};
+use pilotage::collocation::{Collocation, Scales, Scheme};
 use pilotage::estimation::file::Mesh;
 use pilotage::estimation::fit::{Solved, begin, nearer, solve};
 use pilotage::estimation::posed::{Posed, Stands};
 use pilotage::estimation::starts::starts;
 use pilotage::estimation::{ProblemFile, part};
 use pilotage::sqp::{Iteration, Problem, Status};
-use pilotage::transcription::{Collocation, Scales, Scheme};
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
 use std::path::Path;

@@ -13,11 +13,11 @@
 
 mod posed;
 
+use pilotage::collocation::{Collocation, Condensed, Scales};
 use pilotage::identification::problem;
 use pilotage::identification::solve::{SHORT_STEP, candidates};
 use pilotage::identification::{FitOptions, InitialState, Progress, TrialSet, start};
 use pilotage::sqp::{self, Iteration, Solution, Status};
-use pilotage::transcription::{Collocation, Condensed, Scales};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::ops::ControlFlow;

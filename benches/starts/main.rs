@@ -15,13 +15,13 @@
 mod pilots;
 
 use clap::Parser;
+use pilotage::collocation::Scheme;
 use pilotage::identification::solve::Iterate;
 use pilotage::identification::{
     Diagnostic, Fit, FitOptions, InitialState, Progress, Trial, fit, random_starts,
 };
 use pilotage::sqp::Status;
 use pilotage::synthetic::Human;
-use pilotage::transcription::Scheme;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::error::Error;

@@ -109,10 +109,13 @@ struct IsolatedArgs {
 pub fn main() -> ExitCode {
     let matches = Cli::command().get_matches();
     let writes_json = writes_json(&matches);
-    let command = match Cli::from_arg_matches(&matches) {
+    let mut command = match Cli::from_arg_matches(&matches) {
         Ok(cli) => cli.command,
         Err(error) => error.format(&mut Cli::command()).exit(),
     };
+    if let (Command::Fit(args), Some((_, own))) = (&mut command, matches.subcommand()) {
+        args.note_given(own);
+    }
     crate::atomic_file::stay();
     pilotage_process::own::remember();
     // If signals cannot be handled, temporary files remain until the next run removes them.

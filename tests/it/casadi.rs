@@ -1,8 +1,8 @@
 //! The fit against CasADi and IPOPT, which solved the same problems once: tests/casadi/compare.py
 //! wrote the numbers that are compared here.
 
+use pilotage::collocation::Scheme;
 use pilotage::identification::{FitOptions, InitialState, TrialSet, fit};
-use pilotage::transcription::Scheme;
 use serde_json::Value;
 use std::ops::ControlFlow;
 use std::path::Path;

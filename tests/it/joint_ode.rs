@@ -2,9 +2,9 @@
 //! what every co-simulation of the two is measured by.
 
 use pilotage::identification::joint::Joint;
-use pilotage::integrate::{Method, Solver, SolverOptions, System};
 use pilotage::models::quadcopter::N_STATES;
 use pilotage::models::{Pilot, Quadcopter, Scalar};
+use pilotage::ode::{Method, Solver, SolverOptions, System};
 use std::convert::Infallible;
 
 /// The joint equations as the paper writes them (its eq. 3), put together by hand.

@@ -41,6 +41,8 @@ mod model_library;
 mod mutation;
 mod next;
 mod other_fmus;
+#[path = "../paragraphs.rs"]
+mod paragraphs;
 mod plot;
 mod problem_doubts;
 mod problem_flights;

@@ -4,6 +4,7 @@
 
 use crate::command::Folder;
 use crate::foreign;
+use crate::paragraphs::assert_same;
 
 /// A good trial of twelve samples below that header.
 fn trial(header: &str) -> String {
@@ -112,7 +113,7 @@ fn what_each_mistake_is_told() {
         .filter_map(|line| line.strip_prefix("$ pilotage "))
         .collect();
     assert!(commands.len() >= 60, "{}", commands.len());
-    let mut found = String::new();
+    let mut found = Vec::new();
     for command in commands {
         let arguments = words(command);
         let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
@@ -121,10 +122,12 @@ fn what_each_mistake_is_told() {
         let message: String = (ended.stderr.lines().filter(|line| !line.trim().is_empty()))
             .map(|line| format!("{line}\n"))
             .collect();
-        found += &format!("$ pilotage {command}\n[{}]\n{message}\n", ended.code);
+        found.push(format!(
+            "$ pilotage {command}\n[{}]\n{}",
+            ended.code,
+            message.trim_end()
+        ));
     }
-    for (found, expected) in found.split("\n\n").zip(expected.split("\n\n")) {
-        assert_eq!(found, expected);
-    }
-    assert_eq!(found, expected);
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/it/mistakes.txt");
+    assert_same(path, &found);
 }

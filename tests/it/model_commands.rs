@@ -451,3 +451,88 @@ fn a_model_whose_tables_are_written_inline_becomes_an_fmu() {
     let checked = folder.pilotage(&["validate", "lag.fmu"]);
     assert_eq!(checked.code, 0, "{}", checked.stdout);
 }
+
+#[test]
+fn a_model_of_a_given_order_is_simulated_with_it() {
+    let folder = folder();
+    for (order, states) in [("2", 2), ("4", 4)] {
+        let command = [
+            "model",
+            "simulate",
+            "linear",
+            "--order",
+            order,
+            "--stop-time",
+            "1",
+            "-o",
+            "x.csv",
+            "--force",
+        ];
+        let ended = folder.pilotage(&command);
+        assert_eq!(ended.code, 0, "{ended:?}");
+        let head = folder.read("x.csv").lines().next().unwrap().to_owned();
+        assert_eq!(head.matches(",linear.x").count(), states, "{head}");
+    }
+    // What follows `--` is of `cosim`: its signals in place of all, its help, its mistakes.
+    let more = |words: &[&str]| {
+        let fixed = [
+            "model",
+            "simulate",
+            "linear",
+            "--stop-time",
+            "1",
+            "-o",
+            "x.csv",
+            "--force",
+            "--",
+        ];
+        folder.pilotage(&[&fixed, words].concat())
+    };
+    assert_eq!(more(&["--record", "linear.x1"]).code, 0);
+    assert_eq!(
+        folder.read("x.csv").lines().next(),
+        Some("time,linear.x1 [m.s3]")
+    );
+    let help = more(&["--help"]);
+    assert!(
+        help.code == 0 && help.stdout.contains("Usage: pilotage cosim"),
+        "{help:?}"
+    );
+    let ended = more(&["--bogus"]);
+    assert!(
+        ended.code == 2
+            && ended
+                .stderr
+                .starts_with("error: unexpected argument '--bogus'"),
+        "{ended:?}"
+    );
+}
+
+/// Dual numbers have no derivative of √u + x by x where u is 0.
+#[test]
+fn a_slope_that_is_infinite_does_not_hide_those_beside_it() {
+    let folder = Folder::new();
+    folder.write(
+        "root.toml",
+        "[model]\nname = \"root\"\n[inputs]\nu = { start = 0 }\n[states]\nx = { start = 1, der = \"u - x\" }\n\
+         [outputs]\ny = { value = \"sqrt(u) + x\" }\n",
+    );
+    assert_eq!(folder.pilotage(&["export", "root.toml"]).code, 0);
+    let validated = folder.pilotage(&["validate", "--strict", "root.fmu"]);
+    assert_eq!(validated.code, 0, "{validated:?}");
+    let ended = folder.pilotage(&[
+        "cosim",
+        "root.toml",
+        "--algorithm",
+        "strong",
+        "--step",
+        "0.1",
+        "--stop-time",
+        "0.5",
+    ]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let text = folder.read("result.csv");
+    let last = text.lines().last().unwrap().split_once(',').unwrap().1;
+    let error = last.parse::<f64>().unwrap() - (-0.5_f64).exp();
+    assert!(error.abs() < 1e-7, "{text}");
+}

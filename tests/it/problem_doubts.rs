@@ -411,3 +411,45 @@ fn samples_and_runs_that_stand_out_are_told() {
     folder.write("problem.toml", text);
     assert_eq!(words(&fit(&folder).json(), "outlier"), None);
 }
+
+/// A flag for flights is refused with its default too: the file may say something else.
+#[test]
+fn flags_of_flights_are_refused_whatever_their_value() {
+    let folder = problem("", "[parameters]\n\"m.k\" = {}\n", RUN);
+    for (flag, value) in [
+        ("--max-iterations", "200"),
+        ("--order", "3"),
+        ("--scheme", "hermite-simpson"),
+        ("--objective", "response"),
+        ("--column", "time=t"),
+    ] {
+        let ended = folder.pilotage(&["fit", "problem.toml", flag, value]);
+        assert_eq!(ended.code, 2, "{ended:?}");
+        let expected = format!("error: {flag} belongs to `pilotage fit run*.csv`");
+        assert!(ended.stderr.starts_with(&expected), "{ended:?}");
+    }
+}
+
+/// A column that is measured twice, and one with the name of another figure, have figures of their own.
+#[test]
+fn each_figure_of_a_problem_has_its_own_name() {
+    let measured = "[[measured]]\nsignal = \"m.x\"\ncolumn = \"x\"\n";
+    let folder = problem(measured, "[parameters]\n\"m.k\" = {}\n", RUN);
+    let ended = folder.pilotage(&["fit", "problem.toml", "--report", "page.html"]);
+    assert!(ended.code < 2, "{ended:?}");
+    let listed = folder.pilotage(&["plot", "page.html"]);
+    for name in [
+        "response",
+        "poles",
+        "residuals-x",
+        "residuals-x-2",
+        "waterfall",
+    ] {
+        let count = listed
+            .stdout
+            .split_whitespace()
+            .filter(|word| *word == name)
+            .count();
+        assert_eq!(count, 1, "{name}: {}", listed.stdout);
+    }
+}

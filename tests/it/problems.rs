@@ -3,10 +3,10 @@
 
 use crate::command::{Folder, example};
 use crate::compare::{RUNS, flights, problem};
+use pilotage::collocation::Scheme;
 use pilotage::estimation::file::Mesh;
 use pilotage::estimation::{Fit, Posed, ProblemFile, fit, part};
 use pilotage::inference::Method;
-use pilotage::transcription::Scheme;
 use serde_json::Value;
 use std::ops::ControlFlow;
 

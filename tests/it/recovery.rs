@@ -1,9 +1,9 @@
 //! A pilot that is known is found again. The trajectories are integrated here, by code of its own.
 
 use crate::joint_ode::ByHand;
+use pilotage::collocation::Scheme;
 use pilotage::identification::joint::Joint;
 use pilotage::identification::{Fit, FitOptions, Trial, fit};
-use pilotage::transcription::Scheme;
 use std::ops::ControlFlow;
 
 /// A pilot like the synthetic humans: lead, and lags at some rad/s; its closed loop is stable.

@@ -4,11 +4,11 @@
 #[path = "../../benches/starts/pilots.rs"]
 mod pilots;
 
+use pilotage::collocation::Scheme;
 use pilotage::identification::solve::SPARE_STARTS;
 use pilotage::identification::{Fit, FitOptions, InitialState, Trial, fit, random_starts, start};
 use pilotage::models::{Pilot, Quadcopter};
 use pilotage::synthetic::{Flight, Flights, Human};
-use pilotage::transcription::Scheme;
 use std::ops::ControlFlow;
 
 fn flights(name: &str, seed: u64) -> Vec<Trial> {

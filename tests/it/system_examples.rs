@@ -91,3 +91,52 @@ fn a_driver_changes_lane() {
 fn a_controller_holds_the_speed_of_a_motor() {
     assert_as_scipy("motor", "1.5", "0.001", 2e-5);
 }
+
+/// The README's table of the loop u = 2 (1 - y), ẏ = u, whose exact value is 1 - e⁻² after a second.
+#[test]
+fn the_readmes_table_of_a_loop_is_what_it_prints() {
+    let readme = include_str!("../../README.md");
+    let rows = readme
+        .lines()
+        .filter(|line| line.starts_with("| `--algorithm "));
+    let mut seen = 0;
+    for row in rows {
+        let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+        let options = cells[1].split('`').nth(1).unwrap();
+        let folder = Folder::new();
+        let file = file("loop");
+        let fixed = ["cosim", &file, "--stop-time", "1", "--step", "0.1"];
+        let given: Vec<&str> = options.split(' ').collect();
+        let ended = folder.pilotage(&[&fixed[..], &given].concat());
+        assert_eq!(ended.code, 0, "{ended:?}");
+        let found = Series::read_table(&folder.path("result.csv")).unwrap();
+        let y = found
+            .columns
+            .iter()
+            .find(|column| column.name == "plant.y")
+            .unwrap();
+        let digits = cells[2].split_once('.').unwrap().1.len();
+        let last = y.values.last().unwrap();
+        assert_eq!(format!("{last:.digits$}"), cells[2], "{options}");
+        let steps = format!("{} communication steps taken", cells[3]);
+        assert!(ended.stdout.contains(&steps), "{options}: {}", ended.stdout);
+        seen += 1;
+    }
+    assert_eq!(seen, 4);
+}
+
+/// None is shipped without a run.
+#[test]
+fn each_example_has_a_test() {
+    let tests = include_str!("system_examples.rs");
+    for entry in std::fs::read_dir(example("systems")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|own| own == "toml") {
+            let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
+            assert!(
+                tests.contains(&format!("(\"{name}\"")),
+                "{name} is run by no test here"
+            );
+        }
+    }
+}

@@ -1,8 +1,8 @@
 //! A fit does not depend on the number of threads, to the last bit.
 
 use crate::command::example;
+use pilotage::collocation::Scheme;
 use pilotage::identification::{Fit, FitOptions, Mesh, TrialSet, fit};
-use pilotage::transcription::Scheme;
 use rayon::ThreadPoolBuilder;
 use std::ops::ControlFlow;
 

@@ -4,6 +4,10 @@
 //! out, `+ ` what stands there instead, or at the end of the file where no line is left out. The other lines are the
 //! message.
 
+#[path = "../../../tests/paragraphs.rs"]
+mod paragraphs;
+
+use paragraphs::assert_same;
 use pilotage_estimation::{Posed, ProblemError, ProblemFile, fit, part};
 use pilotage_text::error_chain::error_chain;
 use std::ops::ControlFlow;
@@ -201,7 +205,6 @@ fn what_each_mistake_is_told() {
         paragraphs.push(format!("{}\n{message}", patch.join("\n")));
     }
     assert!(paragraphs.len() >= 80, "{}", paragraphs.len());
-    for (found, expected) in paragraphs.iter().zip(expected.trim_end().split("\n\n")) {
-        assert_eq!(found, expected);
-    }
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/mistakes.txt");
+    assert_same(path, &paragraphs);
 }

@@ -38,7 +38,7 @@ const MEANINGS: &[(&str, f64, [i32; 6])] = &[
     ("C", 1.0, [0, 0, 1, 1, 0, 0]), ("F", 1.0, [-1, -2, 4, 2, 0, 0]), ("uF", 0.000_001, [-1, -2, 4, 2, 0, 0]),
     ("pF", 0.000_000_000_001, [-1, -2, 4, 2, 0, 0]), ("H", 1.0, [1, 2, -2, -2, 0, 0]), ("mH", 0.001, [1, 2, -2, -2, 0, 0]),
     ("Wb", 1.0, [1, 2, -2, -1, 0, 0]), ("T", 1.0, [1, 0, -2, -1, 0, 0]), ("THz", 1_000_000_000_000.0, [0, 0, -1, 0, 0, 0]),
-    ("l", 0.001, [0, 3, 0, 0, 0, 0]), ("mL", 0.000_001, [0, 3, 0, 0, 0, 0]), ("gal", 0.003_785_411_784, [0, 3, 0, 0, 0, 0]),
+    ("l", 0.001, [0, 3, 0, 0, 0, 0]), ("L", 0.001, [0, 3, 0, 0, 0, 0]), ("mL", 0.000_001, [0, 3, 0, 0, 0, 0]), ("gal", 0.003_785_411_784, [0, 3, 0, 0, 0, 0]),
     ("t", 1000.0, [1, 0, 0, 0, 0, 0]), ("kgf", 9.806_65, [1, 1, -2, 0, 0, 0]), ("yd", 0.9144, [0, 1, 0, 0, 0, 0]),
     ("hp", 745.699_871_582_270_2, [1, 2, -3, 0, 0, 0]), ("psi", 6_894.757_293_168_361, [1, -1, -2, 0, 0, 0]),
     ("mbar", 100.0, [1, -1, -2, 0, 0, 0]), ("atm", 101_325.0, [1, -1, -2, 0, 0, 0]),
@@ -62,6 +62,26 @@ fn names_mean_what_the_sources_say() {
         let base = Base::of(name).unwrap();
         let expected: [i32; 8] = std::array::from_fn(|j| i32::from(i == j));
         assert_eq!((base.exponents, base.factor), (expected, 1.0), "{name}");
+    }
+}
+
+/// A symbol or a prefix that is added has a row here, with its factor from a source.
+#[test]
+fn every_symbol_and_every_prefix_has_a_meaning_above() {
+    let known = Product::known();
+    let (symbols, rest) = known.split_once(" (with or without a prefix: ").unwrap();
+    let (prefixes, others) = rest.split_once("), ").unwrap();
+    let has = |name: &str| MEANINGS.iter().any(|(own, ..)| *own == name);
+    // Those of temperature with a zero of their own are in the next test.
+    let elsewhere = |name: &str| BASE_UNITS.contains(&name) || name.starts_with("deg");
+    for symbol in symbols.split(", ").chain(others.split(", ")) {
+        assert!(has(symbol) || elsewhere(symbol), "{symbol} has no row");
+    }
+    for prefix in prefixes.split(", ") {
+        let mut names = symbols
+            .split(", ")
+            .map(|symbol| format!("{prefix}{symbol}"));
+        assert!(names.any(|name| has(&name)), "{prefix} has no row");
     }
 }
 

@@ -12,7 +12,8 @@ pub struct CouplingArgs {
     /// Algorithm by which the FMUs exchange values.
     #[arg(long, value_enum, default_value_t)]
     algorithm: AlgorithmName,
-    /// Degree of the polynomials that extrapolate inputs within a step [default: 0, inputs are held].
+    /// Degree of the polynomials that extrapolate inputs within a step [default: 0, inputs are held]. The first step has
+    /// none to extrapolate, so that 2 is of no higher order than 1.
     #[arg(long, value_name = "0..2", value_parser = within(0..=2_u8), allow_hyphen_values = true)]
     extrapolation: Option<u8>,
     /// Adapt the communication step so that the error of each input stays below this, relative to its magnitude;

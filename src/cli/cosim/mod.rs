@@ -61,7 +61,7 @@ kept), or signals are NaN or infinite, 2 bad use or input.";
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     #[command(flatten)]
-    wiring: Wiring,
+    pub wiring: Wiring,
     /// Start time [s].
     #[arg(
         long,
@@ -224,15 +224,22 @@ fn no_stop() -> Failure {
 }
 
 impl Args {
-    /// Parses arguments; the first word is the command name used in messages.
+    /// Parses arguments; the first word is the command name used in messages. Ends the process if they ask for help.
     pub fn of(words: &[OsString]) -> Result<Self, Failure> {
         #[derive(clap::Parser)]
         struct Line {
             #[command(flatten)]
             args: Args,
         }
-        let line = Line::try_parse_from(words).map_err(|error| Failure::new(error.to_string()))?;
-        Ok(line.args)
+        let refused = |error: clap::Error| {
+            if !error.use_stderr() {
+                // Help that was asked for.
+                error.exit();
+            }
+            let text = error.to_string();
+            Failure::new(text.strip_prefix("error: ").unwrap_or(&text).trim_end())
+        };
+        Ok(Line::try_parse_from(words).map_err(refused)?.args)
     }
 
     fn clock(&self, stop: f64) -> Result<Clock, Failure> {

@@ -28,7 +28,9 @@ use crate::inference::spectrum::Excitation;
 use crate::inference::{Method, Obstacle};
 use crate::models::Pilot;
 use crate::report::{self, Report};
+use clap::ArgMatches;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::parser::ValueSource;
 use log::Log;
 use orders::Orders;
 use problem::Checks;
@@ -181,7 +183,29 @@ pub struct Args {
     verbose: bool,
     #[command(flatten)]
     overwrite: Overwrite,
+    /// The first given flag of [`OF_FLIGHTS`].
+    #[arg(skip)]
+    of_flights: Option<&'static str>,
 }
+
+/// Flags for flights alone: names in the code, and on the command line.
+const OF_FLIGHTS: [(&str, &str); 15] = [
+    ("mesh_step", "--mesh-step"),
+    ("scheme", "--scheme"),
+    ("initial_state", "--initial-state"),
+    ("initial_position", "--initial-position"),
+    ("allow_unstable_loop", "--allow-unstable-loop"),
+    ("objective", "--objective"),
+    ("start", "--start"),
+    ("random_starts", "--random-starts"),
+    ("vehicle", "--vehicle"),
+    ("order", "--order"),
+    ("log", "--log"),
+    ("max_iterations", "--max-iterations"),
+    ("tolerance", "--tolerance"),
+    ("stick_limit", "--stick-limit"),
+    ("named", "--column"),
+];
 
 /// What is compared with the recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -330,39 +354,13 @@ impl Args {
         self.output.as_deref().unwrap_or(Path::new("pilot.toml"))
     }
 
-    /// The first given flag that problem files do not accept, because they specify it themselves.
-    fn of_short_form(&self) -> Option<&'static str> {
-        let default = FitOptions::default();
-        let given = [
-            ("--mesh-step", self.mesh_step.is_some()),
-            ("--scheme", self.scheme != default.scheme),
-            (
-                "--initial-state",
-                self.initial_state != default.initial_state,
-            ),
-            (
-                "--initial-position",
-                self.initial_position != default.initial_position,
-            ),
-            ("--allow-unstable-loop", self.allow_unstable_loop),
-            ("--objective", self.objective != Compared::ALL[0]),
-            ("--start", self.start.is_some()),
-            ("--random-starts", self.random_starts.is_some()),
-            ("--vehicle", self.vehicle.is_some()),
-            ("--order", usize::from(self.order) != default.pilot.order),
-            ("--log", self.log.is_some()),
-            (
-                "--max-iterations",
-                self.max_iterations != default.max_iterations,
-            ),
-            ("--tolerance", self.tolerance != default.tolerance),
-            ("--stick-limit", self.stick_limit != default.stick_limit),
-            ("--column", self.columns.is_given()),
-        ];
-        given
-            .into_iter()
-            .find(|(_, is_given)| *is_given)
-            .map(|(flag, _)| flag)
+    /// Notes which of the flags that problem files do not accept, since they specify them themselves, are given, be it with
+    /// their defaults.
+    pub fn note_given(&mut self, matches: &ArgMatches) {
+        let is_given =
+            |(id, _): &&(&str, &str)| matches.value_source(id) == Some(ValueSource::CommandLine);
+        let given = OF_FLIGHTS.iter().find(is_given);
+        self.of_flights = given.map(|(_, flag)| *flag);
     }
 
     fn options(&self) -> Result<FitOptions, Failure> {

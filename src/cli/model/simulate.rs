@@ -33,7 +33,7 @@ pub struct RunArgs {
     json: bool,
     #[command(flatten)]
     overwrite: Overwrite,
-    /// Further arguments of `pilotage cosim`.
+    /// Further arguments of `pilotage cosim`, such as `-- --record 'car.s*'`.
     #[arg(last = true)]
     more: Vec<OsString>,
 }
@@ -47,7 +47,9 @@ pub fn run(model: &ModelArgs, args: &RunArgs) -> Result<Outcome, Failure> {
     option("--stop-time", args.stop_time.to_string().into());
     let step = args.step.unwrap_or(args.stop_time / 1000.0);
     option("--step", step.to_string().into());
-    option("--record", format!("{name}.*").into());
+    if !args.more.iter().any(|word| is_flag(word, "--record")) {
+        option("--record", format!("{name}.*").into());
+    }
     option("-o", args.output.clone().into());
     for (variable, value) in &args.set {
         let variable = settable(&opened, variable);
@@ -61,7 +63,7 @@ pub fn run(model: &ModelArgs, args: &RunArgs) -> Result<Outcome, Failure> {
         named.push(input);
         option("--input", named);
         // Only strong coupling follows a table within the time between two rows of the result.
-        if !args.more.iter().any(|word| is_algorithm(word)) {
+        if !args.more.iter().any(|word| is_flag(word, "--algorithm")) {
             option("--algorithm", "strong".into());
         }
     }
@@ -72,11 +74,14 @@ pub fn run(model: &ModelArgs, args: &RunArgs) -> Result<Outcome, Failure> {
     own.push(&model.model);
     words.push(own);
     words.extend(args.more.iter().cloned());
-    cosim::run(cosim::Args::of(&words)?)
+    let mut of_cosim = cosim::Args::of(&words)?;
+    of_cosim.wiring.order = model.order.map(|order| order as u32);
+    cosim::run(of_cosim)
 }
 
-/// Whether an argument of `pilotage cosim` says how the instances are coupled.
-fn is_algorithm(word: &OsStr) -> bool {
+/// Whether an argument of `pilotage cosim` is this flag, alone or with its value.
+fn is_flag(word: &OsStr, flag: &str) -> bool {
     let word = word.to_string_lossy();
-    word == "--algorithm" || word.starts_with("--algorithm=")
+    word.strip_prefix(flag)
+        .is_some_and(|rest| rest.is_empty() || rest.starts_with('='))
 }

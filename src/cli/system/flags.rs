@@ -39,6 +39,9 @@ pub struct Wiring {
     /// optionally `unit`). --set takes precedence.
     #[arg(long, value_name = "FILE")]
     parameters: Vec<PathBuf>,
+    /// Order of the models, as `pilotage model` has it.
+    #[arg(skip)]
+    pub order: Option<u32>,
     #[command(flatten)]
     isolation: Isolation,
     /// Write the system of arguments and system file as a system file: instances, wires and values. Paths in it are
@@ -133,7 +136,10 @@ impl Wiring {
         };
         let models = self.models.iter().map(|argument| instance(argument));
         let models = models.filter(|(_, file)| !files.contains(file));
-        let models = models.map(|(name, file)| described(name, model_source(file)));
+        let models = models.map(|(name, file)| InstanceDescription {
+            order: self.order.map(Into::into),
+            ..described(name, model_source(file))
+        });
         let tables = self.input.iter().map(|argument| instance(argument));
         let tables = tables.map(|(name, file)| described(name, InstanceSource::Table(file)));
         description.override_instances(models.chain(tables).collect())?;

@@ -50,11 +50,6 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// Whether column names are given.
-    pub fn is_given(&self) -> bool {
-        !self.named.is_empty()
-    }
-
     /// Reads trials and manifests.
     pub fn read(&self, paths: &[PathBuf]) -> Result<TrialSet, Failure> {
         let what = "recorded flights (CSV) or lists of them (TOML)";

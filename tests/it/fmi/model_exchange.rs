@@ -4,8 +4,8 @@ use crate::foreign;
 use pilotage::fmi::{
     Fmu, Instance, InterfaceType, ModelExchangeRun, Reached, RunError, RunOptions,
 };
-use pilotage::integrate::Method;
 use pilotage::models::Model;
+use pilotage::ode::Method;
 use tempfile::tempdir;
 
 /// A foreign FMU for model exchange, just instantiated.

@@ -4,6 +4,7 @@
 
 use crate::command::{Folder, exported};
 use crate::foreign;
+use crate::paragraphs::assert_same;
 
 /// What stands beside the system files.
 fn folder() -> Folder {
@@ -63,9 +64,8 @@ fn what_each_mistake_is_told() {
         .iter()
         .filter(|refused| refused.contains("\n[2]\nerror: system.toml"));
     assert!(refused.count() >= 45);
-    for (found, expected) in found.iter().zip(expected.split("\n\n")) {
-        assert_eq!(found, expected.trim_end());
-    }
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/it/systems/mistakes.txt");
+    assert_same(path, &found);
 }
 
 /// The commands that take system files tell the same of a wrong one.

@@ -56,7 +56,8 @@ pub struct Coupling {
     /// The order in which components are set, stepped and read.
     pub algorithm: Algorithm,
     /// Degree, 0 to [`MAX_EXTRAPOLATION`], of the polynomial through the last communication points that replaces
-    /// unknown outputs; with 0 the last value is held. Default: 0, except for the first pass of strong coupling, where
+    /// unknown outputs; with 0 the last value is held. The first step is held for any degree, which makes 1 and 2 both of
+    /// second order. Default: 0, except for the first pass of strong coupling, where
     /// it affects only speed.
     pub extrapolation: Option<usize>,
     /// Chooses the communication steps by their error; `None` uses the clock's step.

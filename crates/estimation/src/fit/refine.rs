@@ -11,9 +11,6 @@ use crate::search::solved::{Refinement, STIFF_SCHEME};
 use pilotage_collocation::{Collocation, refined};
 use pilotage_sqp::Status;
 
-/// Maximum number of refinements.
-const MOST_REFINEMENTS: usize = 12;
-
 /// A solution, and the local errors of its mesh if known.
 type Estimated = (Solved, Option<Vec<Vec<f64>>>);
 
@@ -36,7 +33,7 @@ pub(super) fn refine(
         refinement.is_done = watch.over().is_none();
         refinement.take(&solved, &errors);
         let is_end =
-            refinement.rounds == MOST_REFINEMENTS || solved.solution.status != Status::Converged;
+            refinement.rounds == Refinement::MOST || solved.solution.status != Status::Converged;
         if !refinement.is_done || is_end || refinement.error <= tolerance {
             return (solved, refinement);
         }

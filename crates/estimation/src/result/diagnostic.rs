@@ -76,6 +76,8 @@ pub enum Diagnostic {
         tolerance: f64,
         /// Whether the iteration limit ended the refinement.
         is_limited: bool,
+        /// Number of refinements, if no more are made.
+        rounds: Option<usize>,
     },
     /// The estimated relative error of the states is large on a mesh given by the problem.
     CoarseMesh(f64),
@@ -471,14 +473,21 @@ impl fmt::Display for Diagnostic {
                 error,
                 tolerance,
                 is_limited,
+                rounds,
             } => write!(
                 f,
                 "the states have an estimated relative error of {error:.1e} where {tolerance:.1e} was asked for{}",
-                match is_limited {
-                    true => ", since a solve on a finer mesh was ended by max_iterations: raise it",
-                    false => {
+                match (is_limited, rounds) {
+                    (true, _) =>
+                        ", since a solve on a finer mesh was ended by max_iterations: raise it"
+                            .to_owned(),
+                    (false, Some(rounds)) => format!(
+                        " after {rounds} refinements, and there are no more: try another `scheme` (docs/schemes.md), or \
+                         raise `mesh_tolerance`"
+                    ),
+                    (false, None) => {
                         "; a finer mesh has no solution, or too many intervals: fit shorter runs, try another `scheme` \
-                         (docs/schemes.md), or raise `mesh_tolerance`"
+                         (docs/schemes.md), or raise `mesh_tolerance`".to_owned()
                     }
                 }
             ),

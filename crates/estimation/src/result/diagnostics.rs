@@ -9,7 +9,7 @@ use crate::result::outliers::{of_copies, of_ends, of_frozen, of_runs, of_samples
 use crate::result::{Fit, Found};
 use crate::search::active::{held, on_stability_bound, violated};
 use crate::search::begin::early_end;
-use crate::search::solved::Solved;
+use crate::search::solved::{Refinement, Solved};
 use crate::search::starts::given;
 use crate::system::part::FmuPart;
 use pilotage_expression::Node;
@@ -295,6 +295,7 @@ fn of_mesh(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
             error,
             tolerance,
             is_limited: refinement.is_limited,
+            rounds: (refinement.rounds == Refinement::MOST).then_some(refinement.rounds),
         });
     }
     (change > MOVES).then_some(Diagnostic::MeshMoves(change))

@@ -98,6 +98,9 @@ pub struct Refinement {
 }
 
 impl Refinement {
+    /// Maximum number of refinements.
+    pub(crate) const MOST: usize = 12;
+
     /// For a solution whose mesh has not been refined.
     pub(crate) fn new(solved: &Solved) -> Self {
         Self {

@@ -1,4 +1,4 @@
-//! Exact derivatives with dual numbers.
+//! Derivatives with dual numbers: exact, wherever these are defined.
 
 use super::Simulation;
 use crate::structure::evaluate;
@@ -36,10 +36,8 @@ impl<E: Equations> Simulation<E> {
             value.eps = *slope;
         }
         let time = Dual64::new(self.now.time, 1.0);
-        evaluate(&self.equations, &self.table, time, &values, &states)
-            .iter()
-            .map(|v| v.eps)
-            .collect()
+        let all = self.evaluated(time, &values, &states);
+        all.iter().map(|v| v.eps).collect()
     }
 
     /// Derivatives of any variables in the direction of `seeds`, pairs of a known's index and its part:
@@ -81,8 +79,37 @@ impl<E: Equations> Simulation<E> {
                 (None, None) => panic!("variable {index} is no known"),
             }
         }
-        let time = Dual64::from_re(self.now.time);
-        evaluate(&self.equations, &self.table, time, &values, &states)
+        self.evaluated(Dual64::from_re(self.now.time), &values, &states)
+    }
+
+    /// All variables with their derivatives. Dual numbers have none for `√u + x` by `x` where `u` is 0, since 0·∞ is not a
+    /// number; such derivatives are central differences, which have eight digits and more.
+    fn evaluated(&self, time: Dual64, values: &[Dual64], states: &[Dual64]) -> Vec<Dual64> {
+        let mut all = evaluate(&self.equations, &self.table, time, values, states);
+        if all.iter().all(|own| !own.eps.is_nan()) {
+            return all;
+        }
+        let change = |(size, change): (f64, f64), own: &Dual64| {
+            (
+                f64::max(size, own.re.abs()),
+                f64::max(change, own.eps.abs()),
+            )
+        };
+        let moved = values.iter().chain(states).chain([&time]);
+        let (size, change) = moved.filter(|own| own.eps != 0.0).fold((1.0, 0.0), change);
+        let h = f64::EPSILON.cbrt() * size / change;
+        let [after, before] = [h, -h].map(|h| {
+            let at = |own: &Dual64| own.re + h * own.eps;
+            let [values, states] =
+                [values, states].map(|all| all.iter().map(at).collect::<Vec<_>>());
+            evaluate(&self.equations, &self.table, at(&time), &values, &states)
+        });
+        for (own, (after, before)) in all.iter_mut().zip(after.iter().zip(&before)) {
+            if own.eps.is_nan() {
+                own.eps = (after - before) / (2.0 * h);
+            }
+        }
+        all
     }
 
     fn lifted(&self) -> (Vec<Dual64>, Vec<Dual64>) {

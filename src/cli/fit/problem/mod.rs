@@ -40,7 +40,7 @@ pub fn of(args: &Args) -> Result<Option<&Path>, Failure> {
         );
         return Err(Failure::new(message).hint("give the problem file alone"));
     }
-    if let Some(flag) = args.of_short_form() {
+    if let Some(flag) = args.of_flights {
         let message = format!("{flag} belongs to `pilotage fit run*.csv`");
         return Err(Failure::new(message).hint("put it in the problem file; see docs/problems.md"));
     }

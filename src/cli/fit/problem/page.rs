@@ -88,6 +88,13 @@ fn figures(outcomes: &Outcomes<'_>) -> Vec<Figure> {
         .iter()
         .map(|(status, objective)| (*status == Status::Converged, *objective));
     all.push(waterfall_figure("", &starts.collect::<Vec<_>>()));
+    // A column may be measured twice, or have the name of another figure.
+    for k in 1..all.len() {
+        let (before, own) = (&all[..k], &all[k].name);
+        let is_new = |name: &String| before.iter().all(|other| other.name != *name);
+        let name = (0..).map(|count| numbered(own, count)).find(is_new);
+        all[k].name = name.unwrap_or_default();
+    }
     all
 }
 
