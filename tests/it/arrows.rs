@@ -380,6 +380,41 @@ fn the_readmes_table_of_dependencies_is_that_of_the_manifests() {
     }
 }
 
+/// The page of each crate says what its modules are for.
+#[test]
+fn each_module_stands_in_the_table_of_its_crate() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut libraries = Vec::new();
+    for folder in ["crates", "fmu"] {
+        let mut found = Vec::new();
+        sources(&root.join(folder), &mut found);
+        libraries.extend(
+            found
+                .into_iter()
+                .filter(|path| path.ends_with("src/lib.rs")),
+        );
+    }
+    assert!(libraries.len() > 20, "{libraries:?}");
+    for library in libraries {
+        let text = fs::read_to_string(&library).unwrap();
+        let table = text.lines().filter(|line| line.starts_with("//! | "));
+        let table: String = table.collect();
+        for line in without_tests(&text) {
+            let line = line.strip_prefix("pub ").unwrap_or(line);
+            let name = line
+                .strip_prefix("mod ")
+                .and_then(|line| line.strip_suffix(';'));
+            if let Some(name) = name {
+                let path = library.display();
+                assert!(
+                    table.contains(&format!("`{name}`")),
+                    "{path} has no row for {name}"
+                );
+            }
+        }
+    }
+}
+
 #[test]
 fn names_are_found_in_paths_and_in_nested_lists() {
     let code = "use crate::series::{Column, Series};\nuse crate::{fmi::{a, b}, sqp};\nlet x = pilotage_models::y();";

@@ -72,6 +72,12 @@
 //! | `refinement` | local errors and mesh refinement |
 //! | [`condensed`] | its QP by elimination of the states, and sensitivities of the outputs |
 //! | [`simd`] | groups of points for vector instructions |
+//! | `parallel` | work on all runs at once |
+//! | `path` | the states of a run as functions of time, and variables on another mesh |
+//! | `reference` | solution of the equations with error control, as a reference |
+//! | `simulate` | simulated states as a start |
+//! | [`solve`](mod@solve) | start variables and solution, and the choice of the QP solver |
+//! | `sparse` | the same program with sparse derivatives, for the general QP solver |
 
 mod bound;
 mod coarse;

@@ -46,7 +46,7 @@ pub enum ClockError {
         above: f64,
     },
     /// Too many steps to be distinguished in floating-point time.
-    #[error("{ratio:e} steps are too many: times would no longer differ")]
+    #[error("{ratio:e} steps are too short: times would no longer differ")]
     TooMany {
         /// Number of steps.
         ratio: f64,
@@ -65,7 +65,8 @@ impl Clock {
     /// From `start` to `stop` in steps of `step` \[s\].
     ///
     /// # Errors
-    /// If the times are not in order or the step does not divide the duration (to 1e-9).
+    /// If the times are not in order, the step does not divide the duration (to 1e-9), or is lost in the rounding of the
+    /// times.
     pub fn new(start: f64, stop: f64, step: f64) -> Result<Self, ClockError> {
         if !(step > 0.0 && step.is_finite()) {
             return Err(ClockError::Step { step });
@@ -75,7 +76,9 @@ impl Clock {
         }
         let ratio = (stop - start) / step;
         let whole = ratio.round();
-        if ratio >= 1e15 {
+        // Neighbouring times differ by more than their rounding.
+        let is_lost = step < 8.0 * f64::EPSILON * start.abs().max(stop.abs());
+        if ratio >= 1e15 || is_lost {
             return Err(ClockError::TooMany { ratio });
         }
         if whole == 0.0 || (ratio - whole).abs() > TOLERANCE * ratio.max(1.0) {

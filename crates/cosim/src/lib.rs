@@ -23,6 +23,7 @@
 //! | [`report`] | statistics of a run and estimates of its coupling error |
 //! | [`selection`] | selection of recorded signals and their sampling |
 //! | [`source`] | signals over time from a table |
+//! | [`linearize`](mod@linearize) | the coupled system about its current state |
 
 pub mod algorithms;
 pub mod clock;

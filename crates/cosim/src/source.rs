@@ -21,6 +21,16 @@ pub enum SourceError {
         /// The column.
         column: String,
     },
+    /// Times that descend, or are no numbers.
+    #[error(
+        "the time {time} s follows {before} s; expected ascending times, equal ones where a value jumps"
+    )]
+    Order {
+        /// A time \[s\].
+        before: f64,
+        /// The next one \[s\].
+        time: f64,
+    },
     /// An infinite sample, which cannot be interpolated linearly.
     #[error("column `{column}` is {value} at {time} s; expected finite numbers")]
     Infinite {
@@ -91,6 +101,11 @@ impl Source {
             time: series.time.first().copied().unwrap_or(0.0),
             saved: Vec::new(),
         };
+        let is_wrong = |pair: &&[f64]| pair[0] > pair[1] || pair[0].is_nan() || pair[1].is_nan();
+        if let Some(pair) = series.time.windows(2).find(is_wrong) {
+            let (before, time) = (pair[0], pair[1]);
+            return Err(SourceError::Order { before, time });
+        }
         let times = Arc::new(series.time);
         for (column, handle) in series.columns.into_iter().zip(0..) {
             source.variables.push(Variable {

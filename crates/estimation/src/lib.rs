@@ -48,6 +48,8 @@
 //! | [`result`] | estimates, their uncertainty and diagnostics |
 //! | [`mod@fit`] | the search itself, and evaluation without a search |
 //! | [`studies`] | repeated fits: with runs left out, other data or other models |
+//! | [`fit`](mod@fit) | the SQP from several starts, and the best on finer meshes |
+//! | [`posed`](mod@posed) | a problem as one system whose states, inputs and parameters are sought or recorded |
 
 pub mod fit;
 mod innovations;

@@ -27,6 +27,18 @@
 //! assert_eq!(found, [0.0, -9.81 * 0.5_f64.cos()]);
 //! # Ok::<(), pilotage_expression::Obstacle>(())
 //! ```
+//!
+//! | module | content |
+//! | --- | --- |
+//! | [`graph`](mod@graph) | expressions as a graph of operations, each stored once |
+//! | [`operation`](mod@operation) | the operations |
+//! | `derivative` | derivatives, as expressions of the same graph |
+//! | [`tape`](mod@tape) | a list of instructions, run at many points at once |
+//! | [`trace`](mod@trace) | equations in generic Rust, recorded as a graph |
+//! | [`system`](mod@system) | a model as expressions |
+//! | [`model`](mod@model) | models with named signals, and how they are joined |
+//! | [`curve`](mod@curve) | curves through points |
+//! | [`opaque`](mod@opaque) | functions that are no expressions, as those of an FMU |
 
 pub mod curve;
 mod derivative;

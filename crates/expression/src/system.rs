@@ -67,7 +67,15 @@ impl System {
     }
 
     /// The system with the parameters that have a value replaced by numbers; the others keep their order.
+    ///
+    /// # Panics
+    /// If the number of values is not that of the parameters.
     pub fn with_parameters(&self, values: &[Option<f64>]) -> Self {
+        assert_eq!(
+            values.len(),
+            self.parameters,
+            "a value or none for each parameter"
+        );
         let free = values.iter().filter(|value| value.is_none()).count();
         let first = self.variables() - self.parameters;
         let mut graph = Graph::default();

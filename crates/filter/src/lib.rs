@@ -35,6 +35,7 @@
 //! | [`jet`], [`matrix`] | numbers with derivatives, and small matrices of them |
 //! | [`transition`] | transition of a linear system with noise |
 //! | [`filter`] | the filter |
+//! | `solve` | linear systems of jets |
 
 pub mod filter;
 pub mod jet;

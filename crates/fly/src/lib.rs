@@ -17,6 +17,22 @@
 //! assert_eq!((craft.axes(), protocol.tasks[0].title.as_str()), (1, "10 m"));
 //! # Ok::<(), pilotage_fly::craft::CraftError>(())
 //! ```
+//!
+//! | module | content |
+//! | --- | --- |
+//! | [`server`](mod@server) | the page and its socket |
+//! | [`message`](mod@message) | what page and server say to each other |
+//! | [`session`](mod@session) | welcome, training, measured runs, results |
+//! | [`protocol`](mod@protocol) | tasks and their order |
+//! | [`task`](mod@task) | targets and disturbances over time |
+//! | [`run`](mod@run) | one run in real time |
+//! | [`craft`](mod@craft) | the vehicle |
+//! | [`hand`](mod@hand) | the input of the hand, and whether a run with it is valid |
+//! | [`joystick`](mod@joystick) | a joystick at the server |
+//! | [`beside`](mod@beside) | the identified pilot on a second vehicle |
+//! | [`record`](mod@record) | the files of a run |
+//! | [`distribution`](mod@distribution) | distributions of times |
+//! | [`flightgear`](mod@flightgear) | FlightGear as display |
 
 pub mod beside;
 pub mod craft;

@@ -16,6 +16,7 @@
 //! | `layout` | the files: existence, agreement with the description, terminalsAndIcons.xml, buildDescription.xml |
 //! | `binaries` | the library of each platform: format, architecture, functions, dependencies |
 //! | [`behaviour`] | execution of this machine's binary |
+//! | `finding` | a finding about any part of an FMU |
 
 pub mod behaviour;
 mod binaries;

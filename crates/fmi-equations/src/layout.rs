@@ -130,6 +130,9 @@ impl Layout {
                 unknowns.push(None);
             }
         }
+        if let Some(name) = wanted.iter().find(|name| !own.locals.contains(name)) {
+            return Err(EquationsError::NoLocal { name: name.clone() });
+        }
         own.check_names()?;
         own.check_states(description)?;
         own.input_references = own.inputs.iter().map(|input| input.reference).collect();

@@ -91,6 +91,12 @@ pub enum EquationsError {
         /// The name.
         name: String,
     },
+    /// A variable that is no local, or none that can be an output.
+    #[error("`{name}` is no local variable that may be an output")]
+    NoLocal {
+        /// The name.
+        name: String,
+    },
     /// A state is an array.
     #[error("its derivative `{name}` belongs to no state that is a single real")]
     Array {
@@ -177,7 +183,7 @@ pub fn open(path: &Path) -> Result<FmuEquations, EquationsError> {
 /// differences: an FMU provides directional derivatives for its outputs only.
 ///
 /// # Errors
-/// As [`open`].
+/// As [`open`], and if a name is not among the locals.
 pub fn open_with(path: &Path, locals: &[String]) -> Result<FmuEquations, EquationsError> {
     let mut fmu = Fmu::open(path)?;
     let mut layout = Layout::new(fmu.description(), locals)?;

@@ -46,6 +46,10 @@
 //! | [`simulate`] | a model exchange instance, integrated over time |
 //! | [`surroundings`] | state of the process that an FMU must not change |
 //! | [`fmu`] | all of these together: [`Fmu::open`], [`Fmu::load`], [`fmu::Library::instantiate`] |
+//! | `environment` | callbacks of an instance |
+//! | `logger` | logger callbacks |
+//! | `message` | messages of FMUs |
+//! | `version` | names and numbers that differ between versions of FMI |
 //!
 //! Messages of FMUs go to `tracing` (target `fmu`; fields `instance`, `category`, `status`) and, if a call fails, into
 //! its error.

@@ -1,5 +1,37 @@
 //! Identification of a pilot from recorded flights: the paper's multi-run problem (its eq. 5), with the vehicle that
 //! was flown ([`vehicle`]) and a synthetic human that differs from the fitted model ([`synthetic`]).
+//!
+//! | module | content |
+//! | --- | --- |
+//! | [`trials`](mod@trials) | recorded flights |
+//! | [`problem`](mod@problem) | the paper's problem, of trials and options |
+//! | [`joint`](mod@joint) | pilot and vehicle as one system |
+//! | [`constraints`](mod@constraints) | stability of pilot and closed loop, as constraints |
+//! | [`options`](mod@options) | options of a fit |
+//! | [`solve`](mod@solve) | the fit: starts from the data, an SQP from each, the best |
+//! | [`start`](mod@start) | starts from the data |
+//! | `projection` | starts with free initial states |
+//! | [`random_starts`](mod@random_starts) | starts over a wide range |
+//! | `tumbles` | other initial states at a known θ |
+//! | [`multi_start`](mod@multi_start) | several starts, of which losing ones stop early |
+//! | `race` | when a start has lost |
+//! | [`result`](mod@result) | results of a fit |
+//! | [`identification`](mod@identification) | a fit with all that is derived from it |
+//! | [`closed_loop`](mod@closed_loop) | poles of the closed loop |
+//! | `linearised` | a model about zero |
+//! | [`frequency`](mod@frequency) | frequency responses and describing functions |
+//! | [`derived`](mod@derived) | crossover, margins and effective delay, with intervals |
+//! | [`uncertainty`](mod@uncertainty) | standard deviations and intervals of θ |
+//! | `spread` | the covariance of θ in a pilot file |
+//! | [`refits`](mod@refits) | profiles and bootstraps |
+//! | [`orders`](mod@orders) | choice of the order |
+//! | [`diagnostics`](mod@diagnostics) | why a fit may be less reliable than it seems |
+//! | [`simulate`](mod@simulate) | a run flown by the identified pilot alone |
+//! | [`pilot_file`](mod@pilot_file) | the result file |
+//! | `names` | names of options on the command line and in files |
+//! | [`statistics`](mod@statistics) | of values that may be missing |
+//! | [`vehicle`](mod@vehicle) | the vehicle's coefficients as a file, and its pitch loop |
+//! | [`synthetic`](mod@synthetic) | a synthetic human |
 
 pub mod closed_loop;
 pub mod constraints;

@@ -34,6 +34,7 @@
 //! | [`residuals`], [`crossed`] | residual tests, alone and against the inputs |
 //! | [`choice`], [`homogeneity`] | choice between models; whether groups of data have the same parameters |
 //! | [`spectrum`] | frequency responses of loops driven by sums of sines, without a model |
+//! | `stepped` | signals that keep their values and jump |
 
 mod autoregression;
 mod burg;

@@ -140,25 +140,41 @@ impl Quantity {
         }
         // The factor from this unit to the other.
         let ratio = self.factor / other.factor;
+        if (ratio - 1.0).abs() <= 1e-9 {
+            return Ok(());
+        }
+        if self.offset != 0.0 || other.offset != 0.0 {
+            return Err(format!(
+                "{left} and {right} differ in their zeros and their steps; use one unit for both"
+            ));
+        }
         let close = |a: f64, b: f64| (a / b - 1.0).abs() < CLOSE;
-        let mut conversions = self
-            .products()
-            .into_iter()
-            .flat_map(|own| (other.products().into_iter()).map(move |theirs| own / theirs));
+        let conversions: Vec<f64> = (self.products().into_iter())
+            .flat_map(|own| (other.products().into_iter()).map(move |theirs| own / theirs))
+            .collect();
         // The radian counts as 1, so that a frequency may be given in turns or in radians per second.
         let turn = std::f64::consts::TAU;
         let turns: &[f64] = match self.is_rate() {
             true => &[1.0, turn, 1.0 / turn],
             false => &[1.0],
         };
-        let fits = |number: f64| turns.iter().any(|turns| close(number * turns, ratio));
-        if (ratio - 1.0).abs() > 1e-9 && !conversions.any(fits) {
-            return Err(format!(
+        let fits = |number: &f64| turns.iter().any(|turns| close(number * turns, ratio));
+        let is_inverse = |number: &f64| !self.is_rate() && close(*number, 1.0 / ratio);
+        let is_converted = conversions.iter().any(fits);
+        let is_reversed = conversions.iter().any(is_inverse) && !close(ratio, 1.0);
+        match (is_converted, is_reversed) {
+            (true, false) => Ok(()),
+            (false, false) => Err(format!(
                 "{left} is {ratio} times {right}; multiply by {}, or use one unit for both",
                 Conversion(ratio)
-            ));
+            )),
+            (_, true) => Err(format!(
+                "{left} is {ratio} times {right}, and {} converts the other way; multiply by {} in its place, or use one \
+                 unit for both",
+                Conversion(1.0 / ratio),
+                Conversion(ratio)
+            )),
         }
-        Ok(())
     }
 
     /// Sum or difference of quantities with the same unit; differences of temperatures in degrees are in kelvin.

@@ -38,6 +38,8 @@
 //! | [`typeset`] | equations in mathematical notation |
 //! | [`expressions`] | expressions of other files, over the variables of a system |
 //! | `build`, [`compiled`] | the expression graph, and queries of a compiled model |
+//! | `error` | errors in model files |
+//! | [`file`](mod@file) | the declarations of a model file |
 
 mod build;
 pub mod compiled;

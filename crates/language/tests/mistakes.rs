@@ -238,6 +238,32 @@ fn other_mistakes_are_named_too() {
     .join("\n"));
 }
 
+/// A factor in the wrong direction is not mended by a second one, and degrees of two kinds are converted by none.
+#[test]
+fn conversions_have_a_direction() {
+    let of = |from: &str, to: &str, value: &str| {
+        let text = format!(
+            "[model]\nname = \"m\"\n[inputs]\nu = {{ unit = \"{from}\" }}\n[locals]\na = {{ unit = \"{to}\", value = \"{value}\" }}\n"
+        );
+        parse(&text, "model.toml", &table)
+            .err()
+            .map(|error| error.to_string())
+    };
+    for value in ["u / 3.6", "u * 0.2777778", "0.5 * u / 3.6"] {
+        assert_eq!(of("km/h", "m/s", value), None, "{value}");
+    }
+    for value in ["u * 3.6", "u * 3.6 * 0.2777778"] {
+        let message = of("km/h", "m/s", value).unwrap();
+        let expected = "and 3.6 converts the other way; multiply by 0.277778 in its place";
+        assert!(message.contains(expected), "{message}");
+    }
+    let message = of("degF", "degC", "u").unwrap();
+    assert!(
+        message.contains("differ in their zeros and their steps"),
+        "{message}"
+    );
+}
+
 /// What is too much ends with a message, and soon.
 #[test]
 fn depth_length_and_number_have_limits() {

@@ -37,6 +37,16 @@
 //! assert!((crossing.phase_margin - (1.0 / crossover).atan()).abs() < 1e-9);
 //! # Ok::<(), pilotage_linear::AlgebraicLoop>(())
 //! ```
+//!
+//! | module | content |
+//! | --- | --- |
+//! | `state_space` | systems in state space: coupled, cut open |
+//! | `modes` | poles, their frequency and damping |
+//! | `margins` | frequency response and stability margins |
+//! | `figures` | figures of merit of a loop, and of one beside it |
+//! | `discrete` | loops whose inputs are held during a step |
+//! | `realization` | a system from its responses |
+//! | [`svd`](mod@svd) | singular values and vectors |
 
 mod discrete;
 mod figures;

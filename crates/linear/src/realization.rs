@@ -85,7 +85,7 @@ pub fn steps_needed(inputs: usize, outputs: usize) -> usize {
 /// If a response is not finite, the order cannot be determined, or there is no logarithm.
 ///
 /// # Panics
-/// If there are fewer than [`steps_needed`] steps.
+/// If there are fewer than [`steps_needed`] steps, a response has another shape, or the step is not a number above 0.
 pub fn realize(
     pulses: &[DMatrix<f64>],
     step: f64,
@@ -94,6 +94,11 @@ pub fn realize(
 ) -> Result<Realization, RealizationError> {
     let (p, m) = (outputs.len(), inputs.len());
     assert!(pulses.len() >= steps_needed(m, p));
+    assert!(step > 0.0 && step.is_finite(), "a step of {step} s");
+    assert!(
+        pulses.iter().all(|y| y.shape() == (p, m)),
+        "responses of {p} outputs to {m} inputs"
+    );
     check_finite(pulses, &inputs, &outputs)?;
     let scales = Scales::of(pulses);
     let scaled: Vec<DMatrix<f64>> = pulses.iter().map(|y| scales.apply(y)).collect();

@@ -38,6 +38,8 @@
 //! | `dormand_prince` | the explicit method, for most problems |
 //! | `radau` | the implicit method, for stiff problems |
 //! | `root` | location of events within a step |
+//! | `error` | why a solution ends |
+//! | `scheme` | interface of the methods |
 
 mod automatic;
 mod dormand_prince;

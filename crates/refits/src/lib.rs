@@ -41,6 +41,7 @@
 //! | [`mod@profile`] | profile likelihoods |
 //! | [`study`] | input from a fit: unknowns by name, data, noise |
 //! | [`bootstrap`] | other data, and the spread of refits to them |
+//! | [`profile`](mod@profile) | profile likelihoods |
 
 pub mod bootstrap;
 mod fixed;

@@ -11,6 +11,14 @@
 //! ```
 //!
 //! Lines that begin with `#` are comments, an empty cell is a missing sample (NaN), and the first column is time.
+//!
+//! | module | content |
+//! | --- | --- |
+//! | `read` | reading of CSV |
+//! | `write` | writing of CSV |
+//! | `lines` | text, line by line |
+//! | [`flown`](mod@flown) | what flight recorders write at the top of a file |
+//! | `error` | errors with their location |
 
 mod error;
 pub mod flown;

@@ -4,8 +4,12 @@ use super::Series;
 use super::read::name_and_unit;
 
 impl Series {
-    /// The series as CSV text that [`Series::parse`] reads back to the same bits: comments, a header with units, then
-    /// one row per time.
+    /// The series as CSV text: comments, a header with units, then one row per time. [`Series::parse`] reads it back to the
+    /// same bits if the times ascend, no value is infinite and no column is called `time`; [`Series::read_table`] takes
+    /// infinite values and repeated times too.
+    ///
+    /// # Panics
+    /// If a column has fewer values than there are times.
     pub fn to_csv(&self) -> String {
         let comment = |text: &String| format!("# {}\n", text.replace(['\n', '\r'], " "));
         let mut text: String = self.comments.iter().map(comment).collect();

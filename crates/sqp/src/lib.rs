@@ -62,6 +62,25 @@
 //! the model is unreliable, and also where a step left the region in which its linearisation is valid
 //! ([`QpSolver::growth`]). A point counts as a solution if the second-order condition holds too ([`curvature`]); at a
 //! saddle point the solve continues along a direction of negative curvature.
+//!
+//! | module | content |
+//! | --- | --- |
+//! | [`problem`](mod@problem) | the nonlinear program |
+//! | [`options`](mod@options) | options of a solve |
+//! | [`solver`](mod@solver) | the SQP loop |
+//! | [`qp`](mod@qp) | interface to the solver of the QP in each iteration |
+//! | [`sparse_qp`](mod@sparse_qp) | the QP of any sparse problem |
+//! | [`convex`](mod@convex) | convex QPs by clarabel |
+//! | `active_set` | convex QPs from a guess of their active set |
+//! | [`globalisation`](mod@globalisation) | the merit function |
+//! | `line_search` | backtracking on the merit |
+//! | [`curvature`](mod@curvature) | the second-order condition |
+//! | `negative_curvature` | a step from a saddle point |
+//! | [`convergence`](mod@convergence) | the scaled KKT residual |
+//! | [`iterate`](mod@iterate) | a point with its multipliers |
+//! | [`solution`](mod@solution) | the result |
+//! | [`status`](mod@status) | why a solve ended |
+//! | [`vector`](mod@vector) | sums and maxima over long vectors |
 
 mod active_set;
 pub mod convergence;

@@ -1,4 +1,10 @@
 //! Text input and messages: TOML with positions, suggestions for misspelt names, errors with their causes.
+//!
+//! | module | content |
+//! | --- | --- |
+//! | [`document`](mod@document) | TOML with the places of its values |
+//! | [`error_chain`](mod@error_chain) | an error and its causes as one line |
+//! | [`suggestion`](mod@suggestion) | the name that was probably meant |
 
 pub mod document;
 pub mod error_chain;

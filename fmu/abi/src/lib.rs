@@ -7,6 +7,9 @@
 //! | `types` | value types, status codes, callback functions (the standard's C headers) |
 //! | `functions` | every function: name, pointer type, part, and the states in which it may be called |
 //! | `states` | the states of an instance and sets of them |
+//! | [`fmi2`](mod@fmi2) | FMI 2.0 |
+//! | [`fmi3`](mod@fmi3) | FMI 3.0 |
+//! | `tables` | macros for the tables of both |
 //!
 //! This crate contains declarations only: no unsafe code, no behaviour, no dependencies.
 

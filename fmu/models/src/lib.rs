@@ -13,6 +13,7 @@
 //! | [`text`] | models from model files |
 //! | [`any`] | the model that the shared library of exported FMUs runs |
 //! | [`library`] | the built-in model files as texts |
+//! | [`traced`](mod@traced) | equations of the SDK as an expression graph |
 //!
 //! [`pilotage_sdk`] simulates them and makes FMUs of them.
 

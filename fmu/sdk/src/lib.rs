@@ -51,6 +51,12 @@
 //! | [`instance`], [`clock`], [`checkpoint`], [`resources`] | one instance of an FMU: safe code of the C functions |
 //! | [`fmi2`], [`fmi3`], [`guard`] | the C functions: thin wrappers that check pointers and catch panics |
 //! | [`log`], [`problem`] | messages to the importer; all problems of a call |
+//! | `export` | the macro that makes C functions of the generic ones |
+//! | [`shared`](mod@shared) | C functions that differ in their names alone |
+//! | [`unit`](mod@unit) | units of the variables |
+//! | `guid` | the fingerprint that links description, binary and resources |
+//! | `json` | what a library tells `pilotage pack` |
+//! | `old_glibc` | functions that old glibc lacks |
 //!
 //! There is no global state: instances share nothing.
 
