@@ -55,7 +55,8 @@ pub trait Equations: Sized {
     }
 
     /// Whether the derivative is linear in states and inputs, `ẋ = A(p) x + B(p) u`, without events or modes. Steps of
-    /// co-simulation are then exact (a matrix exponential), whatever their size.
+    /// co-simulation are then exact (a matrix exponential), whatever their size. A constant in a derivative makes it not
+    /// linear, and a step panics.
     fn is_linear(&self) -> bool {
         false
     }

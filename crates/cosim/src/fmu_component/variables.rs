@@ -7,6 +7,7 @@ use pilotage_fmi::description::{
     BaseType, Causality, Initial, ModelDescription, ScalarVariable, Unknown, Variability,
     VariableKind,
 };
+use pilotage_units::Base;
 use std::collections::HashMap;
 
 /// A variable or array element: position in the description, type, name suffix and handle.
@@ -63,7 +64,8 @@ pub(super) fn variables(description: &ModelDescription, arrays: &Arrays) -> Vec<
             role: role(variable),
             settable: is_settable(variable),
             is_discrete: variable.variability != Variability::Continuous,
-            unit: units(variable).map(|name| unit(description, name)),
+            unit: (units(variable).filter(|name| !name.is_empty()))
+                .map(|name| unit(description, name)),
             range: ranges(variable),
             nominal: nominal(variable),
             feedthrough,
@@ -129,8 +131,10 @@ fn is_settable(variable: &ScalarVariable) -> bool {
 
 fn unit(description: &ModelDescription, name: &str) -> Unit {
     let defined = description.units.iter().find(|u| u.name == name);
+    // Nothing is converted by a factor of 0 or infinity (`validate` names it).
+    let is_usable = |base: &Base| base.factor.is_normal() && base.offset.is_finite();
     Unit {
         name: name.to_owned(),
-        base: defined.and_then(|unit| unit.base),
+        base: defined.and_then(|unit| unit.base).filter(is_usable),
     }
 }

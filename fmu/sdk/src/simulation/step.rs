@@ -248,6 +248,21 @@ impl<E: Equations> Simulation<E> {
         if !self.transitions[0].as_ref().is_some_and(known) {
             let time = now.time;
             let size = [table.n_states(), table.inputs().len()];
+            let [x, u] = size.map(|n| vec![0.0; n]);
+            let mut rates = vec![0.0; size[0]];
+            equations.derivative(
+                At {
+                    time,
+                    x: &x,
+                    u: &u,
+                    p,
+                },
+                &mut rates,
+            );
+            assert!(
+                rates.iter().all(|rate| *rate == 0.0),
+                "`is_linear` holds, and the derivatives are {rates:?} where states and inputs are 0"
+            );
             let transition = Transition::new(size, h, |x, u, dx| {
                 equations.derivative(At { time, x, u, p }, dx);
             })?;
