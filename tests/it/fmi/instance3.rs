@@ -220,6 +220,38 @@ fn a_panic_of_the_closure_goes_past_the_fmu() {
     assert!(real(&mut i, 2).is_finite());
 }
 
+/// The FMU takes the number of values from its variables: it would read and write beyond a shorter list.
+#[test]
+fn numbers_of_values_are_those_of_the_variables() {
+    let panics = |call: &mut dyn FnMut(&mut Instance)| {
+        let mut i = co_simulation("good");
+        std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| call(&mut i))).is_err()
+    };
+    assert!(panics(&mut |i| _ = i.set_real(&[1, 3], &[1.0])));
+    assert!(panics(&mut |i| _ = i.get_real(&[1; 100_000], &mut [0.0])));
+    assert!(panics(&mut |i| _ = i.get_real(&[1], &mut [0.0; 2])));
+    assert!(panics(&mut |i| _ = i.set_booleans(&[40], &[])));
+    // A structural parameter says how many values the array has; the scalar beside it is one.
+    assert!(!panics(&mut |i| i
+        .get_real(&[1, 70], &mut [0.0; 4])
+        .unwrap()));
+    assert!(panics(&mut |i| _ = i.get_real(&[1, 70], &mut [])));
+}
+
+#[test]
+fn times_before_a_step_and_beside_the_numbers_are_absurd() {
+    for behaviour in ["past", "nowhere"] {
+        let error = co_simulation(behaviour).do_step(1.0, 0.5).unwrap_err();
+        let CallError::Absurd { what, .. } = error else {
+            panic!("{behaviour}: {error}")
+        };
+        assert!(
+            what.contains("as the last successful time of a step from 1.0 s to 1.5 s"),
+            "{what}"
+        );
+    }
+}
+
 #[test]
 fn states_go_to_bytes_and_into_another_instance() {
     let mut i = co_simulation("good");

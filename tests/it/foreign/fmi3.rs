@@ -188,6 +188,8 @@ unsafe extern "C" fn fmi3DoStep(
             return DISCARD;
         }
         "end" => unsafe { *end = 2 },
+        "past" => unsafe { (*early, *last) = (1, t - 1.0) },
+        "nowhere" => unsafe { (*early, *last) = (1, f64::NAN) },
         "event" if fmu.uses_events && t < fmu.at && t + h >= fmu.at && fmu.may_return => {
             reached = fmu.at;
             unsafe { (*event, *early, *last) = (2, 2, reached) };
