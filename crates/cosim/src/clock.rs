@@ -194,7 +194,13 @@ mod tests {
                 0.0,
                 1.0,
                 1e-16,
-                "1e16 steps are too many: times would no longer differ",
+                "1e16 steps are too short: times would no longer differ",
+            ),
+            (
+                1e16,
+                1e16 + 2.0,
+                0.25,
+                "8e0 steps are too short: times would no longer differ",
             ),
         ] {
             assert_eq!(

@@ -91,8 +91,9 @@ impl Response {
         let values: Vec<f64> = self.value.iter().map(|&value| function(value)).collect();
         let turn = |i: usize| {
             let sign = values[i].signum();
-            let is_least =
-                sign * values[i - 1] >= values[i].abs() && sign * values[i + 1] >= values[i].abs();
+            let is_least = values[i] != 0.0
+                && sign * values[i - 1] >= values[i].abs()
+                && sign * values[i + 1] >= values[i].abs();
             let ends = [self.frequency[i - 1], self.frequency[i + 1]];
             let omega = is_least.then(|| least(ends, |omega| sign * function(evaluate(omega))))?;
             (sign * function(evaluate(omega)) < 0.0).then_some((i, omega))
