@@ -316,6 +316,46 @@ fn recordings_are_doubted_before_a_fit() {
     );
 }
 
+/// Ends of a task that are none of the recording: a sensor of 2 Hz, a target that jumps to the other side, a rounded target.
+#[test]
+fn slow_sensors_and_square_targets_are_no_doubt() {
+    let slow = changed(|own| {
+        let position = own.position.clone();
+        (own.position.iter_mut().enumerate()).for_each(|(k, z)| *z = position[k / 10 * 10]);
+    });
+    let codes = |trials: &[Trial]| {
+        recorded(trials)
+            .iter()
+            .map(Diagnostic::code)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(codes(&slow), [""; 0]);
+    assert!(!self::codes(&fitted(&slow, &FitOptions::default())).contains(&"outlier"));
+    // Tracked with a lag of 0.5 s and an overshoot.
+    let square = changed(|own| {
+        let side = |t: f64| {
+            if (t / 5.0) as usize % 2 == 0 {
+                1.0
+            } else {
+                -1.0
+            }
+        };
+        own.target = own.time.iter().map(|t| side(*t)).collect();
+        let mut z = 0.0;
+        for k in 0..own.time.len() {
+            own.position[k] = 1.03 * z;
+            z += 0.05 / 0.5 * (own.target[k] - z);
+        }
+        own.stick = None;
+    });
+    assert_eq!(codes(&square[..1]), [""; 0]);
+    let rounded = changed(|own| {
+        let of = |t: &f64| (4.0 * (0.7 * t).sin() * 10.0).round() / 10.0;
+        own.target = own.time.iter().map(of).collect();
+    });
+    assert!(!codes(&rounded).contains(&"target-outlier"));
+}
+
 /// A recording in steps of 0.25 m, and one of 0.01 m of a single flight.
 #[test]
 fn rounded_recordings_have_no_outliers() {

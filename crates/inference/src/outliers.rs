@@ -27,12 +27,16 @@ const BESIDE: usize = 5;
 const KEPT: f64 = 8.0;
 /// ... and makes up for it by this multiple of the usual change.
 const CAUGHT_UP: f64 = 5.0;
+/// Before, it moves at this part of the speed that it makes up for, or more: else it was at rest.
+const MOVED: f64 = 0.2;
 /// Number of changes on either side without which a recording does not move.
 const MOVES: usize = 3;
 /// Values of which more than one in this number breaks away have no usual change. Recorded values that break away more
 /// often are the motion itself.
 const FEWER: usize = 4;
-const FEWER_RECORDED: usize = 50;
+const FEWER_RECORDED: usize = 25;
+/// Recorded values that come back later than after this number of samples have moved.
+const FEW_RECORDED: usize = 3;
 /// Ratio of a run's rms residual to the median of all runs above which its fit is far worse.
 const WORSE: f64 = 3.0;
 /// Ratio of the standard deviation of a normal distribution to its median magnitude.
@@ -115,6 +119,9 @@ impl Breaks {
         let usual = noise(runs) * 2.0_f64.sqrt();
         for (run, own) in runs.iter().enumerate() {
             found.of_run((run, own), (least, usual), fewer);
+        }
+        if kind == Kind::Recorded {
+            (found.outliers).retain(|(_, samples)| samples.len() <= FEW_RECORDED);
         }
         found
     }
@@ -262,7 +269,11 @@ pub fn frozen(values: &[f64]) -> Vec<Frozen> {
         let (Some(usual), Some(around)) = (median(lengths), median(around)) else {
             return false;
         };
-        kept[i].len() as f64 >= KEPT * usual && changes[i] > (CAUGHT_UP * around).max(least)
+        let length = kept[i].len() as f64;
+        let before = changes[i - MOVES..i].iter().copied().fold(0.0, f64::max);
+        length >= KEPT * usual
+            && changes[i] > (CAUGHT_UP * around).max(least)
+            && before / usual >= MOVED * changes[i] / length
     };
     let inner = MOVES..kept.len().saturating_sub(MOVES);
     let stretch = |i: usize| Frozen {
@@ -270,6 +281,19 @@ pub fn frozen(values: &[f64]) -> Vec<Frozen> {
         next: kept[i + 1][0],
     };
     inner.filter(is_frozen).map(stretch).collect()
+}
+
+/// Whether each sample is new, if most repeat the one before: those of a sensor that is slower than the recording. All are
+/// new otherwise.
+pub fn fresh(values: &[f64]) -> Vec<bool> {
+    let finite = |k: &usize| values[*k].is_finite();
+    let known: Vec<usize> = (0..values.len()).filter(finite).collect();
+    let kept: Vec<&[usize]> = known.chunk_by(|a, b| values[*a] == values[*b]).collect();
+    // Not if a vehicle rests for long: every second value is kept at least.
+    let is_slow = median(kept.iter().map(|own| own.len() as f64)) >= Some(2.0);
+    let mut fresh = vec![!is_slow; values.len()];
+    kept.iter().for_each(|own| fresh[own[0]] = true);
+    fresh
 }
 
 /// Step in which values were recorded: the smallest distance between two of them, apart from a few exceptions.
@@ -407,6 +431,19 @@ mod tests {
             sine(30, 1e-6)[own] + 0.05 * noise[own]
         };
         assert_eq!(frozen(&(0..300).map(noisy).collect::<Vec<_>>()), found);
+    }
+
+    /// A position at 2 Hz, recorded at 20 Hz, is no row of outliers.
+    #[test]
+    fn what_a_slow_sensor_repeats_is_not_fresh() {
+        let seldom: Vec<f64> = (0..300).map(|k| sine(0, 1e-6)[k / 10 * 10]).collect();
+        let expected: Vec<bool> = (0..300).map(|k| k % 10 == 0).collect();
+        assert_eq!(fresh(&seldom), expected);
+        // One stretch at rest, and a missing sample.
+        let mut rests = sine(30, 1e-6);
+        rests[7] = f64::NAN;
+        assert_eq!(fresh(&rests), [true; 300]);
+        assert_eq!(fresh(&[]), []);
     }
 
     #[test]

@@ -165,8 +165,16 @@ impl Quantity {
         match (is_converted, is_reversed) {
             (true, false) => Ok(()),
             (false, false) => Err(format!(
-                "{left} is {ratio} times {right}; multiply by {}, or use one unit for both",
-                Conversion(ratio)
+                "{left} is {ratio} times {right}; multiply by {}{}, or use one unit for both",
+                Conversion(ratio),
+                match self.is_rate() {
+                    true => format!(
+                        " (by {} from radians to turns, by {} from turns to radians)",
+                        Conversion(ratio / turn),
+                        Conversion(ratio * turn)
+                    ),
+                    false => String::new(),
+                }
             )),
             (_, true) => Err(format!(
                 "{left} is {ratio} times {right}, and {} converts the other way; multiply by {} in its place, or use one \

@@ -213,7 +213,7 @@ impl Margins {
             (omega, evaluate(omega))
         };
         let gain_crossings = (sign_changes(&response.value, excess_gain).into_iter())
-            .map(|ends| GainCrossing::at(crossing(ends, excess_gain)));
+            .map(|ends| GainCrossing::at(crossing(ends, |value| value.norm().ln())));
         // At the points beside it the phase may be far from that, if a zero or a pole is near.
         let is_passed = |value: Complex<f64>| {
             let gains = NO_GAIN..1.0 / NO_GAIN;
@@ -274,8 +274,13 @@ impl Margins {
     }
 }
 
+/// Logarithm of the gain; a gain of exactly 1 up to rounding gives 0.
 fn excess_gain(value: Complex<f64>) -> f64 {
-    value.norm().ln()
+    let excess = value.norm().ln();
+    match excess.abs() < 1e-9 {
+        true => 0.0,
+        false => excess,
+    }
 }
 
 /// Sine of the phase; a phase of exactly ±180° up to rounding gives 0.

@@ -4,7 +4,9 @@ use crate::posed::Posed;
 use crate::problem::file::Noise;
 use crate::result::diagnostic::Diagnostic;
 use crate::result::{Fit, RunFit};
-use pilotage_inference::outliers::{Breaks, Frozen, Kind, Values, frozen, misfit, resolution};
+use pilotage_inference::outliers::{
+    Breaks, Frozen, Kind, Values, fresh, frozen, misfit, resolution,
+};
 
 /// Fraction of a signal's samples at the ends of its range from which clipping is reported.
 const CLIPPED: f64 = 0.05;
@@ -21,7 +23,7 @@ fn stood_still(run: &RunFit, k: usize) -> Vec<Frozen> {
     let (recorded, modelled) = (&run.recorded[k], &run.predicted[k]);
     let mut all = frozen(recorded);
     all.retain(|own| {
-        let meanwhile = modelled[own.samples.start..=own.next].iter();
+        let meanwhile = modelled[own.samples.clone()].iter();
         let low = meanwhile.clone().copied().fold(f64::INFINITY, f64::min);
         let high = meanwhile.copied().fold(f64::NEG_INFINITY, f64::max);
         high - low > MOVES * (recorded[own.next] - recorded[own.samples.start]).abs()
@@ -185,9 +187,16 @@ fn looked_at(run: &RunFit, k: usize, noise: Noise) -> Values {
     let recorded: Vec<f64> = recorded.map(|(y, sd)| of(y, sd)).collect();
     // Not the prediction of a filter, which follows a discontinuity of the recording.
     let modelled = run.predicted[k].iter().zip(&run.deviations[k]);
+    let mut values = run.residuals(k, noise);
+    // What a slow sensor repeats is no sample.
+    for (value, is_fresh) in values.iter_mut().zip(fresh(&run.recorded[k])) {
+        if !is_fresh {
+            *value = f64::NAN;
+        }
+    }
     Values {
         time: run.time.clone(),
-        values: run.residuals(k, noise),
+        values,
         resolution: resolution(&recorded),
         modelled: modelled.map(|(h, sd)| of(h, sd)).collect(),
     }

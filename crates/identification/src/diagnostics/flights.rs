@@ -15,7 +15,7 @@ const STILL: f64 = 1e-6;
 /// A run is driven if its target is at least this part of its largest error away from its start; outliers are excluded
 /// by the quantile below.
 const DRIVEN: f64 = 0.5;
-const NEARLY_ALL: f64 = 0.98;
+const NEARLY_ALL: f64 = 0.95;
 /// Longest delay \[s\] between targets and positions, and number of delays tried.
 const LONGEST_DELAY: f64 = 1.5;
 const DELAYS: u32 = 15;
@@ -119,7 +119,10 @@ fn movement(trials: &[Trial]) -> Option<Diagnostic> {
         errors.sort_by(f64::total_cmp);
         // Excludes single outliers.
         let last = (NEARLY_ALL * errors.len() as f64) as usize;
-        (trial.forcing(), errors.get(last).copied().unwrap_or(0.0))
+        // A target that moves forces, wherever the run begins.
+        let [low, high] = range(&trial.target);
+        let forcing = trial.forcing().max(high - low);
+        (forcing, errors.get(last).copied().unwrap_or(0.0))
     };
     let all: Vec<(f64, f64)> = trials.iter().map(of_run).collect();
     let is_driven = |&(forcing, error): &(f64, f64)| forcing >= DRIVEN * error && forcing > STILL;

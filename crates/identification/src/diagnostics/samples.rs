@@ -2,7 +2,7 @@
 
 use super::{Diagnostic, Fit, FitOptions, Trial};
 use crate::simulate::at_full_stick;
-use crate::statistics::rms;
+use crate::statistics::{range, rms};
 use crate::trials::median_step;
 use crate::{InitialState, Objective, RunFit};
 use pilotage_inference::outliers::{self, Breaks, Frozen, Kind, Values, median, resolution};
@@ -13,6 +13,10 @@ const FLICKER: usize = 2;
 const QUIET: f64 = 0.1;
 /// Duration of the first samples of a run [s], at least three, that show whether it moves.
 const BEGINNING: f64 = 0.5;
+/// Time within which a vehicle answers its target at once \[s\].
+const ANSWER: f64 = 1.5;
+/// A target differs by this multiple of its resolution at least.
+const LEVELS: f64 = 2.5;
 /// Multiple of the usual step from which on a time without rows is a gap.
 const GAP: f64 = 10.0;
 /// Number of standard errors by which a speed must exceed the possible speed from rest.
@@ -23,7 +27,17 @@ pub fn recorded(trials: &[Trial]) -> Vec<Diagnostic> {
     let looked_at: Vec<Values> = (trials.iter())
         .map(|trial| values(trial, trial.position.clone()))
         .collect();
-    let (frozen, breaks) = broken(trials, &looked_at, Kind::Recorded);
+    let (frozen, mut breaks) = broken(trials, &looked_at, Kind::Recorded);
+    // A vehicle may follow its target at once.
+    let is_led = |run: usize, k: usize, size: f64| {
+        let trial = &trials[run];
+        let first = trial
+            .time
+            .partition_point(|time| *time < trial.time[k] - ANSWER);
+        let [low, high] = range(&trial.target[first..=k]);
+        high - low > 0.5 * size.abs()
+    };
+    (breaks.jumps).retain(|&(run, k, size)| !is_led(run, k, size));
     let all = [
         outlier(&breaks, &looked_at, None, trials, "m"),
         jump(&breaks, trials, "m"),
@@ -71,7 +85,13 @@ fn looked_at(fit: &Fit, trials: &[Trial]) -> Vec<Values> {
 }
 
 /// Values at the samples of a run.
-fn values(trial: &Trial, values: Vec<f64>) -> Values {
+fn values(trial: &Trial, mut values: Vec<f64>) -> Values {
+    // What a slow sensor repeats is no sample.
+    for (value, is_fresh) in values.iter_mut().zip(outliers::fresh(&trial.position)) {
+        if !is_fresh {
+            *value = f64::NAN;
+        }
+    }
     Values {
         time: trial.time.clone(),
         values,
@@ -155,7 +175,12 @@ fn target_outlier(trial: &Trial) -> Option<Diagnostic> {
                 before - target[k - 2],
                 target[k + count + 1] - after,
             ];
-            if size > 0.0 && changes.iter().all(|change| change.abs() <= QUIET * size) {
+            let is_quiet = || changes.iter().all(|change| change.abs() <= QUIET * size);
+            let is_seen = || {
+                let others = [&target[..k], &target[k + count..]].concat();
+                size > LEVELS * resolution(&others)
+            };
+            if size > 0.0 && is_quiet() && is_seen() {
                 return Some(Diagnostic::TargetOutlier {
                     run: trial.name.clone(),
                     time: trial.time[k],

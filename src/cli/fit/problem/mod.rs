@@ -70,6 +70,17 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         let message = format!("{flag} solves again, and --evaluate solves nothing");
         return Err(Failure::new(message).hint("leave one of them out"));
     }
+    let written = [
+        ("--report", args.report.is_some()),
+        ("--output", args.output.is_some()),
+    ];
+    if let (true, Some((flag, _))) = (
+        args.evaluate,
+        written.iter().find(|(_, is_given)| *is_given),
+    ) {
+        let message = format!("{flag} writes a fit, and --evaluate makes none");
+        return Err(Failure::new(message).hint("leave one of them out"));
+    }
     if args.evaluate {
         return evaluate::run(&posed, args.json);
     }
