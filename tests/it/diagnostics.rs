@@ -334,11 +334,7 @@ fn slow_sensors_and_square_targets_are_no_doubt() {
     // Tracked with a lag of 0.5 s and an overshoot.
     let square = changed(|own| {
         let side = |t: f64| {
-            if (t / 5.0) as usize % 2 == 0 {
-                1.0
-            } else {
-                -1.0
-            }
+            if t % 10.0 < 5.0 { 1.0 } else { -1.0 }
         };
         own.target = own.time.iter().map(|t| side(*t)).collect();
         let mut z = 0.0;
