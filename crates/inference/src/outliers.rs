@@ -252,9 +252,7 @@ pub fn misfit(rms: &[f64], tasks: &[f64]) -> Option<(usize, f64)> {
 /// that stood still. The first samples and the last ones are none, since a vehicle may rest there, nor are values that are
 /// all kept for long, as by a sensor that is slower than the recording.
 pub fn frozen(values: &[f64]) -> Vec<Frozen> {
-    let finite = |k: &usize| values[*k].is_finite();
-    let known: Vec<usize> = (0..values.len()).filter(finite).collect();
-    let kept: Vec<&[usize]> = known.chunk_by(|a, b| values[*a] == values[*b]).collect();
+    let kept = kept(values);
     let value = |i: usize| values[kept[i][0]];
     let changes: Vec<f64> = (1..kept.len())
         .map(|i| (value(i) - value(i - 1)).abs())
@@ -283,17 +281,33 @@ pub fn frozen(values: &[f64]) -> Vec<Frozen> {
     inner.filter(is_frozen).map(stretch).collect()
 }
 
-/// Whether each sample is new, if most repeat the one before: those of a sensor that is slower than the recording. All are
-/// new otherwise.
-pub fn fresh(values: &[f64]) -> Vec<bool> {
+/// The samples with a value, those of equal successive values together.
+fn kept(values: &[f64]) -> Vec<Vec<usize>> {
     let finite = |k: &usize| values[*k].is_finite();
     let known: Vec<usize> = (0..values.len()).filter(finite).collect();
-    let kept: Vec<&[usize]> = known.chunk_by(|a, b| values[*a] == values[*b]).collect();
+    let kept = known.chunk_by(|a, b| values[*a] == values[*b]);
+    kept.map(<[usize]>::to_vec).collect()
+}
+
+/// Whether each sample is new, if most repeat the one before: those of a sensor that is slower than the recording. All are
+/// new otherwise.
+fn fresh(values: &[f64]) -> Vec<bool> {
+    let kept = kept(values);
     // Not if a vehicle rests for long: every second value is kept at least.
     let is_slow = median(kept.iter().map(|own| own.len() as f64)) >= Some(2.0);
     let mut fresh = vec![!is_slow; values.len()];
     kept.iter().for_each(|own| fresh[own[0]] = true);
     fresh
+}
+
+/// Values at the samples of a recording, NaN where a slow sensor repeats what it recorded: that is no sample.
+pub fn of_fresh(mut values: Vec<f64>, recorded: &[f64]) -> Vec<f64> {
+    for (value, is_fresh) in values.iter_mut().zip(fresh(recorded)) {
+        if !is_fresh {
+            *value = f64::NAN;
+        }
+    }
+    values
 }
 
 /// Step in which values were recorded: the smallest distance between two of them, apart from a few exceptions.

@@ -5,7 +5,7 @@ use crate::posed::data::RunData;
 use crate::problem::file::Mesh;
 use crate::result::Beside;
 use crate::result::diagnostic::Diagnostic;
-use crate::result::outliers::{of_copies, of_ends, of_frozen, of_runs, of_samples};
+use crate::result::outliers::{of_copies, of_ends, of_frozen, of_runs, of_samples, still};
 use crate::result::{Fit, Found};
 use crate::search::active::{held, on_stability_bound, violated};
 use crate::search::begin::early_end;
@@ -107,8 +107,9 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
         for k in 0..posed.file.measured.len() {
             all.extend(poor(posed, fit, k));
             all.extend(coloured(posed, fit, k));
-            all.extend(of_samples(posed, fit, k));
-            all.extend(of_frozen(posed, fit, k));
+            let still = still(fit, k);
+            all.extend(of_samples(posed, fit, k, &still));
+            all.extend(of_frozen(posed, fit, k, &still));
             all.extend(of_runs(posed, fit, k));
             all.extend(of_ends(posed, fit, k));
         }

@@ -5,7 +5,7 @@ use crate::problem::file::Noise;
 use crate::result::diagnostic::Diagnostic;
 use crate::result::{Fit, RunFit};
 use pilotage_inference::outliers::{
-    Breaks, Frozen, Kind, Values, fresh, frozen, misfit, resolution,
+    Breaks, Frozen, Kind, Values, frozen, misfit, of_fresh, resolution,
 };
 
 /// Fraction of a signal's samples at the ends of its range from which clipping is reported.
@@ -18,7 +18,12 @@ const LEVELS: f64 = 20.0;
 /// A recording stands still if the model moves meanwhile by this part of the change after it.
 const MOVES: f64 = 0.3;
 
-/// The stretches in which a measured signal of a run keeps a value while the model moves.
+/// The stretches in which a measured signal keeps a value while the model moves, for each run.
+pub fn still(fit: &Fit, k: usize) -> Vec<Vec<Frozen>> {
+    fit.runs.iter().map(|run| stood_still(run, k)).collect()
+}
+
+/// Those of one run.
 fn stood_still(run: &RunFit, k: usize) -> Vec<Frozen> {
     let (recorded, modelled) = (&run.recorded[k], &run.predicted[k]);
     let mut all = frozen(recorded);
@@ -32,9 +37,16 @@ fn stood_still(run: &RunFit, k: usize) -> Vec<Frozen> {
 }
 
 /// The longest stretch in which a measured signal stands still.
-pub fn of_frozen(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
-    let of_run = |run| stood_still(run, k).into_iter().map(move |own| (run, own));
-    let all: Vec<(&RunFit, Frozen)> = fit.runs.iter().flat_map(of_run).collect();
+pub fn of_frozen(
+    posed: &Posed<'_>,
+    fit: &Fit,
+    k: usize,
+    still: &[Vec<Frozen>],
+) -> Option<Diagnostic> {
+    let mut all: Vec<(&RunFit, &Frozen)> = Vec::new();
+    for (run, still) in fit.runs.iter().zip(still) {
+        all.extend(still.iter().map(|own| (run, own)));
+    }
     let count = all.len();
     let (run, own) = all.into_iter().max_by_key(|(_, own)| own.samples.len())?;
     let value = run.recorded[k][own.samples.start];
@@ -51,7 +63,12 @@ pub fn of_frozen(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
 }
 
 /// Outlying samples of a measured signal. For a distribution with long tails they are expected.
-pub fn of_samples(posed: &Posed<'_>, fit: &Fit, k: usize) -> Vec<Diagnostic> {
+pub fn of_samples(
+    posed: &Posed<'_>,
+    fit: &Fit,
+    k: usize,
+    still: &[Vec<Frozen>],
+) -> Vec<Diagnostic> {
     let measured = &posed.file.measured[k];
     if !matches!(measured.noise, Noise::Normal | Noise::LogNormal) {
         return Vec::new();
@@ -63,8 +80,8 @@ pub fn of_samples(posed: &Posed<'_>, fit: &Fit, k: usize) -> Vec<Diagnostic> {
         .map(|run| looked_at(run, k, measured.noise))
         .collect();
     let mut breaks = Breaks::of(&runs, Kind::Residuals);
-    for (run, own) in fit.runs.iter().enumerate() {
-        breaks.forget_after(run, &stood_still(own, k));
+    for (run, still) in still.iter().enumerate() {
+        breaks.forget_after(run, still);
     }
     let of_run = |run: usize| (measured.column.value.clone(), fit.runs[run].name.clone());
     let square = |(run, sample): (usize, usize)| runs[run].values[sample].powi(2);
@@ -187,16 +204,9 @@ fn looked_at(run: &RunFit, k: usize, noise: Noise) -> Values {
     let recorded: Vec<f64> = recorded.map(|(y, sd)| of(y, sd)).collect();
     // Not the prediction of a filter, which follows a discontinuity of the recording.
     let modelled = run.predicted[k].iter().zip(&run.deviations[k]);
-    let mut values = run.residuals(k, noise);
-    // What a slow sensor repeats is no sample.
-    for (value, is_fresh) in values.iter_mut().zip(fresh(&run.recorded[k])) {
-        if !is_fresh {
-            *value = f64::NAN;
-        }
-    }
     Values {
         time: run.time.clone(),
-        values,
+        values: of_fresh(run.residuals(k, noise), &run.recorded[k]),
         resolution: resolution(&recorded),
         modelled: modelled.map(|(h, sd)| of(h, sd)).collect(),
     }

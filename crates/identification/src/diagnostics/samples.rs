@@ -85,16 +85,10 @@ fn looked_at(fit: &Fit, trials: &[Trial]) -> Vec<Values> {
 }
 
 /// Values at the samples of a run.
-fn values(trial: &Trial, mut values: Vec<f64>) -> Values {
-    // What a slow sensor repeats is no sample.
-    for (value, is_fresh) in values.iter_mut().zip(outliers::fresh(&trial.position)) {
-        if !is_fresh {
-            *value = f64::NAN;
-        }
-    }
+fn values(trial: &Trial, values: Vec<f64>) -> Values {
     Values {
         time: trial.time.clone(),
-        values,
+        values: outliers::of_fresh(values, &trial.position),
         resolution: resolution(&trial.position),
         modelled: Vec::new(),
     }
