@@ -9,8 +9,8 @@ use crate::estimation::comparison::{Candidate, Compared, compare};
 use crate::estimation::{ProblemFile, part};
 use crate::inference::choice::{Comparison, Contender, FEWEST_RUNS, SIZE};
 use crate::inference::residuals::{LjungBox, autocorrelation};
-use crate::report::significant;
 use pilotage_text::counted;
+use pilotage_text::number::significant;
 use serde_json::{Map, Value, json};
 use std::path::PathBuf;
 

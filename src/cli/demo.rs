@@ -6,15 +6,16 @@ use super::progress::Progress;
 use super::{Failure, Outcome, folder, overwrite, terminal, validate};
 use crate::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuComponent, System};
 use crate::export::{Export, Provenance};
-use crate::identification::statistics::rms;
 use crate::identification::{
     Fit, FitOptions, Identification, PilotFile, Trial, TrialSet, pilot_file,
 };
 use crate::models::Model;
-use crate::report::{self, ClosedLoop, Report, significant};
+use crate::report::{self, ClosedLoop, Report};
 use crate::series::Series;
 use crate::vehicle;
+use pilotage_inference::statistics::rms;
 use pilotage_text::counted;
+use pilotage_text::number::significant;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 

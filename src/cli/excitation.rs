@@ -2,7 +2,7 @@
 
 use super::format::aligned;
 use crate::inference::spectrum::{Excitation, Excited};
-use crate::report::significant;
+use pilotage_text::number::significant;
 use serde_json::{Value, json};
 
 /// The excitation as a JSON object; `null` if unknown.

@@ -1,6 +1,6 @@
 //! Axis scales with round ticks.
 
-use super::number::short;
+use pilotage_text::number::short;
 use std::ops::Range;
 
 /// Approximate number of ticks of a scale.

@@ -2,12 +2,13 @@
 //! SVG (`svg.rs`) or CSV with the same content.
 
 use super::thin::thinned;
+use pilotage_text::number::rounded;
 use serde::{Deserialize, Serialize};
 
 /// Approximate maximum number of points of all series of a panel: more than a screen shows.
 const POINTS: usize = 60_000;
 /// Significant digits of a point.
-const DIGITS: i32 = 9;
+const DIGITS: usize = 9;
 
 /// A figure on a page or in a file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -204,7 +205,7 @@ impl Figure {
                     (series.x, series.y) = (x, y);
                 }
                 let values = series.x.iter_mut().chain(&mut series.y);
-                values.for_each(|value| *value = rounded(*value));
+                values.for_each(|value| *value = rounded(*value, DIGITS));
             }
         }
         figure
@@ -233,12 +234,6 @@ impl Figure {
         }
         super::csv(&rows)
     }
-}
-
-/// Rounds a number to [`DIGITS`] significant digits.
-fn rounded(value: f64) -> f64 {
-    let text = format!("{value:.*e}", (DIGITS - 1) as usize);
-    text.parse().unwrap_or(value)
 }
 
 /// JSON arrays of numbers with `null` for gaps, since JSON has no NaN.

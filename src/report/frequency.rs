@@ -1,13 +1,13 @@
 //! Frequency responses of a fitted pilot and of its loop with the vehicle, with confidence bands.
 
 use super::figure::{Axis, Figure, Look, Panel, Series};
-use super::number::significant;
 use crate::identification::Spread;
 use crate::identification::closed_loop::LinearVehicle;
 use crate::identification::frequency::{open_loop, pilot};
 use crate::linear::{Margins, Response};
 use crate::models::{Pilot, Quadcopter};
 use nalgebra::Complex;
+use pilotage_text::number::significant;
 
 /// Number of frequency intervals.
 const POINTS: u32 = 160;

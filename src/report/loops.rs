@@ -2,11 +2,12 @@
 
 use super::figure::{Axis, Figure, Look, Panel, Series};
 use super::html::{Made, escape, figure, header, section, table, whole};
-use super::number::{self, significant};
+use super::number;
 use super::palette::colour;
 use super::tables;
 use crate::linear::{Margins, Mode, Response};
 use nalgebra::Complex;
+use pilotage_text::number::significant;
 use std::f64::consts::PI;
 
 /// Contents of the page of a linearised system.

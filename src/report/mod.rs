@@ -28,7 +28,6 @@ pub use figure::Figure;
 pub use figures::ClosedLoop;
 pub use html::Made;
 pub use loops::{LoopFigure, LoopPage, Stability, loop_page};
-pub use number::{short, significant};
 pub use overlay::{Overlay, Parameters, overlay_page};
 pub use page::{Report, page, well_determined};
 pub use simulation::{Simulation, result_figures, simulation_page};

@@ -3,13 +3,14 @@
 use super::figure::Figure;
 use super::figures::{self, ClosedLoop};
 use super::html::{Made, choice, escape, facts, figure, header, section, whole};
-use super::number::{self, significant};
+use super::number;
 use super::overlay::{self, Parameters};
 use super::tables;
-use crate::identification::statistics::rms;
 use crate::identification::{Diagnostic, Fit, Identification};
 use crate::inference::Interval;
 use crate::models::Pilot;
+use pilotage_inference::statistics::rms;
+use pilotage_text::number::significant;
 
 /// Ratio of standard deviation to value below which a parameter is well determined: half of the limit of Tischler &
 /// Remple, *Aircraft and Rotorcraft System Identification*, 2nd ed., section 12.3, for the Cramér–Rao bound, which is

@@ -1,16 +1,17 @@
 //! The results of a fit as HTML tables.
 
 use super::html::{escape, table};
-use super::number::{self, significant};
+use super::number;
 use crate::identification::pilot_file::units;
 use crate::identification::result::StartReport;
-use crate::identification::statistics::rms;
 use crate::identification::trials::Summary;
 use crate::identification::{
     Fit, FitOptions, Identification, InitialState, Mesh, Objective, RunFit,
 };
 use crate::models::{COEFFICIENTS, Pilot};
 use crate::vehicle::Mode;
+use pilotage_inference::statistics::rms;
+use pilotage_text::number::{short, significant};
 
 /// The coefficient of the pilot's transfer function for each component of θ.
 fn meanings(pilot: Pilot) -> impl Iterator<Item = String> {
@@ -183,7 +184,7 @@ pub fn modes(modes: &[Mode]) -> String {
 
 /// The target of a run \[m\], or its range if it moves.
 pub fn target_of(summary: &Summary) -> String {
-    let [least, greatest] = summary.target_range.map(|target| number::short(target, 4));
+    let [least, greatest] = summary.target_range.map(|target| short(target, 4));
     match summary.target_range[0] == summary.target_range[1] {
         true => least,
         false => format!("{least} to {greatest}"),
@@ -203,7 +204,7 @@ pub fn runs(found: &Identification) -> String {
                 escape(&run.name),
                 cell(target_of(&summary)),
                 (summary.samples - summary.missing).to_string(),
-                number::short(trial.weight, 4),
+                short(trial.weight, 4),
                 number::html(summary.final_error, 3),
                 (summary.overshoot).map_or("–".into(), |part| format!("{:.1}", 100.0 * part)),
                 peak.map_or("–".into(), |peak| format!("{peak:.3}")),

@@ -25,6 +25,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "linear",
             "inference",
             "sqp",
+            "text",
         ],
     ),
     (
@@ -33,7 +34,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     (
         "crates/identification/src/synthetic",
-        &["models", "sdk", "series", "linear"],
+        &["models", "sdk", "series", "linear", "text"],
     ),
     // An instance knows the callbacks that it gives, and those what they reach; nobody of them knows it.
     ("crates/fmi/src/message", &["abi"]),

@@ -290,6 +290,71 @@ fn a_position_that_stands_still_is_told() {
     assert_eq!(recorded(&shipped()), []);
 }
 
+/// It is driven, so that it does not rest there.
+#[test]
+fn a_position_that_stands_still_at_an_end_is_told() {
+    let found = |samples: std::ops::Range<usize>, moves: bool| {
+        let mut trials = changed(|_| ());
+        let trial = &mut trials[1];
+        let value = trial.position[samples.start];
+        trial.position[samples.clone()].fill(value);
+        if !moves {
+            let target = trial.target[samples.start];
+            trial.target[samples.clone()].fill(target);
+            trial.stick.as_mut().unwrap()[samples].fill(0.0);
+        }
+        let told = recorded(&trials).into_iter().find_map(|own| match own {
+            Diagnostic::Frozen { from, to, size, .. } => Some((from, to, size.is_some())),
+            _ => None,
+        });
+        told.map(|(from, to, comes_back)| {
+            let at = |time: f64| trials[1].time.iter().position(|t| *t == time).unwrap();
+            (at(from)..at(to) + 1, comes_back)
+        })
+    };
+    let last = changed(|_| ())[1].time.len();
+    assert_eq!(found(0..last, true), Some((0..last, false)));
+    assert_eq!(found(last - 150..last, false), None);
+}
+
+/// Samples that are wild again and again are no motion.
+#[test]
+fn frequent_outliers_are_told() {
+    for every in [50, 20, 11] {
+        let mut trials = changed(|_| ());
+        for trial in &mut trials {
+            let wild = (0..trial.position.len()).step_by(every).skip(1);
+            wild.for_each(|k| trial.position[k] += 20.0 + (k % 7) as f64);
+        }
+        let codes: Vec<_> = recorded(&trials).iter().map(Diagnostic::code).collect();
+        assert_eq!(codes, ["outlier"], "one in {every}");
+    }
+}
+
+/// A target that moves on does not explain a jump, and a vehicle does not stop at once.
+#[test]
+fn jumps_and_stops_in_motion_are_told_before_a_fit() {
+    let sines = |t: f64| 4.0 * (0.6 * t).sin() + 2.0 * (1.5 * t).sin();
+    let mut trials = changed(|own| {
+        own.target = own.time.iter().map(|t| sines(*t)).collect();
+        own.position = own.time.iter().map(|t| sines(*t - 0.4)).collect();
+        own.stick = None;
+    });
+    trials.truncate(1);
+    assert_eq!(recorded(&trials), []);
+    let codes = |change: fn(&mut [f64])| -> Vec<_> {
+        let mut trials = trials.clone();
+        change(&mut trials[0].position);
+        recorded(&trials).iter().map(Diagnostic::code).collect()
+    };
+    let jump = |z: &mut [f64]| z[130..].iter_mut().for_each(|z| *z += 4.0);
+    assert_eq!(codes(jump), ["jump"]);
+    let stop = |z: &mut [f64]| (241..z.len()).for_each(|k| z[k] = z[240]);
+    assert_eq!(codes(stop), ["frozen"]);
+    let start = |z: &mut [f64]| (1..60).for_each(|k| z[k] = z[0]);
+    assert_eq!(codes(start), ["frozen"]);
+}
+
 /// What needs no fit is known before it.
 #[test]
 fn recordings_are_doubted_before_a_fit() {

@@ -1,5 +1,6 @@
 //! Communication points, computed by counting steps, not by summing step sizes.
 
+use pilotage_text::number::rounded;
 use thiserror::Error;
 
 /// The communication points `t_k = t_0 + k·h`, `k = 0..=steps`.
@@ -53,9 +54,9 @@ pub enum ClockError {
     },
 }
 
-/// The number rounded to nine digits, without binary rounding noise.
+/// The number without binary rounding noise.
 fn readable(value: f64) -> f64 {
-    format!("{value:.8e}").parse().unwrap_or(value)
+    rounded(value, 9)
 }
 
 /// Relative tolerance for a whole number of steps: with decimal input, 15/0.05 need not be exactly 300.

@@ -9,6 +9,7 @@ use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
+use pilotage_text::number::rounded;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -151,8 +152,7 @@ fn line(row: &[f64]) -> String {
 
 /// Rounds to nine digits; human data has no more.
 fn short(value: f64) -> String {
-    let rounded = format!("{value:.8e}").parse::<f64>().unwrap_or(value);
-    format!("{}", rounded + 0.0)
+    rounded(value, 9).to_string()
 }
 
 /// Unfinished flights in the folder: the program was killed, the power failed, or the disk was full. If only the log of

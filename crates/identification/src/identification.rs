@@ -3,11 +3,11 @@
 use super::joint::Joint;
 use super::simulate::{LONGEST, at_rest};
 use super::solve::Observer;
-use super::statistics::rms;
 use super::{Fit, FitError, FitOptions, Objective, RunFit, Trial, TrialSet};
 use super::{derived, fit, frequency, simulate, simulate_from};
 use pilotage_inference::Interval;
 use pilotage_inference::spectrum::{Describing, Excitation};
+use pilotage_inference::statistics::rms;
 use pilotage_linear::Figure;
 
 /// A pilot identified from trials.

@@ -29,7 +29,6 @@
 //! | [`simulate`](mod@simulate) | a run flown by the identified pilot alone |
 //! | [`pilot_file`](mod@pilot_file) | the result file |
 //! | `names` | names of options on the command line and in files |
-//! | [`statistics`](mod@statistics) | of values that may be missing |
 //! | [`vehicle`](mod@vehicle) | the vehicle's coefficients as a file, and its pitch loop |
 //! | [`synthetic`](mod@synthetic) | a synthetic human |
 
@@ -56,7 +55,6 @@ pub mod simulate;
 pub mod solve;
 mod spread;
 pub mod start;
-pub mod statistics;
 pub mod synthetic;
 pub mod trials;
 mod tumbles;

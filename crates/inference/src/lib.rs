@@ -34,6 +34,7 @@
 //! | [`residuals`], [`crossed`] | residual tests, alone and against the inputs |
 //! | [`choice`], [`homogeneity`] | choice between models; whether groups of data have the same parameters |
 //! | [`spectrum`] | frequency responses of loops driven by sums of sines, without a model |
+//! | [`statistics`] | rms and range of values with gaps |
 //! | `stepped` | signals that keep their values and jump |
 
 mod autoregression;
@@ -52,6 +53,7 @@ pub mod residuals;
 mod restricted;
 mod row;
 pub mod spectrum;
+pub mod statistics;
 mod stepped;
 
 pub use autoregression::Autoregression;

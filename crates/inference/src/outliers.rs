@@ -1,5 +1,6 @@
 //! Outliers in a set of runs: samples that differ from their neighbours, and runs with a far worse fit.
 
+use crate::statistics::range;
 use std::ops::Range;
 
 /// A break exceeds the usual change between neighbouring samples by this factor.
@@ -27,12 +28,15 @@ const BESIDE: usize = 5;
 const KEPT: f64 = 8.0;
 /// ... and makes up for it by this multiple of the usual change.
 const CAUGHT_UP: f64 = 5.0;
-/// Before, it moves at this part of the speed that it makes up for, or more: else it was at rest.
+/// Before, it moves at this part of the speed that it makes up for, or of the usual one at the end of a run, or more: else it
+/// was at rest.
 const MOVED: f64 = 0.2;
 /// Number of changes on either side without which a recording does not move.
 const MOVES: usize = 3;
+/// Number of samples from which on a run of one value can be judged.
+const ALWAYS: usize = 20;
 /// Values of which more than one in this number breaks away have no usual change. Recorded values that break away more
-/// often are the motion itself.
+/// often than one in the second number may be the motion itself.
 const FEWER: usize = 4;
 const FEWER_RECORDED: usize = 25;
 /// Recorded values that come back later than after this number of samples have moved.
@@ -79,8 +83,11 @@ pub struct Breaks {
 pub struct Frozen {
     /// The samples, which all have one value or none.
     pub samples: Range<usize>,
-    /// The next sample with a value.
-    pub next: usize,
+    /// The next sample with a value; `None` at the end of the run.
+    pub next: Option<usize>,
+    /// Whether the run begins or ends with it. A vehicle may rest there: it takes an input that moves, or a model, to
+    /// tell.
+    pub is_end: bool,
 }
 
 impl Values {
@@ -126,22 +133,28 @@ impl Breaks {
         found
     }
 
-    /// Adds the breaks of one run, if they are fewer than one in `fewer` samples. `least` is the smallest break, `usual`
+    /// Adds the breaks of one run. If they are more than one in `fewer` samples, they are motion but for samples that are away
+    /// from the same level before and after them. `least` is the smallest break, `usual`
     /// the typical change between samples of all runs.
     fn of_run(&mut self, (run, own): (usize, &Values), (least, usual): (f64, f64), fewer: usize) {
         let finite = |k: &usize| own.values[*k].is_finite();
         let known: Vec<usize> = (0..own.values.len()).filter(finite).collect();
         let least = least.max(STEPS * own.resolution);
         let breaks = breaks(own, &known, least, usual);
-        if breaks.len() * fewer > known.len() {
+        if breaks.len() * FEWER > known.len() {
             return;
         }
+        let is_motion = breaks.len() * fewer > known.len();
         let soon = (SOON * known.len() as f64) as usize;
         let mut next = 0;
         while let Some(&(at, size)) = breaks.get(next) {
             if let Some(few) = own.few_beside(&known, at, size) {
                 self.outliers.push((run, known[few.clone()].to_vec()));
                 next += breaks[next..].partition_point(|(k, _)| *k < few.end);
+                continue;
+            }
+            if is_motion {
+                next += 1;
                 continue;
             }
             let group = &breaks[next..];
@@ -177,7 +190,7 @@ impl Breaks {
 
     /// Forgets the jumps with which a recording ends a stretch in which it stood still.
     pub fn forget_after(&mut self, run: usize, frozen: &[Frozen]) {
-        let is_after = |k: usize| frozen.iter().any(|own| own.next == k);
+        let is_after = |k: usize| frozen.iter().any(|own| own.next == Some(k));
         self.jumps.retain(|(of, k, _)| *of != run || !is_after(*k));
     }
 
@@ -248,19 +261,37 @@ pub fn misfit(rms: &[f64], tasks: &[f64]) -> Option<(usize, f64)> {
     (rms.len() > 2 && is_worse(rms) && is_worse(&parts)).then(|| (worst, rms[worst] / others(rms)))
 }
 
-/// The stretches in which a recording repeats a value and afterwards makes up for the motion that it has missed: a sensor
-/// that stood still. The first samples and the last ones are none, since a vehicle may rest there, nor are values that are
-/// all kept for long, as by a sensor that is slower than the recording.
+/// The stretches in which a recording repeats a value though it moved before, and afterwards makes up for the motion that it
+/// has missed: a sensor that stood still. At the start and the end of a run one of these is enough, and a run may be of one
+/// value. Values that are all kept for long, as by a sensor that is slower than the recording, are none, nor is an end
+/// of the range that is reached more than once: a stop, or the end of what the sensor measures.
 pub fn frozen(values: &[f64]) -> Vec<Frozen> {
     let kept = kept(values);
+    if kept.len() == 1 && kept[0].len() >= ALWAYS {
+        let samples = 0..values.len();
+        let next = None;
+        let is_end = true;
+        return vec![Frozen {
+            samples,
+            next,
+            is_end,
+        }];
+    }
     let value = |i: usize| values[kept[i][0]];
     let changes: Vec<f64> = (1..kept.len())
         .map(|i| (value(i) - value(i - 1)).abs())
         .collect();
     let least = STEPS * resolution(values);
+    let typical = median(changes.iter().copied()).unwrap_or(0.0);
+    let last = changes.len();
+    let ends = range(values);
+    let is_stop = |i: usize| {
+        let again = (0..kept.len()).filter(|j| value(*j) == value(i)).count();
+        ends.contains(&value(i)) && again > 1
+    };
     // Change `i` leads from value `i` to the next one.
     let is_frozen = |&i: &usize| {
-        let near = i.saturating_sub(NEARBY)..(i + NEARBY).min(changes.len());
+        let near = i.saturating_sub(NEARBY)..(i + NEARBY).min(last);
         let beside = |j: &usize| *j != i && *j + 1 != i;
         let lengths = (near.clone().filter(beside)).map(|j| kept[j].len() as f64);
         let around = near.filter(beside).map(|j| changes[j]);
@@ -268,17 +299,28 @@ pub fn frozen(values: &[f64]) -> Vec<Frozen> {
             return false;
         };
         let length = kept[i].len() as f64;
-        let before = changes[i - MOVES..i].iter().copied().fold(0.0, f64::max);
-        length >= KEPT * usual
-            && changes[i] > (CAUGHT_UP * around).max(least)
-            && before / usual >= MOVED * changes[i] / length
+        // What comes to rest at the end by itself slows down before.
+        let before = changes[i.saturating_sub(MOVES)..i].iter().copied();
+        let before = before.fold(0.0, f64::max);
+        let moved = match i == last {
+            true => before >= least && before >= MOVED * typical,
+            false => i == 0 || before / usual >= MOVED * changes[i] / length,
+        };
+        // A single sample that is away afterwards is an outlier.
+        let after = median((i + 1..kept.len().min(i + 1 + BESIDE)).map(value));
+        let stays = after.is_none_or(|own| (own - value(i)).abs() > 0.5 * changes[i]);
+        let caught_up = i == last || (changes[i] > (CAUGHT_UP * around).max(least) && stays);
+        length >= KEPT * usual && moved && caught_up && !is_stop(i)
     };
-    let inner = MOVES..kept.len().saturating_sub(MOVES);
+    let is_inner = |i: &usize| (MOVES..last.saturating_sub(MOVES - 1)).contains(i);
+    let looked_at = |i: &usize| last >= NEARBY && (is_inner(i) || *i == 0 || *i == last);
     let stretch = |i: usize| Frozen {
         samples: kept[i][0]..kept[i][kept[i].len() - 1] + 1,
-        next: kept[i + 1][0],
+        next: kept.get(i + 1).map(|own| own[0]),
+        is_end: i == 0 || i == last,
     };
-    inner.filter(is_frozen).map(stretch).collect()
+    let all = (0..kept.len()).filter(looked_at).filter(is_frozen);
+    all.map(stretch).collect()
 }
 
 /// The samples with a value, those of equal successive values together.
@@ -428,7 +470,8 @@ mod tests {
     fn a_recording_that_stands_still_and_catches_up_is_frozen() {
         let found = [Frozen {
             samples: 100..130,
-            next: 130,
+            next: Some(130),
+            is_end: false,
         }];
         assert_eq!(frozen(&sine(30, 1e-6)), found);
         assert_eq!(frozen(&sine(30, 0.05)), found);
@@ -437,7 +480,7 @@ mod tests {
         values[110] = f64::NAN;
         assert_eq!(frozen(&values), found);
         values[130] = f64::NAN;
-        assert_eq!(frozen(&values)[0].next, 131);
+        assert_eq!(frozen(&values)[0].next, Some(131));
         // Noise changes it at each sample.
         let noise = white(3, 300).values;
         let noisy = |k: usize| {
@@ -445,6 +488,36 @@ mod tests {
             sine(30, 1e-6)[own] + 0.05 * noise[own]
         };
         assert_eq!(frozen(&(0..300).map(noisy).collect::<Vec<_>>()), found);
+    }
+
+    #[test]
+    fn a_recording_that_stands_still_at_an_end_is_frozen() {
+        let moving = sine(0, 1e-6);
+        let dead = |samples: Range<usize>| {
+            let kept = samples.start;
+            let of = |k: usize| if samples.contains(&k) { kept } else { k };
+            frozen(&(0..300).map(|k| moving[of(k)]).collect::<Vec<_>>())
+        };
+        let ends = |samples: Range<usize>, next: Option<usize>| {
+            [Frozen {
+                samples,
+                next,
+                is_end: true,
+            }]
+        };
+        assert_eq!(dead(260..300), ends(260..300, None));
+        assert_eq!(dead(0..40), ends(0..40, Some(40)));
+        assert_eq!(frozen(&[2.0; 300]), ends(0..300, None));
+        // It comes to rest, as no sensor does.
+        let decays = |k: usize| (f64::exp(-0.1 * k as f64) * 1e4).round() / 1e4;
+        assert_eq!(frozen(&(0..300).map(decays).collect::<Vec<_>>()), []);
+    }
+
+    /// A ball on the ground between its flights: the ground is no sensor that stood still.
+    #[test]
+    fn an_end_of_the_range_that_is_reached_again_is_a_stop() {
+        let bounded = |k: usize| (10.0 * (0.05 * k as f64).sin()).max(-6.0);
+        assert_eq!(frozen(&(0..600).map(bounded).collect::<Vec<_>>()), []);
     }
 
     /// A position at 2 Hz, recorded at 20 Hz, is no row of outliers.
@@ -478,7 +551,7 @@ mod tests {
             .map(|k| sine(0, 1e-6)[if k < 80 { k } else { usize::max(k, 150) - 70 }])
             .collect();
         assert_eq!(frozen(&pauses), []);
-        assert_eq!(frozen(&[1.0; 50]), []);
+        assert_eq!(frozen(&[1.0; 5]), []);
         assert_eq!(frozen(&[]), []);
     }
 

@@ -1,5 +1,6 @@
 //! Units of expressions, for the check of equations.
 
+use pilotage_text::number::rounded;
 use pilotage_units::Base;
 
 /// Maximum number of constants whose products may convert one unit to another.
@@ -324,7 +325,7 @@ struct Conversion(f64);
 
 impl std::fmt::Display for Conversion {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let rounded: f64 = format!("{:.5e}", self.0).parse().unwrap_or(self.0);
+        let rounded = rounded(self.0, 6);
         match (1e-4..1e6).contains(&rounded.abs()) {
             true => write!(f, "{rounded}"),
             false => write!(f, "{rounded:e}"),

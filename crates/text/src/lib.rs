@@ -4,10 +4,12 @@
 //! | --- | --- |
 //! | [`document`](mod@document) | TOML with the places of its values |
 //! | [`error_chain`](mod@error_chain) | an error and its causes as one line |
+//! | [`number`](mod@number) | numbers with a few significant digits |
 //! | [`suggestion`](mod@suggestion) | the name that was probably meant |
 
 pub mod document;
 pub mod error_chain;
+pub mod number;
 pub mod suggestion;
 
 /// A count with its noun: `1 run`, `3 runs`. The plural appends an s.

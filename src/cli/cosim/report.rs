@@ -2,6 +2,7 @@
 
 use crate::cosim::{ConnectionReport, Divergence, Report};
 use pilotage_text::counted;
+use pilotage_text::number::short;
 use serde_json::{Value, json};
 
 /// The report as JSON.
@@ -202,8 +203,8 @@ fn brief(report: &Report) -> String {
         text += &format!("  {} -> {}: {}, {late}", c.from, c.to, c.transfer);
         if let Some(error) = c.error {
             text += &format!(
-                ", off by {:.1e}{} in the mean of a step",
-                error.mean,
+                ", off by {}{} in the mean of a step",
+                short(error.mean, 2),
                 unit(c)
             );
         }
@@ -225,7 +226,14 @@ fn errors_of(report: &Report, name: &str) -> String {
     };
     let own = report.connections.iter().filter(|c| is_own(&c.to));
     let errors: Vec<String> = own
-        .filter_map(|c| Some(format!("`{}` by {:.3e}{}", c.to, c.error?.mean, unit(c))))
+        .filter_map(|c| {
+            Some(format!(
+                "`{}` by {}{}",
+                c.to,
+                short(c.error?.mean, 4),
+                unit(c)
+            ))
+        })
         .collect();
     match errors.is_empty() {
         true => String::new(),
@@ -256,10 +264,10 @@ fn details(report: &Report) -> String {
         text += &format!("{} -> {}: {}, lag {:.6} s", c.from, c.to, c.transfer, c.lag);
         if let Some(error) = c.error {
             text += &format!(
-                ", error {:.3e}{} (largest {:.3e})",
-                error.mean,
+                ", error {}{} (largest {})",
+                short(error.mean, 4),
                 unit(c),
-                error.max
+                short(error.max, 4)
             );
         }
         text.push('\n');

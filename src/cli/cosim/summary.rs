@@ -6,9 +6,10 @@ use crate::cli::Failure;
 use crate::cli::made::{made, with_sums};
 use crate::cosim::recorder::Signal;
 use crate::cosim::{Algorithm, NotFinite, NotFiniteSignal, Run};
-use crate::report::{Simulation, significant, simulation_page};
+use crate::report::{Simulation, simulation_page};
 use crate::series::{Series, SeriesError};
 use pilotage_text::counted;
+use pilotage_text::number::significant;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 

@@ -11,7 +11,8 @@ use crate::identification::{
     FitOptions, Identification, Objective, RunFit, Trial, TrialSet, pilot_file,
 };
 use crate::report::figure::{Axis, Figure, Look, Panel, Series};
-use crate::report::{Overlay, Parameters, overlay_page, significant};
+use crate::report::{Overlay, Parameters, overlay_page};
+use pilotage_text::number::significant;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 

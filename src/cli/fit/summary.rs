@@ -3,17 +3,17 @@
 use super::describing;
 use super::refits::Refitted;
 use crate::cli::{excitation, format};
-use crate::identification::statistics::rms;
 use crate::identification::{
     ClosedLoop, Diagnostic, Fit, FitOptions, Identification, InitialState, Objective, Uncertainty,
     pilot_file,
 };
 use crate::inference::{Interval, LEVEL, Method};
 use crate::linear::Figure;
-use crate::report::significant;
 use crate::vehicle::Mode;
 use nalgebra::DMatrix;
+use pilotage_inference::statistics::rms;
 use pilotage_text::counted;
+use pilotage_text::number::significant;
 use serde_json::{Value, json};
 
 /// The rows of a matrix for `--json`.

@@ -3,11 +3,11 @@
 use crate::cli::{system, terminal};
 use crate::cosim::Component;
 use crate::cosim::component::ComponentError;
-use crate::report::significant;
 use crate::series::{Series, flown};
 use pilotage_fly::message::{JobKind, JobState, ToPage};
 use pilotage_fly::session::{Board, Works};
 use pilotage_text::counted;
+use pilotage_text::number::significant;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};

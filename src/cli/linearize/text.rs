@@ -4,8 +4,8 @@ use super::View;
 use crate::cli::format;
 use crate::cosim::Linearization;
 use crate::linear::{Margins, Response, StateSpace};
-use crate::report::significant;
 use nalgebra::DMatrix;
+use pilotage_text::number::significant;
 
 /// The results as text: first the matrices if requested, last the verdicts.
 pub fn summary(

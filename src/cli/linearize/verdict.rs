@@ -1,7 +1,7 @@
 //! The stability of a linear system.
 
 use crate::linear::Mode;
-use crate::report::significant;
+use pilotage_text::number::significant;
 
 /// Real parts below this magnitude \[1/s\] (a factor e in twelve days) count as zero, or below this part of the fastest
 /// mode of a slow system: rounding moves the poles of integrators by less.

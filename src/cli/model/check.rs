@@ -5,8 +5,8 @@ use super::super::{Failure, Outcome, format, terminal};
 use crate::cosim::native_component;
 use crate::linear::{Mode, StateSpace};
 use crate::models::{AnyModel, Role, TextModel, Variable};
-use crate::report::significant;
 use pilotage_sdk::Simulation;
+use pilotage_text::number::significant;
 use serde_json::{Value, json};
 
 /// Relative to a state's nominal value, derivatives at the start values below this count as rest.

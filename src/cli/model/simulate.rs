@@ -47,7 +47,8 @@ pub fn run(model: &ModelArgs, args: &RunArgs) -> Result<Outcome, Failure> {
     option("--stop-time", args.stop_time.to_string().into());
     let step = args.step.unwrap_or(args.stop_time / 1000.0);
     option("--step", step.to_string().into());
-    if !args.more.iter().any(|word| is_flag(word, "--record")) {
+    let is_given = |flag: &str| args.more.iter().any(|word| is_flag(word, flag));
+    if !is_given("--record") {
         option("--record", format!("{name}.*").into());
     }
     option("-o", args.output.clone().into());
@@ -62,10 +63,11 @@ pub fn run(model: &ModelArgs, args: &RunArgs) -> Result<Outcome, Failure> {
         let mut named = OsString::from("input=");
         named.push(input);
         option("--input", named);
-        // Only strong coupling follows a table within the time between two rows of the result.
-        if !args.more.iter().any(|word| is_flag(word, "--algorithm")) {
-            option("--algorithm", "strong".into());
-        }
+    }
+    // Only strong coupling follows a table within the time between two rows of the result.
+    let has_table = args.input.is_some() || is_given("--input");
+    if has_table && !is_given("--algorithm") && !is_given("--parallel") {
+        option("--algorithm", "strong".into());
     }
     let flags = [(args.json, "--json"), (args.overwrite.force, "--force")];
     let flags = flags.into_iter().filter(|(is_given, _)| *is_given);

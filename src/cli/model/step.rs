@@ -9,10 +9,11 @@ use super::open::{ModelArgs, settable};
 use crate::cosim::native_component;
 use crate::linear::Mode;
 use crate::models::{AnyModel, TextModel};
-use crate::report::{StepFigure, significant, step_page};
+use crate::report::{StepFigure, step_page};
 use crate::series::{Column, Series};
 use crate::suggestion::{did_you_mean, suggestion};
 use pilotage_sdk::Simulation;
+use pilotage_text::number::significant;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 

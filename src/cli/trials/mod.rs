@@ -11,9 +11,10 @@ use crate::identification::diagnostics::{self, Diagnostic};
 use crate::identification::frequency::flights;
 use crate::identification::trials::{ColumnNames, SATURATED, Summary, TrialError, TrialSet};
 use crate::inference::spectrum::Excitation;
-use crate::report::{short, significant, target_of};
+use crate::report::target_of;
 use crate::series::SeriesError;
 use clap::Subcommand;
+use pilotage_text::number::{short, significant};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 

@@ -14,6 +14,7 @@ use pilotage_inference::spectrum::{Excitation, Starved};
 use pilotage_inference::{Data, Direction, Inference};
 use pilotage_sqp::Iterate;
 use pilotage_text::counted;
+use pilotage_text::number::short;
 
 /// Maximum number of starts at which the problem is linearised.
 const STARTS: usize = 3;
@@ -192,7 +193,9 @@ fn weak(posed: &Posed<'_>, names: &[String], deviations: &[f64], data: &Data) ->
         |((_, sd), size): &((&String, &f64), &f64)| sd.is_finite() && **sd > WEAK * **size;
     let words = |((name, sd), size): ((&String, &f64), &f64)| {
         format!(
-            "`{name}` is poorly determined: with noise as large as `sd` says its standard deviation is {sd:.1e}, and its size {size:.1e}"
+            "`{name}` is poorly determined: with noise as large as `sd` says its standard deviation is {}, and its size {}",
+            short(*sd, 2),
+            short(*size, 2)
         )
     };
     candidates.filter(is_weak).map(words).collect()

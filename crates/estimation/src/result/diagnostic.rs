@@ -5,6 +5,7 @@ use crate::result::events::Event;
 use pilotage_inference::spectrum::{Contradiction, Starved};
 use pilotage_sqp::Status;
 use pilotage_text::counted;
+use pilotage_text::number::{rounded, short};
 use std::fmt;
 
 /// A reason to doubt a result.
@@ -179,8 +180,8 @@ pub enum Diagnostic {
         from: f64,
         /// Time of the last such sample \[s\].
         to: f64,
-        /// The next sample relative to the value.
-        size: f64,
+        /// The next sample relative to the value; none at the end of the run.
+        size: Option<f64>,
         /// Unit of value and size.
         unit: Option<String>,
         /// Number of such stretches, of which this is the longest.
@@ -353,8 +354,9 @@ impl fmt::Display for Diagnostic {
             ),
             Self::UnstableLoop { growth, is_kept } => write!(
                 f,
-                "the system, linearised where the first run ends, grows by {growth:.2e} 1/s: right if the recorded one \
-                 grew or oscillated by itself; {}",
+                "the system, linearised where the first run ends, grows by {} 1/s: right if the recorded one grew or \
+                 oscillated by itself; {}",
+                short(*growth, 3),
                 match is_kept {
                     true => "[stability] keeps it stable where the first run begins alone",
                     false => "if not, add [stability] with closed_loop = true",
@@ -389,9 +391,10 @@ impl fmt::Display for Diagnostic {
                 share,
             } => write!(
                 f,
-                "{measured} of {run} at {time} s is {value:.3e}{} from the model and breaks away from its neighbours ({}, \
-                 {:.0} % of the column's sum of squares): empty the cells if they are errors, or fit with noise = \
-                 \"student\"",
+                "{measured} of {run} at {} s is {}{} from the model and breaks away from its neighbours ({}, {:.0} % of the \
+                 column's sum of squares): empty the cells if they are errors, or fit with noise = \"student\"",
+                rounded(*time, 9),
+                short(*value, 4),
                 spaced(unit.as_deref()),
                 match count {
                     1 => "one such sample".to_owned(),
@@ -407,9 +410,11 @@ impl fmt::Display for Diagnostic {
                 unit,
             } => write!(
                 f,
-                "the residuals of {measured} in {run} jump by {size:.3e}{} at {time} s and do not come back: part of the \
-                 column may have another origin or unit",
+                "the residuals of {measured} in {run} jump by {}{} at {} s and do not come back: part of the column may have \
+                 another origin or unit",
+                short(*size, 4),
                 spaced(unit.as_deref()),
+                rounded(*time, 9),
             ),
             Self::Frozen {
                 measured,
@@ -420,16 +425,26 @@ impl fmt::Display for Diagnostic {
                 size,
                 unit,
                 count,
-            } => write!(
-                f,
-                "{measured} of {run} stays at {value}{unit} from {from} s to {to} s and is {size:.3e}{unit} away at the next \
-                 sample{}: the sensor or the recording stood still; empty these cells",
-                match count {
-                    1 => String::new(),
-                    _ => format!(" (the longest of {count} such stretches)"),
-                },
-                unit = spaced(unit.as_deref()),
-            ),
+            } => {
+                let unit = spaced(unit.as_deref());
+                write!(
+                    f,
+                    "{measured} of {run} stays at {}{unit} from {} s to {} s{}{}: the sensor or the recording stood still; \
+                 empty these cells",
+                    short(*value, 6),
+                    rounded(*from, 9),
+                    rounded(*to, 9),
+                    match size {
+                        Some(size) =>
+                            format!(" and is {}{unit} away at the next sample", short(*size, 4)),
+                        None => " though the model moves".to_owned(),
+                    },
+                    match count {
+                        1 => String::new(),
+                        _ => format!(" (the longest of {count} such stretches)"),
+                    },
+                )
+            }
             Self::Misfit {
                 measured,
                 run,

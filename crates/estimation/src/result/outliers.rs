@@ -7,6 +7,7 @@ use crate::result::{Fit, RunFit};
 use pilotage_inference::outliers::{
     Breaks, Frozen, Kind, Values, frozen, misfit, of_fresh, resolution,
 };
+use pilotage_inference::statistics::{range, rms};
 
 /// Fraction of a signal's samples at the ends of its range from which clipping is reported.
 const CLIPPED: f64 = 0.05;
@@ -27,11 +28,14 @@ pub fn still(fit: &Fit, k: usize) -> Vec<Vec<Frozen>> {
 fn stood_still(run: &RunFit, k: usize) -> Vec<Frozen> {
     let (recorded, modelled) = (&run.recorded[k], &run.predicted[k]);
     let mut all = frozen(recorded);
+    let all_modelled = range(modelled);
     all.retain(|own| {
-        let meanwhile = modelled[own.samples.clone()].iter();
-        let low = meanwhile.clone().copied().fold(f64::INFINITY, f64::min);
-        let high = meanwhile.copied().fold(f64::NEG_INFINITY, f64::max);
-        high - low > MOVES * (recorded[own.next] - recorded[own.samples.start]).abs()
+        let [low, high] = range(&modelled[own.samples.clone()]);
+        let missed = match (own.is_end, own.next) {
+            (false, Some(next)) => (recorded[next] - recorded[own.samples.start]).abs(),
+            _ => all_modelled[1] - all_modelled[0],
+        };
+        high - low > MOVES * missed
     });
     all
 }
@@ -56,7 +60,7 @@ pub fn of_frozen(
         value,
         from: run.time[own.samples.start],
         to: run.time[own.samples.end - 1],
-        size: run.recorded[k][own.next] - value,
+        size: own.next.map(|next| run.recorded[k][next] - value),
         unit: posed.unit_of(k).map(str::to_owned),
         count,
     })
@@ -140,8 +144,7 @@ pub fn of_ends(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
         .copied()
         .filter(|y| y.is_finite())
         .collect();
-    let lowest = all.iter().copied().fold(f64::INFINITY, f64::min);
-    let highest = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let [lowest, highest] = range(&all);
     if highest - lowest < LEVELS * resolution(&all) {
         return None;
     }
@@ -230,14 +233,4 @@ fn variation(run: &RunFit, k: usize) -> f64 {
         .collect();
     let mean = known.iter().sum::<f64>() / known.len() as f64;
     rms(&known.iter().map(|y| y - mean).collect::<Vec<_>>())
-}
-
-/// Root mean square of the finite values; NaN if there are none.
-fn rms(values: &[f64]) -> f64 {
-    let known: Vec<f64> = values
-        .iter()
-        .copied()
-        .filter(|value| value.is_finite())
-        .collect();
-    (known.iter().map(|value| value * value).sum::<f64>() / known.len() as f64).sqrt()
 }

@@ -9,6 +9,7 @@ use pilotage_abi::fmi2::Status;
 use pilotage_fmi::description::{Causality, ScalarVariable, Severity, Variability, VariableKind};
 use pilotage_fmi::fmu::Library;
 use pilotage_fmi::{CallError, InterfaceType};
+use pilotage_text::number::rounded;
 
 /// Relative size of the change of a known.
 const CHANGE: f64 = 1e-4;
@@ -127,18 +128,13 @@ impl Reporter<'_> {
                 let (y, u) = (&unknown.name, &known.name);
                 let what = format!(
                     "the directional derivative of `{y}` by `{u}` is {found}, differences give {}",
-                    shown(slope.value)
+                    rounded(slope.value, 6)
                 );
                 self.find(what, Severity::Error, Some(y));
             }
         }
         Ok(())
     }
-}
-
-/// A difference, rounded to its significant digits.
-fn shown(value: f64) -> f64 {
-    format!("{value:.5e}").parse().unwrap_or(value)
 }
 
 /// The description's variables with their indices from 1.

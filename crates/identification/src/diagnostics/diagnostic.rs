@@ -1,6 +1,7 @@
 //! Diagnostics of a fit, with message and code.
 
 use pilotage_inference::spectrum::{Contradiction, Starved};
+use pilotage_text::number::{rounded, short};
 use thiserror::Error;
 
 /// A reason to check a fit.
@@ -48,9 +49,10 @@ pub enum Diagnostic {
     },
     /// The runs are so short, or their samples so sparse, that another time unit is likely.
     #[error(
-        "the longest run takes {duration:.1} s with a sample every {step:.2e} s: a pilot acts within tenths \
+        "the longest run takes {duration:.1} s with a sample every {} s: a pilot acts within tenths \
          of a second and takes seconds to a target, so the times may be in another unit; head the column \
-         with it, as in `time [ms]`"
+         with it, as in `time [ms]`",
+        short(*.step, 3)
     )]
     TimeScale {
         /// Duration of the longest run \[s\].
@@ -127,9 +129,10 @@ pub enum Diagnostic {
     },
     /// The recording jumps and does not return.
     #[error(
-        "{run} jumps by {size:.3e}{} at {time} s and does not come back: part of it may have another origin \
-         or unit",
-        symbol(.unit)
+        "{run} jumps by {}{} at {} s and does not come back: part of it may have another origin or unit",
+        short(*.size, 4),
+        symbol(.unit),
+        rounded(*.time, 9)
     )]
     Jump {
         /// Name of the run.
@@ -143,8 +146,12 @@ pub enum Diagnostic {
     },
     /// The position repeats a value while the vehicle moves on.
     #[error(
-        "the position of {run} stays at {value} m from {from} s to {to} s and is {size:.3} m away at the next sample{}: the \
-         sensor or the recording stood still; empty these cells",
+        "the position of {run} stays at {} m from {} s to {} s{}{}: the sensor or the recording stood still; empty these \
+         cells",
+        short(*.value, 6),
+        rounded(*.from, 9),
+        rounded(*.to, 9),
+        afterwards(*.size),
         stretches(*.count)
     )]
     Frozen {
@@ -156,8 +163,8 @@ pub enum Diagnostic {
         from: f64,
         /// Time of the last such sample \[s\].
         to: f64,
-        /// The next sample relative to that \[m\].
-        size: f64,
+        /// The next sample relative to that \[m\]; none at the end of the run.
+        size: Option<f64>,
         /// Number of such stretches, of which this is the longest.
         count: usize,
     },
@@ -166,7 +173,9 @@ pub enum Diagnostic {
     IdlePilot,
     /// A sample that is far from its neighbours.
     #[error(
-        "the sample of {run} at {time} s is {value:.3e}{} {}empty the cell if it is an error",
+        "the sample of {run} at {} s is {}{} {}empty the cell if it is an error",
+        rounded(*.time, 9),
+        short(*.value, 4),
         symbol(.unit),
         weight(*.count, *.share)
     )]
@@ -252,9 +261,11 @@ pub enum Diagnostic {
     },
     /// The solution does not follow the equations between the nodes of the mesh.
     #[error(
-        "the mesh is too coarse: solved with short steps, the equations are {error:.2e} m rms from the \
-         solution, whose residual is {residual:.2e} m rms; {run} is the worst, with an interval of \
-         {interval:.3} s; take a shorter --mesh-step, or a --scheme of higher order"
+        "the mesh is too coarse: solved with short steps, the equations are {} m rms from the solution, whose \
+         residual is {} m rms; {run} is the worst, with an interval of {interval:.3} s; take a shorter --mesh-step, or \
+         a --scheme of higher order",
+        short(*.error, 3),
+        short(*.residual, 3)
     )]
     MeshError {
         /// Name of the worst run.
@@ -359,8 +370,9 @@ pub enum Diagnostic {
     },
     /// The closed loop has a pole so slow that the runs hardly show it.
     #[error(
-        "the slowest pole of the closed loop, {pole:.1e} 1/s, fades within {:.0} s, and the longest run \
+        "the slowest pole of the closed loop, {} 1/s, fades within {:.0} s, and the longest run \
          takes {duration:.0} s: it may as well be unstable",
+        short(*.pole, 2),
         -1.0 / .pole
     )]
     SlowLoop {
@@ -380,8 +392,8 @@ pub enum Diagnostic {
     },
     /// A pole is faster than the sampling can resolve.
     #[error(
-        "the pole at {pole:.3e} 1/s is faster than the samples resolve ({limit:.0} 1/s): \
-         its size means nothing"
+        "the pole at {} 1/s is faster than the samples resolve ({limit:.0} 1/s): its size means nothing",
+        short(*.pole, 4)
     )]
     FastPole {
         /// Real part of the pole [1/s].
@@ -481,6 +493,14 @@ fn others(count: usize) -> String {
     }
 }
 
+/// What a position does after it stood still.
+fn afterwards(size: Option<f64>) -> String {
+    match size {
+        Some(size) => format!(" and is {} m away at the next sample", short(size, 4)),
+        None => " while target or stick move".to_owned(),
+    }
+}
+
 /// Number of such stretches, if there is more than one.
 fn stretches(count: usize) -> String {
     match count {
@@ -519,13 +539,14 @@ fn alone(starts: usize) -> String {
 
 /// Poles on the stability bound and their meaning.
 fn place(pole: f64, swings: Option<f64>) -> String {
+    let pole = short(pole, 2);
     match swings {
         Some(frequency) => format!(
-            "a pair at {pole:.1e} ± {frequency:.2}i 1/s: it hardly settles, and the human's own loop may not \
+            "a pair at {pole} ± {frequency:.2}i 1/s: it hardly settles, and the human's own loop may not \
              have been stable"
         ),
         None => format!(
-            "a pole at {pole:.1e} 1/s: flights this short do not show how it settles in the long run"
+            "a pole at {pole} 1/s: flights this short do not show how it settles in the long run"
         ),
     }
 }

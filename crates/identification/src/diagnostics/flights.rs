@@ -2,11 +2,11 @@
 
 use super::{Diagnostic, Fit, FitOptions, Trial};
 use crate::start::implied_stick;
-use crate::statistics::range;
 use crate::trials::{SATURATED, at_stop, median_step};
 use crate::vehicle::PitchLoop;
 use crate::{Mesh, Objective};
 use pilotage_inference::is_stepped;
+use pilotage_inference::statistics::range;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
@@ -15,7 +15,7 @@ const STILL: f64 = 1e-6;
 /// A run is driven if its target is at least this part of its largest error away from its start; outliers are excluded
 /// by the quantile below.
 const DRIVEN: f64 = 0.5;
-const NEARLY_ALL: f64 = 0.95;
+const NEARLY_ALL: f64 = 0.85;
 /// Longest delay \[s\] between targets and positions, and number of delays tried.
 const LONGEST_DELAY: f64 = 1.5;
 const DELAYS: u32 = 15;
@@ -117,7 +117,7 @@ fn movement(trials: &[Trial]) -> Option<Diagnostic> {
             .map(|(w, z)| (w - z).abs());
         let mut errors: Vec<f64> = errors.filter(|e| e.is_finite()).collect();
         errors.sort_by(f64::total_cmp);
-        // Excludes single outliers.
+        // Without outliers.
         let last = (NEARLY_ALL * errors.len() as f64) as usize;
         // A target that moves forces, wherever the run begins.
         let [low, high] = range(&trial.target);

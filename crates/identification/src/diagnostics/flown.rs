@@ -3,8 +3,8 @@
 use super::{Diagnostic, Fit, FitOptions, Trial};
 use crate::joint::Joint;
 use crate::simulate::{LONGEST, departure, simulate_from};
-use crate::statistics::{range, rms};
 use crate::{Objective, RunFit};
+use pilotage_inference::statistics::{range, rms};
 use rayon::prelude::*;
 
 /// The mesh is too coarse if the error of its solution exceeds this part of the rms residual ...

@@ -16,8 +16,16 @@ use pilotage_inference::spectrum::Excitation;
 pub fn recorded(trials: &[Trial]) -> Vec<Diagnostic> {
     let mut diagnostics = flights::recorded(trials);
     diagnostics.extend(samples::recorded(trials));
+    retain_relevant(&mut diagnostics);
     diagnostics.sort_by_key(|diagnostic| !diagnostic.is_fatal());
     diagnostics
+}
+
+/// Where nothing moves, neither its samples nor the properties of a pilot are of interest.
+fn retain_relevant(diagnostics: &mut Vec<Diagnostic>) {
+    if diagnostics.contains(&Diagnostic::ConstantData) {
+        diagnostics.retain(Diagnostic::is_fatal);
+    }
 }
 
 /// Diagnostics of a fit, the most severe first.
@@ -28,10 +36,7 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
     diagnostics.extend(solution::diagnostics(fit, options));
     diagnostics.extend(contradicted(fit, options, trials));
     diagnostics.extend(starved(fit, trials));
-    if diagnostics.contains(&Diagnostic::ConstantData) {
-        // The properties of a pilot without data are irrelevant.
-        diagnostics.retain(Diagnostic::is_fatal);
-    }
+    retain_relevant(&mut diagnostics);
     let rank = |diagnostic: &Diagnostic| {
         (
             !matches!(diagnostic, Diagnostic::UnstableLoop { .. }),

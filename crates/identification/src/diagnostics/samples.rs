@@ -2,15 +2,18 @@
 
 use super::{Diagnostic, Fit, FitOptions, Trial};
 use crate::simulate::at_full_stick;
-use crate::statistics::{range, rms};
 use crate::trials::median_step;
 use crate::{InitialState, Objective, RunFit};
 use pilotage_inference::outliers::{self, Breaks, Frozen, Kind, Values, median, resolution};
+use pilotage_inference::statistics::{range, rms};
+use std::ops::Range;
 
 /// Maximum number of samples by which a target differs in error.
 const FLICKER: usize = 2;
 /// Maximum change of a target next to such samples, relative to their deviation.
 const QUIET: f64 = 0.1;
+/// A signal that moves by this part of its range drives a vehicle.
+const DRIVES: f64 = 0.3;
 /// Duration of the first samples of a run [s], at least three, that show whether it moves.
 const BEGINNING: f64 = 0.5;
 /// Time within which a vehicle answers its target at once \[s\].
@@ -28,14 +31,17 @@ pub fn recorded(trials: &[Trial]) -> Vec<Diagnostic> {
         .map(|trial| values(trial, trial.position.clone()))
         .collect();
     let (frozen, mut breaks) = broken(trials, &looked_at, Kind::Recorded);
-    // A vehicle may follow its target at once.
+    // A vehicle may follow a target that jumps at once.
     let is_led = |run: usize, k: usize, size: f64| {
         let trial = &trials[run];
         let first = trial
             .time
             .partition_point(|time| *time < trial.time[k] - ANSWER);
-        let [low, high] = range(&trial.target[first..=k]);
-        high - low > 0.5 * size.abs()
+        let steps = trial.target[first..=k].windows(2);
+        let largest = steps
+            .map(|pair| (pair[1] - pair[0]).abs())
+            .fold(0.0, f64::max);
+        largest > 0.5 * size.abs()
     };
     (breaks.jumps).retain(|&(run, k, size)| !is_led(run, k, size));
     let all = [
@@ -134,7 +140,8 @@ fn broken(trials: &[Trial], looked_at: &[Values], kind: Kind) -> (Option<Diagnos
     let mut breaks = Breaks::of(looked_at, kind);
     let mut all: Vec<(&Trial, Frozen)> = Vec::new();
     for (run, trial) in trials.iter().enumerate() {
-        let frozen = outliers::frozen(&trial.position);
+        let mut frozen = outliers::frozen(&trial.position);
+        frozen.retain(|own| !own.is_end || is_driven(trial, own.samples.clone()));
         breaks.forget_after(run, &frozen);
         all.extend(frozen.into_iter().map(|own| (trial, own)));
     }
@@ -147,11 +154,25 @@ fn broken(trials: &[Trial], looked_at: &[Values], kind: Kind) -> (Option<Diagnos
             value: trial.position[first],
             from: trial.time[first],
             to: trial.time[last],
-            size: trial.position[own.next] - trial.position[first],
+            size: own
+                .next
+                .map(|next| trial.position[next] - trial.position[first]),
             count,
         }
     });
     (diagnostic, breaks)
+}
+
+/// Whether the target or the stick moves within these samples: a vehicle does not rest then.
+fn is_driven(trial: &Trial, samples: Range<usize>) -> bool {
+    let moves = |signal: &[f64]| {
+        let part = |own: &[f64]| {
+            let [low, high] = range(own);
+            high - low
+        };
+        part(&signal[samples.clone()]) > DRIVES * part(signal)
+    };
+    moves(&trial.target) || trial.stick.as_deref().is_some_and(moves)
 }
 
 /// A target that leaves its value for a few samples and returns to it, constant before and after.

@@ -3,9 +3,9 @@
 use super::{Diagnostic, Fit, FitOptions};
 use crate::constraints::{RouthHurwitz, STABILITY_MARGIN};
 use crate::result::{AGREE, RunFit, StartReport};
-use crate::statistics::rms;
 use crate::{InitialState, Objective};
 use nalgebra::Complex;
+use pilotage_inference::statistics::rms;
 use pilotage_models::Pilot;
 use pilotage_models::quadcopter::{N_STATES, STATE_NAMES};
 use std::f64::consts::PI;

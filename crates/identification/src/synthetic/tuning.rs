@@ -3,6 +3,7 @@
 
 use super::{Human, ModelVehicle, SyntheticError, Vehicle};
 use nalgebra::Complex;
+use pilotage_text::number::rounded;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 /// Highest crossover frequency [rad/s]: that of humans with a K/s-like vehicle.
@@ -65,9 +66,9 @@ impl Human {
                 .gain
                 .unwrap_or(1.0 / (response * at(lead) / at(lag)).norm());
             gain.is_finite().then_some(Self {
-                gain: rounded(gain),
-                lead: rounded(lead),
-                lag: rounded(lag),
+                gain: rounded(gain, 3),
+                lead: rounded(lead, 3),
+                lag: rounded(lag, 3),
                 ..*self
             })
         });
@@ -146,18 +147,5 @@ fn equalisation(frequency: f64, phase: f64, given: Given) -> Option<(f64, f64)> 
     match given.lead {
         Some(lead) => is_reached(lead).then_some((lead, lag)),
         None => (needed < LEAD.atan()).then_some((least, lag)),
-    }
-}
-
-/// Rounds to three significant digits.
-fn rounded(value: f64) -> f64 {
-    if value == 0.0 {
-        return 0.0;
-    }
-    let digits = (2.0 - value.abs().log10().floor()) as i32;
-    let scale = 10_f64.powi(digits.abs());
-    match digits >= 0 {
-        true => (value * scale).round() / scale,
-        false => (value / scale).round() * scale,
     }
 }

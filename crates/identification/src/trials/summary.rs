@@ -1,8 +1,8 @@
 //! Summary of a trial, for a quick check of its data.
 
 use super::Trial;
-use crate::statistics::{range, rms};
 use pilotage_inference::outliers::median;
+use pilotage_inference::statistics::{range, rms};
 
 /// Summary of one run.
 #[derive(Debug, Clone, PartialEq)]

@@ -13,7 +13,8 @@ use crate::estimation::{Fit, ProblemFile, part};
 use crate::inference::Interval;
 use crate::inference::choice::SIZE;
 use crate::inference::homogeneity::Homogeneity;
-use crate::report::{Parameters, significant};
+use crate::report::Parameters;
+use pilotage_text::number::significant;
 use serde_json::{Map, Value, json};
 
 /// Arguments of what fits a problem to some of its runs.

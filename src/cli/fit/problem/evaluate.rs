@@ -4,7 +4,7 @@ use crate::cli::format::aligned;
 use crate::cli::{Failure, Outcome, terminal};
 use crate::estimation::Posed;
 use crate::estimation::evaluate::{Evaluation, evaluate};
-use crate::report::significant;
+use pilotage_text::number::significant;
 use serde_json::{Value, json};
 
 /// Prints objective, gradient and residuals.

@@ -13,9 +13,10 @@ use crate::report::frequency::{Curve, crossover, loop_figure, path_figure};
 use crate::report::palette::colour;
 use crate::report::poles::wired_figure;
 use crate::report::residuals::{Residuals, crossed_panel, residual_figure};
-use crate::report::{Made, Overlay, Parameters, overlay_page, significant};
+use crate::report::{Made, Overlay, Parameters, overlay_page};
 use crate::sqp::Status;
 use nalgebra::Complex;
+use pilotage_text::number::significant;
 use std::cell::RefCell;
 
 /// The HTML page.

@@ -14,9 +14,9 @@ use crate::estimation::validation::Judged;
 use crate::estimation::{Fit, Posed};
 use crate::inference::residuals::{Explained, LjungBox};
 use crate::inference::{Autoregression, Interval};
-use crate::report::significant;
 use crate::sqp::Status;
 use pilotage_text::counted;
+use pilotage_text::number::significant;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 

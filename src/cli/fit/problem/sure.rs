@@ -5,7 +5,8 @@ use crate::estimation::result::{Found, RunFit};
 use crate::estimation::uncertainty::Uncertainty;
 use crate::estimation::{Fit, Posed};
 use crate::inference::{Class, Interval, LEVEL};
-use crate::report::{significant, well_determined};
+use crate::report::well_determined;
+use pilotage_text::number::significant;
 use serde_json::{Map, Value, json};
 
 /// Each parameter with the intervals of its values; `None` if not known.

@@ -5,7 +5,8 @@ use crate::cli::format::aligned;
 use crate::inference::LEVEL;
 use crate::refits::{End, Point, Profile};
 use crate::report::certainty::{ProfileShown, profile_figure};
-use crate::report::{Figure, Parameters, significant};
+use crate::report::{Figure, Parameters};
+use pilotage_text::number::significant;
 use serde_json::{Map, Value, json};
 
 pub use super::resume::HEAD;

@@ -7,6 +7,7 @@ use crate::result::Fit;
 use pilotage_collocation::Sensitivities;
 use pilotage_inference::{Direction, Method};
 use pilotage_text::counted;
+use pilotage_text::number::short;
 
 /// A direction along which the data do not change, over parameters with these names.
 pub(crate) fn direction(direction: &Direction, names: &[String]) -> String {
@@ -22,7 +23,7 @@ pub(crate) fn direction(direction: &Direction, names: &[String]) -> String {
     let mut sum = parts[lead].0.clone();
     for (_, (name, part)) in others.clone() {
         let sign = if *part < 0.0 { '-' } else { '+' };
-        sum += &format!(" {sign} {} {name}", rounded(part.abs()));
+        sum += &format!(" {sign} {} {name}", short(part.abs(), 3));
     }
     let mut quoted: Vec<String> = vec![format!("`{}`", parts[lead].0)];
     quoted.extend(others.map(|(_, (name, _))| format!("`{name}`")));
@@ -156,21 +157,6 @@ fn uneven(method: Method) -> Option<&'static str> {
             "samples are not evenly spaced, or some are missing: `sidpac` takes lags in samples for lags in time; take `ar`",
         ),
         Method::Plain | Method::Cr3 => None,
-    }
-}
-
-/// Rounded to three significant digits.
-fn rounded(value: f64) -> String {
-    let digits = 2 - value.log10().floor() as i32;
-    match (0..=6).contains(&digits) {
-        true => {
-            let text = format!("{value:.*}", digits as usize);
-            match text.contains('.') {
-                true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
-                false => text,
-            }
-        }
-        false => format!("{value:.2e}"),
     }
 }
 
