@@ -225,9 +225,9 @@ pub struct Variable {
     pub unit: Option<Unit>,
     /// Smallest and largest start value allowed, in the unit; infinite if unlimited.
     pub range: [f64; 2],
-    /// Nominal magnitude of a real, in its unit, to which tolerances refer; 1 if not specified (FMI 2.0, section 2.2.7,
-    /// `nominal`).
-    pub nominal: f64,
+    /// Nominal magnitude of a real, in its unit, to which tolerances refer if it is larger than the values; `None` if not
+    /// specified (FMI 2.0, section 2.2.7, `nominal`), which leaves the values alone.
+    pub nominal: Option<f64>,
     /// For an output: positions in [`Component::variables`] of the inputs with direct feedthrough to it.
     pub feedthrough: Vec<usize>,
     /// The same during initialization.
@@ -254,7 +254,7 @@ impl Variable {
             is_discrete: kind != ValueKind::Real,
             unit: None,
             range: [f64::NEG_INFINITY, f64::INFINITY],
-            nominal: 1.0,
+            nominal: None,
             feedthrough: Vec::new(),
             initial_feedthrough: Vec::new(),
         }

@@ -146,7 +146,7 @@ fn seen(
             variable.min.unwrap_or(f64::NEG_INFINITY),
             variable.max.unwrap_or(f64::INFINITY),
         ],
-        nominal: variable.nominal.unwrap_or(1.0),
+        nominal: variable.nominal,
         feedthrough,
         initial_feedthrough,
         ..Variable::new(&variable.name, handle, kind, role)

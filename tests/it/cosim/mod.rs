@@ -13,6 +13,7 @@ mod failures;
 mod initialization;
 mod joint;
 mod kinds;
+mod small;
 mod sources;
 mod stiff;
 mod strong;

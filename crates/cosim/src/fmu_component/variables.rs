@@ -102,10 +102,10 @@ fn kind(variable: &ScalarVariable) -> Option<ValueKind> {
     }
 }
 
-fn nominal(variable: &ScalarVariable) -> f64 {
+fn nominal(variable: &ScalarVariable) -> Option<f64> {
     match &variable.kind {
-        VariableKind::Real(real) => real.attributes.nominal.map_or(1.0, f64::abs),
-        _ => 1.0,
+        VariableKind::Real(real) => real.attributes.nominal.map(f64::abs),
+        _ => None,
     }
 }
 

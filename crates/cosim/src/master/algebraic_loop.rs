@@ -10,9 +10,11 @@ use crate::system::{Connection, Port, System};
 const MAX_STEPS: usize = 50;
 const MAX_HALVINGS: usize = 10;
 
-/// Tolerances for remaining differences, relative to `1 + |value|`: the target, and what suffices if rounding prevents
-/// the target.
+/// The target for the remaining differences, relative to the values themselves, and what suffices if rounding prevents it,
+/// relative to `1 + |value|`: after some steps, and if no step is better.
 const AIM: f64 = 1e-12;
+const AIM_AT_NOISE: f64 = 1e-12;
+const STEPS_AT_NOISE: usize = 3;
 const ENOUGH: f64 = 1e-9;
 
 /// Relative change of a value for finite differences, if a component provides no derivatives.
@@ -28,14 +30,18 @@ pub(super) fn solve(system: &mut System, positions: &[usize]) -> Result<(), Mast
     let mut values = outputs(system, &connections)?;
     let mut found = inputs_to_outputs(system, &connections, &values)?;
     for step in 0..MAX_STEPS {
-        let size = difference(&values, &found);
+        let size = difference(&values, &found, 0.0);
         if size <= AIM {
             return Ok(());
         }
+        let rough = difference(&values, &found, 1.0);
         let mut matrix = jacobian(system, &connections, &values, &found)?;
         let mut direction: Vec<f64> = (0..n).map(|k| found[k] - values[k]).collect();
         let is_regular = matrix.factor(SINGULAR);
         if is_regular {
+            if rough <= AIM_AT_NOISE && step >= STEPS_AT_NOISE {
+                return Ok(());
+            }
             matrix.solve(&mut direction);
         }
         let mut length = 1.0;
@@ -43,7 +49,7 @@ pub(super) fn solve(system: &mut System, positions: &[usize]) -> Result<(), Mast
         for _ in 0..=MAX_HALVINGS {
             let next: Vec<f64> = (0..n).map(|k| values[k] + length * direction[k]).collect();
             let then = inputs_to_outputs(system, &connections, &next)?;
-            if difference(&next, &then) < size {
+            if difference(&next, &then, 0.0) < size {
                 improved = Some((next, then));
                 break;
             }
@@ -51,17 +57,16 @@ pub(super) fn solve(system: &mut System, positions: &[usize]) -> Result<(), Mast
         }
         match improved {
             Some((next, then)) => (values, found) = (next, then),
-            None if size <= ENOUGH => {
+            // Without a regular matrix a small difference says nothing: the loop may have no solution.
+            None if rough <= ENOUGH && is_regular => {
                 inputs_to_outputs(system, &connections, &values)?;
                 return Ok(());
             }
             None => return Err(unsolved(system, &connections, step + 1, size)),
         }
     }
-    match difference(&values, &found) {
-        size if size <= ENOUGH => Ok(()),
-        size => Err(unsolved(system, &connections, MAX_STEPS, size)),
-    }
+    let size = difference(&values, &found, 0.0);
+    Err(unsolved(system, &connections, MAX_STEPS, size))
 }
 
 fn unsolved(
@@ -81,11 +86,14 @@ fn unsolved(
     }
 }
 
-/// Largest relative difference; infinite if one is not a number.
-fn difference(values: &[f64], found: &[f64]) -> f64 {
+/// Largest difference, relative to `least` plus the values; infinite if one is not a number.
+fn difference(values: &[f64], found: &[f64], least: f64) -> f64 {
     let pairs = values.iter().zip(found);
     pairs.fold(0.0, |max, (value, found)| {
-        let size = (value - found).abs() / (1.0 + value.abs());
+        let size = match value == found {
+            true => 0.0,
+            false => (value - found).abs() / (least + value.abs().max(found.abs())),
+        };
         if size <= max {
             max
         } else if size.is_finite() {

@@ -91,7 +91,7 @@ struct Assembly {
     slots: HashMap<(usize, usize), usize>,
     /// Slots in the row of real outputs that feed inputs, with nominal values and traits.
     fed: Vec<usize>,
-    nominals: Vec<f64>,
+    nominals: Vec<Option<f64>>,
     traits: Vec<Traits>,
 }
 
@@ -210,7 +210,7 @@ impl Assembly {
     }
 
     /// Position of a real output among those that feed inputs.
-    fn position(&mut self, slot: usize, nominal: f64, is_discrete: bool) -> usize {
+    fn position(&mut self, slot: usize, nominal: Option<f64>, is_discrete: bool) -> usize {
         let known = self.fed.iter().position(|&fed| fed == slot);
         known.unwrap_or_else(|| {
             self.fed.push(slot);

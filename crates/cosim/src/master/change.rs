@@ -12,6 +12,8 @@ const FAR: f64 = 1e7;
 /// Number of successive largest changes that alternate in sign and grow by at least this factor.
 const TURNS: u32 = 6;
 const LARGER: f64 = 1.02;
+/// Changes below this part of the value are no growth.
+const SMALL: f64 = 1e-10;
 
 /// The changes of an output. The largest change is rarely exceeded unless the output diverges, so the check costs
 /// almost nothing.
@@ -65,7 +67,10 @@ impl Change {
     #[cold]
     fn exceeded(&mut self, change: f64, step: u64) -> bool {
         if self.last.is_finite() {
-            self.growth.largest_was(self.largest, change, step);
+            // Changes that are small beside the value are those of rounding, or of a tolerance.
+            let is_small = change.abs() <= SMALL * self.last.abs();
+            let before = if is_small { 0.0 } else { self.largest };
+            self.growth.largest_was(before, change, step);
             self.largest = change.abs();
         }
         self.last.is_finite()

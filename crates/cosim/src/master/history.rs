@@ -97,20 +97,37 @@ pub(super) struct History {
     len: usize,
     /// Traits of each output.
     traits: Vec<Traits>,
+    /// The nominal value of each output, if it has one.
+    nominals: Vec<Option<f64>>,
     /// Largest magnitude of each output at the clock's points so far, including nominal values. Pulses between these
     /// points do not count, since they say nothing about later values.
-    pub(super) magnitudes: Vec<f64>,
+    magnitudes: Vec<f64>,
+    /// Smallest magnitude to which errors of each output are relative, since shorter steps or further corrections do not
+    /// make them smaller: they are noise.
+    noise: Vec<f64>,
+    /// The clock's step \[s\].
+    pub(super) clock_step: f64,
 }
 
+/// Magnitude without a nominal value (FMI 2.0, section 2.2.7, `nominal`), for what needs no more than an order of magnitude.
+const NOMINAL: f64 = 1.0;
+
+/// The noise assumed is higher than the one found by this factor, and is halved at each of the clock's points: for some of them
+/// noise has no effect on the steps, and is found anew then.
+const NOISIER: f64 = 1000.0;
+
 impl History {
-    pub(super) fn new(nominals: Vec<f64>, traits: Vec<Traits>) -> Self {
+    pub(super) fn new(nominals: Vec<Option<f64>>, traits: Vec<Traits>) -> Self {
         let room = || vec![Outcome::default(); nominals.len()];
         Self {
             times: [0.0; KEPT],
             points: [room(), room(), room()],
             len: 0,
             traits,
-            magnitudes: nominals,
+            magnitudes: nominals.iter().map(|own| own.unwrap_or(0.0)).collect(),
+            noise: vec![0.0; nominals.len()],
+            nominals,
+            clock_step: 0.0,
         }
     }
 
@@ -130,6 +147,35 @@ impl History {
         for (magnitude, point) in self.magnitudes.iter_mut().zip(&self.points[0]) {
             *magnitude = magnitude.max(point.value.abs());
         }
+        self.noise.iter_mut().for_each(|noise| *noise *= 0.5);
+    }
+
+    /// Order of magnitude of an output: its largest so far, but not below its nominal value or 1.
+    pub(super) fn magnitude(&self, p: usize) -> f64 {
+        match self.nominals[p] {
+            Some(_) => self.magnitudes[p],
+            None => self.magnitudes[p].max(NOMINAL),
+        }
+    }
+
+    /// What the errors of an output are relative to, in a step by `h` \[s\] to the value `end`. Without a nominal value it is
+    /// the output's own size, so far and as expected within a step of the clock: errors of small values are small.
+    pub(super) fn scale(&self, p: usize, h: f64, end: f64) -> f64 {
+        let (seen, most) = (self.magnitudes[p], self.magnitude(p));
+        if self.nominals[p].is_some() {
+            return seen;
+        }
+        let expected = (end - self.value(0, p)).abs() * (self.clock_step / h).max(1.0);
+        let own = seen.max(end.abs()).max(expected).max(self.noise[p]);
+        match own > 0.0 {
+            true => own.min(most),
+            false => most,
+        }
+    }
+
+    /// Notes that an error of this size, with the tolerance `tolerance`, is noise.
+    pub(super) fn is_noise(&mut self, p: usize, error: f64, tolerance: f64) {
+        self.noise[p] = self.noise[p].max(NOISIER * error / tolerance);
     }
 
     /// Discards all but the last point, since values before a jump do not predict later ones.
@@ -185,7 +231,7 @@ impl History {
                 slope + change * h / (self.times[0] - self.times[1])
             }
         };
-        match h * expected.abs() > self.magnitudes[p] {
+        match h * expected.abs() > self.magnitude(p) {
             true => 0.0,
             false => expected,
         }
@@ -286,7 +332,7 @@ impl History {
             _ if self.traits[p].has_slope => {
                 (change / 6.0 - h / 12.0 * (begin.slope + end.slope)).abs()
             }
-            0 | 1 => change * change / (12.0 * self.magnitudes[p]),
+            0 | 1 => change * change / (12.0 * self.magnitude(p)),
             2 => h * h / 6.0 * self.difference_with(p, h, end.value).abs(),
             _ => {
                 let span = h + self.times[0] - self.times[2];
@@ -294,6 +340,15 @@ impl History {
                 let h1 = self.times[0] - self.times[1];
                 (change / span).abs() * h * h * (h / 12.0 + h1 / 6.0)
             }
+        }
+    }
+
+    /// Of the first step, [`interpolation_error`](Self::interpolation_error) relative to the output's own scale: not less for
+    /// small values.
+    pub(super) fn first_error(&self, p: usize, h: f64, end: Outcome) -> f64 {
+        match self.len > 1 || self.traits[p].has_slope {
+            true => 0.0,
+            false => (end.value - self.value(0, p)).powi(2) / (12.0 * self.scale(p, h, end.value)),
         }
     }
 

@@ -57,7 +57,7 @@ pub enum MasterError {
         names: Vec<String>,
         /// Steps of Newton's method.
         steps: usize,
-        /// Remaining largest difference between an output and the input that it feeds, relative to `1 + |value|`.
+        /// Remaining largest difference between an output and the input that it feeds, relative to them.
         difference: f64,
     },
     /// A loop with non-real values does not settle.

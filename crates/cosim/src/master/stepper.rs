@@ -55,6 +55,10 @@ pub(super) struct Stepper {
     /// Number of successive very short steps whose corrections did not converge.
     unconverged: u32,
     room: Vec<f64>,
+    /// Errors of the fed outputs in the last step.
+    errors: Vec<f64>,
+    /// Length \[s\] and errors of the longest step that was tried in the current step of the clock.
+    longest_errors: (f64, Vec<f64>),
     /// Whether the components step concurrently.
     pub(super) parallel: bool,
     pub(super) sampler: Sampler,
@@ -94,6 +98,8 @@ impl Stepper {
             parts_left: 0,
             unconverged: 0,
             room: vec![0.0; exchange.values.row.len()],
+            errors: vec![0.0; exchange.fed.len()],
+            longest_errors: (0.0, vec![0.0; exchange.fed.len()]),
             parallel: coupling.parallel && is_plain,
             sampler: Sampler::new(coupling.measure),
             exchange,
@@ -144,6 +150,8 @@ impl Stepper {
             }
             return Ok(());
         }
+        self.exchange.history.clock_step = h;
+        self.longest_errors.0 = 0.0;
         let stepped = match self.has_input_profiles {
             true => self.step_between_jumps(t, end, h),
             false => self.stride(t, end, h),
@@ -318,7 +326,10 @@ impl Stepper {
             let mut has_converged = true;
             // The estimate of the error takes steps too, which may be discarded.
             let attempted = self.attempt(h, self.can_reject);
-            let relative = |own| Ok((own, self.error(h)? / control.tolerance));
+            let relative = |own| {
+                let error = self.error(h, control.tolerance)?;
+                Ok((own, error / control.tolerance))
+            };
             let error = match attempted.and_then(relative) {
                 Ok((is_consistent, error)) => {
                     has_converged = is_consistent;

@@ -174,6 +174,9 @@ impl Strong {
             if size <= self.iteration.tolerance {
                 return Ok(true);
             }
+            if size > HOPELESS * before && matrices > 0 && self.is_noise(exchange, h) {
+                return Ok(true);
+            }
             if size > HOPELESS * before && matrices == MAX_MATRICES {
                 break;
             }
@@ -187,7 +190,7 @@ impl Strong {
             before = std::mem::replace(&mut size, self.difference(exchange, h));
             is_slow = size > SLOW * before;
         }
-        Ok(size <= self.iteration.tolerance)
+        Ok(size <= self.iteration.tolerance || self.is_noise(exchange, h))
     }
 
     /// Steps components without rollback first, with extrapolated inputs; their outputs are then known.
@@ -223,16 +226,41 @@ impl Strong {
         Ok(())
     }
 
-    /// Largest difference between `found` and `tried`, relative to the outputs' magnitudes: of the values, and of the
-    /// effect of the slopes on the means.
-    fn difference(&self, exchange: &Exchange, h: f64) -> f64 {
+    /// Differences between `found` and `tried`, by position: of the values, or of the effect of the slopes on the means, if
+    /// that is larger.
+    fn differences(&self, h: f64) -> impl Iterator<Item = (usize, f64)> {
         let pairs = self.found.iter().zip(&self.tried).zip(&self.unknowns);
-        pairs.fold(0.0, |max, ((found, tried), &p)| {
-            let scale = exchange.history.magnitudes[p].max(found.value.abs());
+        pairs.map(move |((found, tried), &p)| {
             let value = (found.value - tried.value).abs();
             let slope = h / 12.0 * (found.slope - tried.slope).abs();
-            max.max(value.max(slope) / scale)
+            (p, value.max(slope))
         })
+    }
+
+    /// Largest difference, relative to the outputs' scales.
+    fn difference(&self, exchange: &Exchange, h: f64) -> f64 {
+        let all = self.differences(h).zip(&self.found);
+        all.fold(0.0, |max, ((p, difference), found)| {
+            let scale = exchange.history.scale(p, h, found.value);
+            max.max(difference / scale.max(found.value.abs()))
+        })
+    }
+
+    /// Whether the differences are within the tolerance of outputs with nominal values of 1, at least. What exceeds it then by
+    /// its own scale does not get smaller: it is noise.
+    fn is_noise(&self, exchange: &mut Exchange, h: f64) -> bool {
+        let tolerance = self.iteration.tolerance;
+        let history = &mut exchange.history;
+        let is_small = |(p, own): (usize, f64)| own <= tolerance * history.magnitude(p);
+        if !self.differences(h).all(is_small) {
+            return false;
+        }
+        for ((p, difference), found) in self.differences(h).zip(&self.found) {
+            if difference > tolerance * history.scale(p, h, found.value) {
+                history.is_noise(p, difference, tolerance);
+            }
+        }
+        true
     }
 
     /// A step of the simplified Newton method, followed by a step of the components with its result.
@@ -293,7 +321,7 @@ impl Strong {
         column: usize,
     ) -> Result<(), Ending> {
         let profile = exchange.profiles[p];
-        let size = DIFFERENCE * exchange.history.magnitudes[p].max(profile.end.abs());
+        let size = DIFFERENCE * exchange.history.magnitude(p).max(profile.end.abs());
         // Towards 0: an input at the end of its range stays in it.
         let change = if profile.end > 0.0 { -size } else { size };
         let mut end = self.tried[column];

@@ -76,7 +76,7 @@ impl Exchange {
             let ends = ends_of(p);
             let fine = looks.wired.within.middle[k].between(ends, h);
             let error = (fine - self.profiles[p].mean).abs();
-            let magnitude = self.history.magnitudes[p].max(ends[1].value.abs());
+            let magnitude = self.history.magnitude(p).max(ends[1].value.abs());
             let expected = self.history.smooth_error(p, h, ends[1]).unwrap_or(0.0);
             let is_smooth = error <= SMOOTH * expected || error <= NOISE * magnitude;
             let astray = looks.wired.within.astray[k];

@@ -15,7 +15,7 @@ fn at(c: [f64; 4], t: f64) -> Outcome {
 
 fn history(c: [f64; 4], has_slope: bool) -> History {
     let mut history = History::new(
-        vec![1.0],
+        vec![Some(1.0)],
         vec![Traits {
             has_slope,
             is_discrete: false,
@@ -78,7 +78,7 @@ fn transients_are_not_taken_for_cubics() {
             has_slope: true,
             is_discrete: false,
         };
-        let mut history = History::new(vec![1.0], vec![traits]);
+        let mut history = History::new(vec![Some(1.0)], vec![traits]);
         history.push(0.0, std::iter::once(at(0.0)));
         let profile = history.interpolated(0, 1, H, at(H));
         let (length, rest) = (1.0 / (rate * H), (-rate * H).exp());
@@ -106,7 +106,7 @@ fn the_error_of_the_cubic_is_exact_for_a_quartic() {
         has_slope: true,
         is_discrete: false,
     };
-    let mut history = History::new(vec![1.0], vec![traits]);
+    let mut history = History::new(vec![Some(1.0)], vec![traits]);
     for t in TIMES {
         history.push(t, std::iter::once(at(t)));
     }

@@ -11,6 +11,12 @@ const NONSENSE: f64 = 0.5;
 /// Maximum observed error over a whole fixed step; larger errors justify shorter steps.
 const COARSE: f64 = 0.01;
 
+/// Part of the tolerance from which on an error shortens steps.
+const MATTERS: f64 = 0.01;
+/// Part of a step that is much shorter, and part of its error that is hardly smaller.
+const MUCH_SHORTER: f64 = 0.25;
+const HARDLY_SMALLER: f64 = 0.5;
+
 impl Stepper {
     /// Estimates the error of each input's mean over the last step: the difference to the [observed](Exchange::watch)
     /// mean of the output or, if it cannot be observed, to the polynomial of degree 2 (or the cubic with the slopes)
@@ -35,7 +41,8 @@ impl Stepper {
                     seen.unwrap_or_else(|| defect.max(history.mean_error(p, h, end, uncertain)));
                 wired.within.defects[k] = Defect {
                     size,
-                    careful: size.abs().max(defect + uncertain),
+                    careful: (size.abs())
+                        .max(defect + uncertain.max(history.first_error(p, h, end))),
                     seen: seen.map_or(0.0, f64::abs),
                     unseen: seen.map_or(defect.max(uncertain), |_| 0.0),
                 };
@@ -68,16 +75,14 @@ impl Stepper {
         }
     }
 
-    /// The largest error and its input, as instance and position. `error` computes it from a defect, the output's
-    /// magnitude at the points of the clock, and that magnitude including its current value.
-    fn largest(&self, error: impl Fn(&Defect, f64, f64) -> f64) -> (f64, (usize, usize)) {
+    /// The largest error and its input, as instance and position. `error` computes it from a defect and the position of the
+    /// output.
+    fn largest(&self, error: impl Fn(&Defect, usize) -> f64) -> (f64, (usize, usize)) {
         let exchange = &self.exchange;
         let mut largest = (0.0_f64, (0, 0));
         for (instance, wired) in exchange.wired.iter().enumerate() {
             for (k, &p) in wired.inputs.positions.iter().enumerate() {
-                let magnitude = exchange.history.magnitudes[p];
-                let now = magnitude.max(exchange.outcome(p).value.abs());
-                let error = error(&wired.within.defects[k], magnitude, now);
+                let error = error(&wired.within.defects[k], p);
                 if error > largest.0 {
                     largest = (error, (instance, k));
                 }
@@ -89,7 +94,8 @@ impl Stepper {
     /// An input, as instance and position, for which the last step, this part of a fixed step, is too long. A pulse
     /// counts by its duration, whatever its height.
     pub(super) fn misled(&self, part: f64) -> Option<(usize, usize)> {
-        let (excess, input) = self.largest(|defect, magnitude, now| {
+        let (excess, input) = self.largest(|defect, p| {
+            let (magnitude, now) = (self.exchange.history.magnitude(p), self.now(p));
             (defect.unseen / (NONSENSE * now)).max(part * defect.seen / (COARSE * magnitude))
         });
         (excess > 1.0).then_some(input)
@@ -97,28 +103,72 @@ impl Stepper {
 
     /// Whether an input was meaningless in the last step.
     pub(super) fn is_nonsense(&self) -> bool {
-        self.largest(|d, _, now| d.unseen.max(d.seen) / now).0 > NONSENSE
+        let part = |own: &Defect, p| own.unseen.max(own.seen) / self.now(p);
+        self.largest(part).0 > NONSENSE
     }
 
-    /// Largest error of the last step, relative to the outputs' magnitudes: of the inputs, and of the outputs because
-    /// inputs were held within the step.
-    pub(super) fn error(&mut self, h: f64) -> Result<f64, Ending> {
-        let (largest, _) = self.largest(|defect, _, now| defect.careful / now);
+    /// Magnitude of an output, including its current value.
+    fn now(&self, p: usize) -> f64 {
+        let value = self.exchange.outcome(p).value.abs();
+        self.exchange.history.magnitude(p).max(value)
+    }
+
+    /// Largest error of the last step, relative to the outputs' scales: of the inputs, and of the outputs because inputs
+    /// were held within the step.
+    pub(super) fn error(&mut self, h: f64, tolerance: f64) -> Result<f64, Ending> {
+        self.gather_errors(h)?;
+        self.find_noise(h, tolerance);
+        let exchange = &self.exchange;
+        let relative = |(p, error): (usize, &f64)| {
+            let value = exchange.outcome(p).value;
+            error / exchange.history.scale(p, h, value).max(value.abs())
+        };
+        let all = self.errors.iter().enumerate().map(relative);
+        Ok(all.fold(0.0, f64::max))
+    }
+
+    /// The errors of the fed outputs in the last step.
+    fn gather_errors(&mut self, h: f64) -> Result<(), Ending> {
+        self.errors.fill(0.0);
+        for wired in &self.exchange.wired {
+            for (&p, defect) in wired.inputs.positions.iter().zip(&wired.within.defects) {
+                self.errors[p] = self.errors[p].max(defect.careful);
+            }
+        }
         match self.strong.is_some() && self.can_reject {
-            true => Ok(largest.max(self.hold_error(h)?)),
-            false => Ok(largest),
+            true => self.gather_hold_errors(h),
+            false => Ok(()),
         }
     }
 
-    fn hold_error(&mut self, h: f64) -> Result<f64, Ending> {
-        let mut largest = 0.0_f64;
+    /// An error that matters and is hardly smaller than in a much longer step is noise (or a jump, for which a tolerance
+    /// relative to a nominal value of 1 does as well).
+    fn find_noise(&mut self, h: f64, tolerance: f64) {
+        let longest = self.longest_errors.0;
+        if h >= longest {
+            self.longest_errors.0 = h;
+            self.longest_errors.1.clone_from_slice(&self.errors);
+        }
+        if h > MUCH_SHORTER * longest {
+            return;
+        }
+        for (p, (&error, before)) in self.errors.iter().zip(&self.longest_errors.1).enumerate() {
+            let value = self.exchange.outcome(p).value;
+            let history = &mut self.exchange.history;
+            let matters = error > MATTERS * tolerance * history.scale(p, h, value);
+            if matters && error > HARDLY_SMALLER * before {
+                history.is_noise(p, error, tolerance);
+            }
+        }
+    }
+
+    fn gather_hold_errors(&mut self, h: f64) -> Result<(), Ending> {
         let span = (self.exchange.history.time(), h);
         for instance in 0..self.exchange.wired.len() {
             let Exchange {
                 wired,
                 values,
                 profiles,
-                history,
                 fed,
                 others_given,
                 ..
@@ -130,9 +180,9 @@ impl Stepper {
             wired.effect_of_hold_error(values, profiles, others_given, span, &mut self.room)?;
             for &p in &wired.outputs.fed_positions {
                 let effect = self.room[fed[p] - wired.outputs.slots.start].abs() / 3.0;
-                largest = largest.max(effect / history.magnitudes[p]);
+                self.errors[p] = self.errors[p].max(effect);
             }
         }
-        Ok(largest)
+        Ok(())
     }
 }

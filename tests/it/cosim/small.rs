@@ -1,0 +1,110 @@
+//! Values far below 1 without nominal values: as accurate as large ones.
+
+use crate::command::Folder;
+use pilotage::series::Series;
+
+/// A loop of two models whose solution is S exp(-1.4 t)/1.25.
+fn write_loop(folder: &Folder, size: f64) {
+    let model = |name: &str, rest: String| {
+        let text = format!("[model]\nname = \"{name}\"\n[inputs]\nu = 0\n{rest}");
+        folder.write(&format!("{name}.toml"), text);
+    };
+    let state = format!("[states]\nx = {{ start = {size:e}, der = \"k*(u - x)\" }}\n");
+    let parameters = "[parameters]\nk = { start = 1, unit = \"1/s\" }\n";
+    model(
+        "c",
+        format!("{parameters}{state}[outputs]\ny = \"x + 0.5*u\"\n"),
+    );
+    model("d", "[outputs]\ny = \"-0.5*u\"\n".to_owned());
+}
+
+fn arguments(options: &[&'static str]) -> Vec<&'static str> {
+    let fixed = "cosim c.toml d.toml --connect c.y=d.u --connect d.y=c.u --step 0.05 --stop-time 2 --force -o o.csv";
+    fixed.split(' ').chain(options.iter().copied()).collect()
+}
+
+#[test]
+fn errors_are_relative_to_the_values() {
+    let folder = Folder::new();
+    for (options, allowed) in [
+        (&["--algorithm", "strong"][..], 1e-7),
+        (&["--algorithm", "strong", "--tolerance", "1e-6"], 1e-9),
+        (&["--tolerance", "1e-3"], 1e-3),
+    ] {
+        for size in [1.0, 1e-4, 1e-7, 1e-10] {
+            write_loop(&folder, size);
+            let ended = folder.pilotage(&arguments(options));
+            assert_eq!(ended.code, 0, "{ended:?}");
+            let found = Series::read_table(&folder.path("o.csv")).unwrap();
+            let y = &found
+                .columns
+                .iter()
+                .find(|own| own.name == "c.y")
+                .unwrap()
+                .values;
+            for (t, y) in found.time.iter().zip(y) {
+                let error = y / size - f64::exp(-1.4 * t) / 1.25;
+                assert!(
+                    error.abs() < allowed,
+                    "{options:?}, {size:e}: {error:e} at {t} s"
+                );
+            }
+        }
+    }
+}
+
+/// An output that is zero but for rounding costs no steps.
+#[test]
+fn noise_is_no_signal() {
+    let folder = Folder::new();
+    let noisy = "[model]\nname = \"c\"\n[inputs]\nu = 0\n[parameters]\nw = { start = 1, unit = \"rad/s\" }\n\
+                 k = { start = 10, unit = \"1/s\" }\n[states]\nx = { start = 0.3, der = \"k*(0.3 - x + 1e-2*u)\" }\n[outputs]\n\
+                 y = \"1e4*x*cos(w*time)*cos(w*time) + 1e4*x*sin(w*time)*sin(w*time) - 3e3\"\n";
+    folder.write("c.toml", noisy);
+    let other = "[model]\nname = \"d\"\n[inputs]\nu = 0\n[outputs]\ny = \"-1e-6*u\"\n";
+    folder.write("d.toml", other);
+    for options in [
+        &["--tolerance", "1e-6"][..],
+        &["--algorithm", "strong"],
+        &["--algorithm", "strong", "--tolerance", "1e-6"],
+    ] {
+        let ended = folder.pilotage(&arguments(options));
+        assert_eq!(ended.code, 0, "{ended:?}");
+        assert!(!ended.stdout.contains("warning"), "{ended:?}");
+        let steps = ended.stdout.lines().find_map(|line| {
+            let (count, _) = line.split_once(" communication steps taken")?;
+            count.parse::<u32>().ok()
+        });
+        assert!(steps.unwrap() < 1000, "{options:?}: {ended:?}");
+    }
+}
+
+/// Loops of outputs at the start: relative to their values, and refused if they have no solution.
+#[test]
+fn initial_loops_of_small_values_are_solved() {
+    let folder = Folder::new();
+    let looped = |formula: &str| {
+        let model = |name, y| {
+            format!("[model]\nname = \"{name}\"\n[inputs]\nu = 0\n[outputs]\ny = \"{y}\"\n")
+        };
+        folder.write("c.toml", model("c", formula));
+        folder.write("d.toml", model("d", "u"));
+        let ended = folder.pilotage(&arguments(&[]));
+        let found = Series::read_table(&folder.path("o.csv"));
+        let first = found.map(|found| found.columns[0].values[0]);
+        (ended.code, first.unwrap_or(f64::NAN))
+    };
+    for (formula, exact) in [
+        ("0.5*u + 1e-12", 2e-12),
+        ("0.5*u + 1e-13", 2e-13),
+        ("-5*u + 1e-300", 1e-300 / 6.0),
+        ("0.5*u + 1", 2.0),
+    ] {
+        let (code, first) = looped(formula);
+        assert_eq!(code, 0, "{formula}");
+        assert!((first / exact - 1.0).abs() < 1e-9, "{formula}: {first:e}");
+    }
+    for formula in ["u + 1e-9", "0.999999999*u + 1e-9"] {
+        assert_ne!(looped(formula).0, 0, "{formula}");
+    }
+}
