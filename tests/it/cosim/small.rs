@@ -79,6 +79,21 @@ fn noise_is_no_signal() {
     }
 }
 
+/// Lines through the last points do not settle in a loop of this gain, however short the steps: the run ends, and says so.
+#[test]
+fn steps_that_make_no_error_smaller_end_the_run() {
+    let folder = Folder::new();
+    write_loop(&folder, 1.0);
+    let gains = [("c", "x - 0.65*u", "x + 0.5*u"), ("d", "0.65*u", "-0.5*u")];
+    for (name, gain, before) in gains {
+        let file = format!("{name}.toml");
+        folder.write(&file, folder.read(&file).replace(before, gain));
+    }
+    let ended = folder.pilotage(&arguments(&["--extrapolation", "1", "--tolerance", "1e-5"]));
+    assert_eq!(ended.code, 1, "{ended:?}");
+    assert!(ended.stderr.contains("--algorithm strong"), "{ended:?}");
+}
+
 /// Loops of outputs at the start: relative to their values, and refused if they have no solution.
 #[test]
 fn initial_loops_of_small_values_are_solved() {

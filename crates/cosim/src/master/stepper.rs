@@ -20,6 +20,10 @@ const UNCONVERGED: f64 = 8.0;
 /// Maximum number of successive very short steps whose corrections did not converge: no event, but a loop that has no solution.
 const MOST_UNCONVERGED: u32 = 100;
 
+/// Maximum number of successive steps of the shortest length, if this many times as many would be needed to the clock's next
+/// point: an error that does not get smaller with the step.
+const MOST_SHORTEST: u32 = 1000;
+
 /// Maximum number of halvings of a fixed step, and shortest part of it that is halved.
 const MAX_PARTS: u32 = 4096;
 const SHORTEST_PART: f64 = 1e-7;
@@ -54,6 +58,8 @@ pub(super) struct Stepper {
     parts_left: u32,
     /// Number of successive very short steps whose corrections did not converge.
     unconverged: u32,
+    /// Number of successive shortest steps.
+    shortest: u32,
     room: Vec<f64>,
     /// Errors of the fed outputs in the last step.
     errors: Vec<f64>,
@@ -97,6 +103,7 @@ impl Stepper {
             points: 0,
             parts_left: 0,
             unconverged: 0,
+            shortest: 0,
             room: vec![0.0; exchange.values.row.len()],
             errors: vec![0.0; exchange.fed.len()],
             longest_errors: (0.0, vec![0.0; exchange.fed.len()]),
@@ -363,6 +370,14 @@ impl Stepper {
             };
             if self.unconverged == MOST_UNCONVERGED {
                 return Err(self.exchange.wired[0].diverged(next, h));
+            }
+            let is_hopeless = (end - next) / h > f64::from(MOST_SHORTEST).powi(2);
+            self.shortest = match h < 2.0 * control.min_step && is_hopeless {
+                true => self.shortest + 1,
+                false => 0,
+            };
+            if self.shortest == MOST_SHORTEST {
+                return Err(self.exchange.wired[0].is_uncontrolled(next, h));
             }
             controller.accept(h, error);
             if error > 1.0 {
