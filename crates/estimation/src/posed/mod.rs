@@ -85,11 +85,20 @@ impl<'f> Posed<'f> {
     /// Names of the states with `free` initial values in each run. Those with `steady` are searched too, but determined
     /// by their equations.
     pub fn free_states(&self) -> impl Iterator<Item = &String> {
-        let is_free = |state: &&String| {
+        self.states_that(|own| matches!(own, Initial::Free))
+    }
+
+    /// Names of the states with `steady` initial values in each run.
+    pub fn steady_states(&self) -> impl Iterator<Item = &String> {
+        self.states_that(|own| matches!(own, Initial::Steady))
+    }
+
+    fn states_that(&self, begin: fn(&Initial) -> bool) -> impl Iterator<Item = &String> {
+        let is_such = move |state: &&String| {
             let line = self.file.initial_line(state);
-            line.is_some_and(|line| matches!(self.file.initial[line].1, Initial::Free))
+            line.is_some_and(|line| begin(&self.file.initial[line].1))
         };
-        self.joint.model.states.iter().filter(is_free)
+        self.joint.model.states.iter().filter(is_such)
     }
 
     /// Number of unknowns: shared parameters, those of runs, and free initial states.

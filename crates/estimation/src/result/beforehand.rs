@@ -74,7 +74,10 @@ pub fn beforehand(posed: &Posed<'_>, stop: &Stop<'_>) -> Beforehand {
             true => None,
             false => identifiability(posed, stop),
         },
-        undriven: match posed.file.inputs.is_empty() && posed.filter.is_none() {
+        undriven: match posed.file.inputs.is_empty()
+            && posed.filter.is_none()
+            && !sets_inputs(posed)
+        {
             true => posed.joint.model.inputs.clone(),
             false => Vec::new(),
         },
@@ -128,6 +131,12 @@ impl Beforehand {
         }
         all
     }
+}
+
+/// Whether a run gives an input a value.
+fn sets_inputs(posed: &Posed<'_>) -> bool {
+    let mut sets = posed.file.runs.iter().flat_map(|run| run.sets());
+    sets.any(|set| posed.joint.model.inputs.contains(&set.name.value))
 }
 
 /// None if no start has finite derivatives and states that follow the equations.

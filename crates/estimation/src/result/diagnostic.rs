@@ -12,7 +12,12 @@ use std::fmt;
 #[derive(Debug, Clone, PartialEq)]
 pub enum Diagnostic {
     /// The solver did not converge.
-    NotConverged(Status),
+    NotConverged {
+        /// How it ended.
+        status: Status,
+        /// Whether derivatives of the equations jump where states move: `min`, `if`, a dead zone.
+        has_kinks: bool,
+    },
     /// The states do not satisfy the equations, or constraints are violated: the largest scaled violation.
     NotMet(f64),
     /// A parameter lies on a bound of its range.
@@ -251,13 +256,15 @@ pub enum Diagnostic {
     Starved(Starved),
     /// A direction that does not affect any measured signal, at several starts and after the fit.
     Unidentifiable(String),
+    /// The intervals of these parameters are as wide as their ranges.
+    Undetermined(Vec<String>),
 }
 
 impl Diagnostic {
     /// Its code, for scripts.
     pub fn code(&self) -> &'static str {
         match self {
-            Self::NotConverged(_) => "not-converged",
+            Self::NotConverged { .. } => "not-converged",
             Self::NotMet(_) => "not-met",
             Self::AtBound { .. } => "at-bound",
             Self::Violated { .. } => "violated",
@@ -288,6 +295,7 @@ impl Diagnostic {
             Self::Contradicted(_) => "describing-function",
             Self::Starved(_) => "few-lines",
             Self::Unidentifiable(_) => "unidentifiable",
+            Self::Undetermined(_) => "undetermined",
             Self::Undefined(_) => "undefined",
             Self::EarlyEnd { .. } => "early-end",
             Self::FmuFailed { .. } => "fmu-failed",
@@ -300,10 +308,16 @@ impl Diagnostic {
 impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotConverged(status) => write!(
+            Self::NotConverged { status, has_kinks } => write!(
                 f,
-                "the solver ended with \"{status}\": this is its best iterate, not a result; try other start values, ranges \
-                 (min, max) or more `starts`"
+                "the solver ended with \"{status}\": this is its best iterate, not a result; {}try other start values, ranges \
+                 (min, max) or more `starts`",
+                match has_kinks {
+                    true =>
+                        "the equations have kinks (`min`, `max`, `abs`, `if`, `sat`, `deadzone` ...), at which their \
+                         derivatives jump: a smooth form often converges, as sqrt(x^2 + w^2) with a small w for abs(x); else ",
+                    false => "",
+                }
             ),
             Self::NotMet(violation) => write!(
                 f,
@@ -570,7 +584,22 @@ impl fmt::Display for Diagnostic {
             }
             Self::Contradicted(found) => found.fmt(f),
             Self::Starved(found) => found.fmt(f),
-            Self::Unidentifiable(words) => write!(f, "{words}: fix one, or measure more"),
+            Self::Unidentifiable(words) => {
+                write!(
+                    f,
+                    "{words}: fix a parameter, give it a prior, or measure more"
+                )
+            }
+            Self::Undetermined(names) => write!(
+                f,
+                "the data do not determine {}: fix {}, give a prior, or measure more; the intervals of other parameters hold \
+                 near this estimate alone (`pilotage fit --profile` goes further)",
+                names.join(", "),
+                match names.len() {
+                    1 => "it",
+                    _ => "one",
+                }
+            ),
             Self::Event(event) => event.fmt(f),
             Self::Description { instance, note } => write!(f, "the FMU of `{instance}`: {note}"),
             Self::Flat(curvature) => write!(
@@ -584,7 +613,10 @@ impl fmt::Display for Diagnostic {
 
 /// A unit after a number.
 fn spaced(unit: Option<&str>) -> String {
-    unit.map(|unit| format!(" {unit}")).unwrap_or_default()
+    match unit {
+        None | Some("1") => String::new(),
+        Some(unit) => format!(" {unit}"),
+    }
 }
 
 /// The remaining work of a fit that was ended early.

@@ -12,9 +12,9 @@ use crate::search::begin::early_end;
 use crate::search::solved::{Refinement, Solved};
 use crate::search::starts::given;
 use crate::system::part::FmuPart;
-use pilotage_expression::Node;
-use pilotage_inference::is_stepped;
+use pilotage_expression::{Function, Node, Operation};
 use pilotage_inference::residuals::LjungBox;
+use pilotage_inference::{Class, Interval, is_stepped};
 use pilotage_series::flown;
 use pilotage_sqp::Status;
 
@@ -42,9 +42,9 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
             events: !fit.events.is_whole,
         });
     } else if fit.status != Status::Converged && !dead.is_empty() {
-        all.push(Diagnostic::NotConverged(fit.status));
+        all.push(not_converged(posed, fit));
     } else if fit.status != Status::Converged {
-        all.push(Diagnostic::NotConverged(fit.status));
+        all.push(not_converged(posed, fit));
         all.extend(fit.trouble.clone().map(Diagnostic::Undefined));
         if fit.trouble.is_none() {
             let failed = failed(posed, |fmu| fmu.function.trouble());
@@ -96,6 +96,8 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
             .filter(|own| fit.status == Status::Converged && *own < FLAT)
             .map(Diagnostic::Flat),
     );
+    let is_flat = all.iter().any(|own| matches!(own, Diagnostic::Flat(_)));
+    all.extend(undetermined(fit).filter(|_| !is_flat));
     // A stick at its stops is not linear, and its describing function differs.
     if posed.unlimited.is_none() {
         all.extend(fit.describing.contradicted().map(Diagnostic::Contradicted));
@@ -139,6 +141,16 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     all
 }
 
+/// The parameters whose intervals are as wide as their ranges, if they are not all without a curvature.
+fn undetermined(fit: &Fit) -> Option<Diagnostic> {
+    let uncertainty = fit.uncertainty.as_ref().ok().filter(|_| fit.is_answer())?;
+    let is_flat = |own: &Interval| own.class == Class::Flat;
+    let pairs = fit.parameters.iter().zip(&uncertainty.intervals);
+    let names = pairs.filter(|(_, all)| all.iter().any(is_flat));
+    let names: Vec<String> = names.map(|(own, _)| format!("`{}`", own.name)).collect();
+    (!names.is_empty()).then_some(Diagnostic::Undetermined(names))
+}
+
 /// Inputs that are driven along lines by columns that jump.
 fn stepped(posed: &Posed<'_>) -> impl Iterator<Item = Diagnostic> {
     let jumps = |column: &str| {
@@ -166,6 +178,29 @@ fn early(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
     Some(Diagnostic::EarlyEnd {
         run: run.name().to_owned(),
         time: run.shown(time),
+    })
+}
+
+fn not_converged(posed: &Posed<'_>, fit: &Fit) -> Diagnostic {
+    Diagnostic::NotConverged {
+        status: fit.status,
+        has_kinks: fit.status == Status::IterationLimit && has_kinks(posed),
+    }
+}
+
+/// Whether the equations select between expressions of states, or take magnitudes of them.
+fn has_kinks(posed: &Posed<'_>) -> bool {
+    let system = &posed.model.system;
+    let states = 0..posed.joint.model.states.len();
+    let states: Vec<usize> = states.map(|k| system.state(k)).collect();
+    let varies = (system.graph).dependants(|variable| states.contains(&variable));
+    let mut operations = system.graph.operations().iter().zip(&varies);
+    operations.any(|(operation, varies)| {
+        let is_kink = matches!(
+            operation,
+            Operation::Select(..) | Operation::Unary(Function::Abs, _)
+        );
+        is_kink && *varies
     })
 }
 

@@ -37,7 +37,8 @@ pub enum Diagnostic {
     },
     /// The positions follow the targets with a factor that no human produces.
     #[error(
-        "the vehicle moves {factor:.3} times as far as its targets: position or target has {}",
+        "{}the vehicle moves {factor:.3} times as far as its targets: position or target has {}",
+        run.as_ref().map_or(String::new(), |run| format!("in {run}, unlike in other runs, ")),
         match *.factor < 0.0 {
             true => "the wrong sign",
             false => "the wrong unit; give the column its unit, as in `position [cm]`",
@@ -46,6 +47,8 @@ pub enum Diagnostic {
     WrongScale {
         /// Slope of the positions over the targets, both relative to the start of the run.
         factor: f64,
+        /// The run, if it is not so in all.
+        run: Option<String>,
     },
     /// The runs are so short, or their samples so sparse, that another time unit is likely.
     #[error(
@@ -71,13 +74,16 @@ pub enum Diagnostic {
         /// Its rms residual over the median of all runs.
         ratio: f64,
     },
-    /// The recorded stick stays at zero although the vehicle moves.
+    /// The recorded stick keeps a value although the vehicle moves.
     #[error(
-        "the recorded stick of {run} stays at zero while the vehicle moves: leave the column out"
+        "the recorded stick of {run} stays at {} while the vehicle moves: leave the column out",
+        short(*.value, 4)
     )]
     DeadStick {
         /// Name of the first such run.
         run: String,
+        /// The value.
+        value: f64,
     },
     /// A long gap between rows, in a fit that failed.
     #[error("{run} has no rows from {from} s to {to} s: split it there, or fit with a --mesh-step")]
@@ -458,7 +464,10 @@ impl Diagnostic {
     pub fn is_of_data_without_pilot(&self) -> bool {
         matches!(
             self,
-            Self::ConstantData | Self::IdlePilot | Self::NoForcing { .. } | Self::WrongScale { .. }
+            Self::ConstantData
+                | Self::IdlePilot
+                | Self::NoForcing { .. }
+                | Self::WrongScale { run: None, .. }
         )
     }
 

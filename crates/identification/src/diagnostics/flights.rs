@@ -127,7 +127,15 @@ fn movement(trials: &[Trial]) -> Option<Diagnostic> {
     let all: Vec<(f64, f64)> = trials.iter().map(of_run).collect();
     let is_driven = |&(forcing, error): &(f64, f64)| forcing >= DRIVEN * error && forcing > STILL;
     if let Some(factor) = wrong_scale(trials) {
-        return Some(Diagnostic::WrongScale { factor });
+        return Some(Diagnostic::WrongScale { factor, run: None });
+    }
+    let of_one = |trial: &Trial| {
+        let factor = wrong_scale(std::slice::from_ref(trial))?;
+        let run = Some(trial.name.clone());
+        Some(Diagnostic::WrongScale { factor, run })
+    };
+    if let Some(one) = trials.iter().find_map(of_one).filter(|_| trials.len() > 1) {
+        return Some(one);
     }
     let none = Diagnostic::NoForcing {
         forcing: largest(&mut all.iter().map(|run| run.0)),
@@ -203,10 +211,14 @@ fn dead_stick(trials: &[Trial]) -> Option<Diagnostic> {
     let is_dead = |trial: &&Trial| {
         let stick = trial.stick.as_deref().unwrap_or_default();
         let known = finite(stick).count();
-        known > 0 && finite(stick).all(|u| u == 0.0) && !is_still(trial)
+        let [low, high] = range(stick);
+        known > 1 && low == high && !is_still(trial)
     };
-    let run = trials.iter().find(is_dead)?.name.clone();
-    Some(Diagnostic::DeadStick { run })
+    let trial = trials.iter().find(is_dead)?;
+    Some(Diagnostic::DeadStick {
+        run: trial.name.clone(),
+        value: range(trial.stick.as_deref()?)[0],
+    })
 }
 
 fn vehicle_size(options: &FitOptions) -> Option<Diagnostic> {

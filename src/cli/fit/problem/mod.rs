@@ -99,7 +99,12 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     }
     (before.words().iter()).for_each(|words| terminal::note(words));
     let mut fit = known.unwrap_or_else(|| solved(args, &posed, deadline));
-    fit.diagnostics.extend(before.doubts(&fit));
+    let doubts = before.doubts(&fit);
+    // It names what cannot be told apart, too.
+    if doubts.iter().any(|own| own.code() == "unidentifiable") {
+        fit.diagnostics.retain(|own| own.code() != "undetermined");
+    }
+    fit.diagnostics.extend(doubts);
     // A user who stopped the fit still wants to see its validation.
     let was_asked = interrupt::is_asked();
     let goes_on = || match interrupt::is_asked() && !was_asked {

@@ -50,6 +50,8 @@ pub(super) fn held(posed: &Posed<'_>, at: &Sensitivities) -> Vec<String> {
     }
     held.dedup();
     let samples: usize = at.runs.iter().map(|own| own.active.nrows()).sum();
+    // Conditions of states that begin steady are no limits.
+    let samples = samples.saturating_sub(posed.runs.len() * posed.steady_states().count());
     let own = posed
         .unknowns
         .iter()
