@@ -503,6 +503,52 @@ fn behaviour() -> Vec<Case> {
         .collect()
 }
 
+/// What looks like a fault and is none: an FMU may do nothing after the stop time that it was given, and refuse inputs below
+/// their minimum; a check of a stiff model, or of one with a domain, takes short steps.
+#[test]
+fn what_is_no_fault_is_not_told() {
+    let folder = Folder::new();
+    let with = |name: &str, changes: &[(&str, &str)]| {
+        let mut text = description(name);
+        for (from, to) in changes {
+            assert!(text.contains(from), "{from}");
+            text = text.replace(from, to);
+        }
+        let mut files = files();
+        files[0].1 = text.into();
+        folder.write(&format!("{name}.fmu"), packed(&files));
+    };
+    with("strict-stop", &[("stepSize=\"0.1\"", "stepSize=\"0.5\"")]);
+    let input = "causality=\"input\"><Real start=\"0\"";
+    let bounded = format!("{input} min=\"0\"");
+    with("discards-below", &[(input, &bounded)]);
+    let model = |name: &str, text: &str| {
+        folder.write(
+            &format!("{name}.toml"),
+            format!("[model]\nname = \"{name}\"\n[inputs]\nu = 1e-5\n{text}"),
+        );
+        let ended = folder.pilotage(&[
+            "export",
+            &format!("{name}.toml"),
+            "-o",
+            &format!("{name}.fmu"),
+        ]);
+        assert_eq!(ended.code, 0, "{ended:?}");
+    };
+    model(
+        "stiff",
+        "[states]\nx = { start = 2, der = \"-20000*(x - u)\" }\n[outputs]\ny = \"x\"\n",
+    );
+    model(
+        "emptied",
+        "[states]\nh = { start = 1e-4, der = \"u - 0.1*sqrt(h)\" }\n[outputs]\ny = \"h\"\n",
+    );
+    for name in ["strict-stop", "discards-below", "stiff", "emptied"] {
+        let ended = folder.pilotage(&["validate", "--strict", &format!("{name}.fmu")]);
+        assert_eq!(ended.code, 0, "{name}: {ended:?}");
+    }
+}
+
 /// `--strict` makes warnings matter; `--no-run` leaves the binary alone; the findings as JSON.
 #[test]
 fn options_of_the_command() {

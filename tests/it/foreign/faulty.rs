@@ -223,6 +223,10 @@ unsafe extern "C" fn fmi2DoStep(c: *mut c_void, t: f64, h: f64, _: c_int) -> c_i
             std::thread::sleep(std::time::Duration::from_millis(10));
         }
     }
+    // No fault: nothing is to be done after the stop time.
+    if fmu.is("strict-stop") && t + h > 1.0 + 1e-9 {
+        return ERROR;
+    }
     if fmu.is("fixed-step") && (fmu.step.get_or_insert(h) as &f64 - h).abs() > 1e-12 {
         return ERROR;
     }
@@ -271,6 +275,8 @@ unsafe extern "C" fn fmi2SetReal(c: *mut c_void, vr: *const c_uint, n: usize, fr
     for i in 0..n {
         let value = unsafe { *from.add(i) };
         match unsafe { *vr.add(i) } {
+            // No fault: below its minimum.
+            0 if fmu.is("discards-below") && value < 0.0 => return DISCARD,
             0 => fmu.values.u = value,
             1 => fmu.values.x = value,
             2 => fmu.values.k = value,
@@ -498,6 +504,9 @@ unsafe extern "C" fn fmi2CompletedIntegratorStep(
 
 #[unsafe(no_mangle)]
 extern "C" fn fmi2SetTime(c: *mut c_void, time: f64) -> c_int {
+    if of(c).is("strict-stop") && time > 1.0 + 1e-9 {
+        return ERROR;
+    }
     of(c).values.time = time;
     of(c).status("fmi2SetTime")
 }

@@ -20,6 +20,17 @@ const TOLERANCE: f64 = 1e-3;
 /// Relative difference of the one-sided slopes above which a point is a kink.
 const KINK: f64 = 0.05;
 
+/// What is changed, and when.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// Inputs in initialization mode.
+    Initial,
+    /// Inputs afterwards.
+    Inputs,
+    /// States in continuous-time mode.
+    States,
+}
+
 /// A known or an unknown.
 #[derive(Debug, Clone)]
 struct Place {
@@ -29,6 +40,8 @@ struct Place {
     name: String,
     /// Position among the states, for a state.
     state: Option<usize>,
+    /// Smallest and largest value.
+    range: [f64; 2],
 }
 
 impl Place {
@@ -38,6 +51,13 @@ impl Place {
             reference: variable.value_reference,
             name: variable.name.clone(),
             state: None,
+            range: match &variable.kind {
+                VariableKind::Real(real) => [
+                    real.attributes.min.unwrap_or(f64::NEG_INFINITY),
+                    real.attributes.max.unwrap_or(f64::INFINITY),
+                ],
+                _ => [f64::NEG_INFINITY, f64::INFINITY],
+            },
         }
     }
 }
@@ -49,13 +69,20 @@ impl Reporter<'_> {
         subject.enter_initialization(self)?;
         let unknowns = unknowns(&subject, self.kind);
         let inputs = inputs(&subject);
-        self.compare_by(&mut subject, &inputs, &unknowns)?;
-        if self.kind == InterfaceType::ModelExchange {
-            self.stage("leaving initialization mode");
-            subject.instance.exit_initialization_mode()?;
-            if subject.enter_continuous_time(self)? {
+        self.compare_by(&mut subject, &inputs, &unknowns, Phase::Initial)?;
+        self.stage("leaving initialization mode");
+        subject.instance.exit_initialization_mode()?;
+        let initial: Vec<u32> = (subject.description.structure.initial_unknowns.iter())
+            .map(|entry| entry.index)
+            .collect();
+        if subject.begin(self)? {
+            // The others are known from the initialization.
+            let is_open = |own: &&Place| initial.contains(&own.index);
+            let open: Vec<Place> = unknowns.iter().filter(is_open).cloned().collect();
+            self.compare_by(&mut subject, &inputs, &open, Phase::Inputs)?;
+            if self.kind == InterfaceType::ModelExchange {
                 let states = states(&subject);
-                self.compare_by(&mut subject, &states, &unknowns)?;
+                self.compare_by(&mut subject, &states, &unknowns, Phase::States)?;
             }
         }
         self.unknown_reference(&mut subject);
@@ -67,33 +94,46 @@ impl Reporter<'_> {
         subject: &mut Subject,
         knowns: &[Place],
         unknowns: &[Place],
+        phase: Phase,
     ) -> Result<(), Stop> {
         for known in knowns {
             self.stage(&format!("changing `{}`", known.name));
+            let start = subject.value(known)?;
             let slopes = slopes(subject, known, unknowns)?;
             for (unknown, slope) in unknowns.iter().zip(&slopes) {
-                self.undeclared(subject, known, unknown, *slope);
+                self.undeclared(subject, known, unknown, *slope, phase);
             }
-            if subject.facts.has_derivatives {
+            // Between steps outputs may be those of the last one.
+            if subject.facts.has_derivatives && phase != Phase::Inputs {
                 self.stage(&format!("asking for derivatives by `{}`", known.name));
                 self.compare_with(subject, known, unknowns, &slopes)?;
             }
+            subject.set(known, start)?;
         }
         Ok(())
     }
 
-    /// Reports a dependency that is not declared. In initialization mode, where the knowns are inputs, it must also be
-    /// declared among the initial unknowns if the unknown is listed there (FMI 2.0.5, section 2.2.8).
-    fn undeclared(&mut self, subject: &Subject, known: &Place, unknown: &Place, slope: Slope) {
+    /// Reports a dependency that is not declared: in initialization mode among the initial unknowns, if the unknown is
+    /// listed there, else among the outputs and derivatives (FMI 2.0.5, section 2.2.8).
+    fn undeclared(
+        &mut self,
+        subject: &Subject,
+        known: &Place,
+        unknown: &Place,
+        slope: Slope,
+        phase: Phase,
+    ) {
         // A state trivially depends on itself. Most slopes are zero, and need no search for what is declared.
         if slope.value == 0.0 || !slope.is_smooth || known.index == unknown.index {
             return;
         }
         let structure = &subject.description.structure;
-        let initial = (structure.initial_unknowns.iter())
-            .filter(|entry| known.state.is_none() && entry.index == unknown.index);
+        let mut initial = (structure.initial_unknowns.iter())
+            .filter(|entry| phase == Phase::Initial && entry.index == unknown.index)
+            .peekable();
+        let is_initial = initial.peek().is_some();
         let running = (structure.outputs.iter().chain(&structure.derivatives))
-            .filter(|entry| entry.index == unknown.index);
+            .filter(|entry| !is_initial && entry.index == unknown.index);
         let is_declared = initial.chain(running).all(|entry| {
             let names = entry.dependencies.as_ref();
             names.is_none_or(|names| names.contains(&known.index))
@@ -201,19 +241,25 @@ struct Slope {
     scale: f64,
 }
 
-/// The slopes of the unknowns by one known, whose value is restored afterwards.
+/// The slopes of the unknowns by one known, at its value, or at one from which all changes stay in its range. It keeps that.
 fn slopes(subject: &mut Subject, known: &Place, unknowns: &[Place]) -> Result<Vec<Slope>, Stop> {
     let references: Vec<u32> = unknowns.iter().map(|o| o.reference).collect();
     let start = subject.value(known)?;
     let change = CHANGE * start.abs().max(1.0);
+    let [low, high] = [known.range[0] + 2.0 * change, known.range[1] - 2.0 * change];
+    let start = if low <= high {
+        start.clamp(low, high)
+    } else {
+        start
+    };
+    // Outside of its domain an FMU has no value, and may be evaluated again elsewhere (FMI 2.0.5, section 2.1.3).
+    let is_discarded = |stop: &Stop| matches!(stop, Stop::Call(CallError::Failed { status, .. }) if *status == Status::DISCARD);
     let mut at = |value: f64| -> Result<Vec<f64>, Stop> {
         let mut values = vec![0.0; references.len()];
-        subject.set(known, value)?;
-        match subject.instance.get_real(&references, &mut values) {
-            // Outside of its domain an FMU has no value, and may be evaluated again elsewhere.
-            Err(CallError::Failed { status, .. }) if status == Status::DISCARD => {
-                values.fill(f64::NAN);
-            }
+        let set = subject.set(known, value);
+        let got = set.and_then(|()| Ok(subject.instance.get_real(&references, &mut values)?));
+        match got {
+            Err(stop) if is_discarded(&stop) => values.fill(f64::NAN),
             other => other?,
         }
         Ok(values)

@@ -1,14 +1,23 @@
 //! Model exchange: events and time integration.
 //!
-//! The checks compare runs with each other and examine the behaviour of the model, not its solution; so forward Euler
-//! with small steps is sufficient.
+//! The checks compare runs with each other and examine the behaviour of the model, not its solution; so forward Euler is
+//! sufficient, with steps that are shorter where derivatives change much, as in a stiff model, or where a step leaves the
+//! domain of the model.
 
 use super::subject::Subject;
 use super::{Reporter, Stop};
+use pilotage_abi::fmi2::Status;
+use pilotage_fmi::CallError;
+use pilotage_fmi::description::Severity;
 use pilotage_fmi::instance::{EventUpdate, MAX_EVENT_ROUNDS};
 
-/// Euler steps per step of the plan.
+/// Euler steps per step of the plan, at least, and at most in a check.
 const SUBSTEPS: u32 = 10;
+const MOST_SUBSTEPS: u32 = 20_000;
+/// Largest difference to Heun's method in a step, relative to a state (or 1, if that is larger).
+const ROUGH: f64 = 0.1;
+/// Maximum number of halvings of a step.
+const HALVINGS: u32 = 30;
 
 /// Data of model exchange besides the instance.
 #[derive(Debug, Clone, Default)]
@@ -16,6 +25,10 @@ pub(super) struct Solver {
     states: Vec<f64>,
     indicators: Vec<f64>,
     next_event: Option<f64>,
+    /// Length of the last step \[s\]; 0 before.
+    last: f64,
+    /// Number of steps.
+    count: u32,
 }
 
 impl Subject {
@@ -23,8 +36,11 @@ impl Subject {
     pub(super) fn enter_continuous_time(&mut self, reporter: &mut Reporter) -> Result<bool, Stop> {
         let states = self.instance.number_of_continuous_states()?;
         let indicators = self.instance.number_of_event_indicators()?;
-        self.solver.states = vec![0.0; states];
-        self.solver.indicators = vec![0.0; indicators];
+        self.solver = Solver {
+            states: vec![0.0; states],
+            indicators: vec![0.0; indicators],
+            ..Solver::default()
+        };
         let goes_on = self.iterate(reporter)?;
         reporter.stage("reading the nominal values of the states");
         let mut nominals = vec![1.0; states];
@@ -95,20 +111,33 @@ impl Subject {
     }
 
     fn substep(&mut self, next: f64, reporter: &mut Reporter) -> Result<bool, Stop> {
-        let step = next - self.time();
         let mut slopes = vec![0.0; self.solver.states.len()];
         self.instance.get_derivatives(&mut slopes)?;
-        for (i, (state, slope)) in self.solver.states.iter_mut().zip(&slopes).enumerate() {
-            if !slope.is_finite() {
-                let what = format!("the derivative of state {} is {slope}", i + 1);
+        if let Some(what) = not_finite(&slopes) {
+            reporter.error(what);
+            return Ok(false);
+        }
+        self.solver.count += 1;
+        let reached = match self.solver.count > MOST_SUBSTEPS {
+            true => Reached::TooFar,
+            false => self.try_steps(next, &slopes)?,
+        };
+        match reached {
+            Reached::Done => {}
+            Reached::NotFinite(what) => {
                 reporter.error(what);
                 return Ok(false);
             }
-            *state += slope * step;
+            Reached::TooFar => {
+                let what = format!(
+                    "it is not simulated beyond {} s: the explicit solver of this check gets no further, as with a stiff model",
+                    self.time()
+                );
+                reporter.find(what, Severity::Note, None);
+                return Ok(false);
+            }
         }
-        self.set_time(next);
-        self.instance.set_time(next)?;
-        self.instance.set_continuous_states(&self.solver.states)?;
+        let next = self.time();
         let done = self
             .instance
             .completed_integrator_step(!self.facts.can_save)?;
@@ -127,4 +156,84 @@ impl Subject {
         }
         Ok(true)
     }
+
+    /// A step to `next` \[s\], or to an earlier time if that is too far. At the point before, if none succeeds.
+    fn try_steps(&mut self, next: f64, slopes: &[f64]) -> Result<Reached, Stop> {
+        let (begin, before) = (self.time(), self.solver.states.clone());
+        let mut step = next - begin;
+        if self.solver.last > 0.0 {
+            step = step.min(2.0 * self.solver.last);
+        }
+        let mut reached = Reached::TooFar;
+        for _ in 0..HALVINGS {
+            let end = if step < next - begin {
+                begin + step
+            } else {
+                next
+            };
+            reached = self.try_step(end, step, &before, slopes)?;
+            if reached == Reached::Done {
+                self.solver.last = step;
+                self.set_time(end);
+                return Ok(reached);
+            }
+            step *= 0.5;
+        }
+        self.instance.set_time(begin)?;
+        self.instance.set_continuous_states(&before)?;
+        self.solver.states = before;
+        Ok(reached)
+    }
+
+    /// A step of forward Euler, if its end is in the domain of the model and close to that of Heun's method.
+    fn try_step(
+        &mut self,
+        end: f64,
+        step: f64,
+        before: &[f64],
+        slopes: &[f64],
+    ) -> Result<Reached, Stop> {
+        let pairs = before.iter().zip(slopes);
+        self.solver.states = pairs.map(|(x, slope)| x + slope * step).collect();
+        let mut then = vec![0.0; slopes.len()];
+        let set = (self.instance.set_time(end))
+            .and_then(|()| self.instance.set_continuous_states(&self.solver.states))
+            .and_then(|()| self.instance.get_derivatives(&mut then));
+        match set {
+            // The solver should take a smaller step (FMI 2.0.5, section 2.1.3).
+            Err(CallError::Failed { status, .. }) if status == Status::DISCARD => {
+                return Ok(Reached::TooFar);
+            }
+            other => other?,
+        }
+        if let Some(what) = not_finite(&then) {
+            return Ok(Reached::NotFinite(what));
+        }
+        let states = self.solver.states.iter().zip(before);
+        let mut all = states.zip(slopes.iter().zip(&then));
+        let is_close = all.all(|((x, x0), (slope, then))| {
+            0.5 * step * (then - slope).abs() <= ROUGH * x.abs().max(x0.abs()).max(1.0)
+        });
+        match is_close {
+            true => Ok(Reached::Done),
+            false => Ok(Reached::TooFar),
+        }
+    }
+}
+
+/// How a step ended.
+#[derive(Debug, Clone, PartialEq)]
+enum Reached {
+    Done,
+    /// A shorter one may succeed.
+    TooFar,
+    /// A derivative is not finite at its end.
+    NotFinite(String),
+}
+
+/// A derivative that is not finite, in words.
+fn not_finite(slopes: &[f64]) -> Option<String> {
+    let k = slopes.iter().position(|slope| !slope.is_finite())?;
+    let (state, slope) = (k + 1, slopes[k]);
+    Some(format!("the derivative of state {state} is {slope}"))
 }

@@ -441,7 +441,9 @@ impl Reporter<'_> {
         let mut subject = Subject::start(library, "check", self)?;
         for part in [1.0, 0.5, 0.25, 1.5] {
             self.stage(&format!("taking a step of {} s", part * subject.plan.step));
-            subject.step_by(part, self)?;
+            if !subject.step_by(part, self)? {
+                break;
+            }
         }
         Ok(())
     }

@@ -39,7 +39,9 @@ impl Reporter<'_> {
     pub(super) fn state(&mut self, library: &Library) -> Result<(), Stop> {
         let mut subject = Subject::start(library, "check", self)?;
         self.stage("stepping");
-        subject.step(self)?;
+        if !subject.step(self)? {
+            return Ok(());
+        }
         self.stage("saving the state");
         let point = subject.save()?;
         self.stage("stepping from a saved state");
@@ -81,11 +83,15 @@ impl Reporter<'_> {
         let mut other = Subject::start(library, "other", self)?;
         self.stage("stepping two instances in turn");
         // The other instance is one step ahead, so that shared values are detected.
-        other.trace(1, self)?;
+        let mut other_goes_on = other.step(self)?;
         let mut second = Trace::new();
         for _ in 0..STEPS {
-            second.extend(one.trace(1, self)?);
-            other.trace(1, self)?;
+            let goes_on = one.step(self)?;
+            second.push(one.outputs()?);
+            other_goes_on = other_goes_on && other.step(self)?;
+            if !goes_on {
+                break;
+            }
         }
         let what = "beside another instance, the same simulation gives other outputs, though the \
                     FMU may be instantiated more than once in a process";

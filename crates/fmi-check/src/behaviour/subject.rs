@@ -23,9 +23,12 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    /// The plan suggested by the description, with a limited number of steps.
+    /// The plan suggested by the description, with a limited number of steps. Each check has room for its steps before the
+    /// stop time, after which an FMU may return an error (FMI 2.0.5, section 2.1.6): the steps are shorter, or where the
+    /// FMU has a fixed one the stop time is later.
     fn of(description: &ModelDescription) -> Self {
         const MOST: f64 = 20.0;
+        const LEAST: f64 = 6.0;
         let experiment = description.default_experiment.unwrap_or_default();
         let start = experiment.start_time.unwrap_or(0.0);
         let stop = experiment.stop_time.filter(|&stop| stop > start);
@@ -34,6 +37,14 @@ impl Plan {
         let step = (fixed.or(experiment.step_size))
             .filter(|&h| h > 0.0)
             .unwrap_or((stop - start) / 100.0);
+        let can_vary = (description.co_simulation.as_ref())
+            .is_none_or(|cs| cs.can_handle_variable_communication_step_size);
+        let longest = (stop - start) / LEAST;
+        let step = match fixed.is_none() && can_vary {
+            true => step.min(longest),
+            false => step,
+        };
+        let stop = stop.max(start + LEAST * step);
         Self {
             tolerance: experiment.tolerance,
             start,
