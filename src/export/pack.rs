@@ -10,9 +10,12 @@ use std::collections::BTreeMap;
 use std::ffi::{CStr, c_char};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::time::Duration;
 
 /// The function that `pilotage_sdk::export!` adds to the functions of FMI.
 const INTERFACE: &CStr = c"pilotageInterface";
+/// Time within which a model answers.
+const PATIENCE: Duration = Duration::from_secs(20);
 
 /// Builds the crate in a folder and returns its library and its licence.
 ///
@@ -134,7 +137,8 @@ fn license(manifest: &Path) -> Option<String> {
 
 /// Reads the interface of a model from a library for this platform.
 ///
-/// Loading runs the library's code, so this is only for the user's own libraries. They are checked first.
+/// Loading runs the library's code, so this is only for the user's own libraries. They are checked first, and have
+/// some seconds to answer.
 ///
 /// # Errors
 /// If it is no library of an FMU of that version for this platform, or provides no interface.
@@ -147,19 +151,36 @@ pub fn ask(library: &Path, bytes: &[u8], version: FmiVersion) -> Result<Interfac
     platform::check(&host, bytes, version)?;
     // A bare file name would be searched among the system's libraries.
     let path = std::fs::canonicalize(library).map_err(|error| refuse(error.to_string()))?;
+    let (answer, answered) = std::sync::mpsc::channel();
+    // Its model may not return, and then neither does the thread.
+    std::thread::spawn(move || answer.send(described(&path)));
+    let text = match answered.recv_timeout(PATIENCE) {
+        Ok(text) => text.map_err(refuse)?,
+        Err(_) => {
+            let seconds = PATIENCE.as_secs();
+            return Err(refuse(format!(
+                "its model does not return within {seconds} s where it is asked for its start values: does a loop not end?"
+            )));
+        }
+    };
+    interface::read(&text).map_err(refuse)
+}
+
+/// What the library says of its model, or why it does not.
+fn described(path: &Path) -> Result<String, String> {
     // SAFETY: a library made with `export!` initialises nothing when it is loaded; the user requested it.
     let loaded = unsafe { Library::new(path) }.map_err(|error| {
         let cause = std::error::Error::source(&error).map(ToString::to_string);
-        refuse(cause.unwrap_or_else(|| error.to_string()))
+        cause.unwrap_or_else(|| error.to_string())
     })?;
     // SAFETY: `export!` defines the function of that name with this type.
     let function = unsafe { loaded.get::<unsafe extern "C" fn() -> *const c_char>(INTERFACE) };
     let function = function.map_err(|_| {
-        refuse("it was not made by pilotage_sdk::export!, or reads its model from resources".into())
+        "it was not made by pilotage_sdk::export!, or reads its model from resources".to_owned()
     })?;
     // SAFETY: it takes no arguments and returns a C string that lives as long as the library.
     let text = unsafe { CStr::from_ptr(function()) };
-    interface::read(&text.to_string_lossy()).map_err(refuse)
+    Ok(text.to_string_lossy().into_owned())
 }
 
 /// Writes the FMU of a user's library to the path that `path` returns for its interface; `path` may also refuse.

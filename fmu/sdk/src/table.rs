@@ -186,13 +186,16 @@ impl Table {
             Role::Derivative,
             &format!("Time derivative of {name}"),
         );
-        let lowered = lowered(description);
+        let initial = match description.is_empty() {
+            true => format!("Initial value of {name}"),
+            false => format!("Initial {}", lowered(description)),
+        };
         let start = Variable::parameter(
             &format!("{name}_start"),
             unit.clone(),
             Role::Fixed,
             start,
-            &format!("Initial {lowered}"),
+            &initial,
         );
         let (starts, locals) = (self.starts().end, self.locals().end);
         self.insert(self.derivatives().end, rate);

@@ -93,7 +93,8 @@ impl From<Algorithm> for Coupling {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Iteration {
     /// Largest difference between an output and the value from which inputs were computed, relative to the largest
-    /// magnitude so far (or the variable's nominal value, if larger).
+    /// magnitude so far (or the variable's nominal value, if larger). Where no nominal value is given and corrections do
+    /// not make the difference smaller, it is relative to 1: rounding in values that are nearly 0.
     pub tolerance: f64,
     /// Maximum number of corrections in a step, at least 1.
     pub max: u32,
@@ -119,7 +120,8 @@ impl Default for Iteration {
 ///
 /// The error of a step is the error of an input's mean over the step, relative to the largest magnitude of the feeding
 /// output so far (or its nominal value, if larger): the system is solved exactly for inputs perturbed by at most this
-/// much. The reference for an input is an interpolating polynomial through communication points, of one degree more
+/// much. Where no nominal value is given, an error that does not get smaller in much shorter steps counts as noise, for some
+/// steps, but not beyond what it is relative to 1. The reference for an input is an interpolating polynomial through communication points, of one degree more
 /// than the one used (an embedded pair, as in Adams methods; Hairer, Nørsett & Wanner, *Solving Ordinary Differential
 /// Equations I*, section III.1). Held inputs are piecewise constant; the effect is estimated by comparing one step with
 /// two half steps. No communication point of the clock is skipped.

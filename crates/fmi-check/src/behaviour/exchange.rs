@@ -143,6 +143,10 @@ impl Subject {
             .completed_integrator_step(!self.facts.can_save)?;
         let mut indicators = vec![0.0; self.solver.indicators.len()];
         self.instance.get_event_indicators(&mut indicators)?;
+        if let Some(k) = indicators.iter().position(|own| own.is_nan()) {
+            reporter.error(format!("event indicator {} is NaN at {next} s", k + 1));
+            return Ok(false);
+        }
         let crossed = (indicators.iter().zip(&self.solver.indicators))
             .any(|(new, old)| (*new > 0.0) != (*old > 0.0));
         self.solver.indicators = indicators;
