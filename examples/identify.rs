@@ -7,8 +7,8 @@
 //! paper's Fig. 2 it never reaches the target).
 
 use pilotage::identification::joint::Joint;
-use pilotage::identification::statistics::rms;
 use pilotage::identification::{FitOptions, Objective, TrialSet, fit, simulate};
+use pilotage::inference::statistics::rms;
 use std::error::Error;
 use std::ops::ControlFlow;
 
