@@ -30,8 +30,8 @@ fn the_flights_of_the_examples_are_made_again_byte_for_byte_by_their_command() {
     }
 }
 
-/// Fits an example and checks that nothing speaks against what is found.
-fn fitted(folder: &Folder, name: &str) -> Value {
+/// Fits an example and checks that nothing but this speaks against what is found.
+fn fitted(folder: &Folder, name: &str, doubts: &[&str]) -> Value {
     let problem = example(&format!("problems/{name}/problem.toml"));
     let ended = folder.pilotage(&[
         "fit",
@@ -43,7 +43,10 @@ fn fitted(folder: &Folder, name: &str) -> Value {
     assert_eq!(ended.code, 0, "{ended:?}");
     let fit = ended.json();
     assert_eq!(fit["status"], "converged");
-    assert_eq!(fit["doubts"], serde_json::json!([]));
+    let found: Vec<&str> = (fit["doubts"].as_array().unwrap().iter())
+        .map(|own| own["code"].as_str().unwrap())
+        .collect();
+    assert_eq!(found, doubts, "{}", fit["doubts"]);
     fit
 }
 
@@ -125,7 +128,8 @@ fn hover_loop(humans: &[[f64; 4]], axis: usize, s: Complex<f64>) -> Complex<f64>
 #[test]
 fn the_coupled_pilot_of_the_hover_is_found() {
     let folder = Folder::new();
-    let fit = fitted(&folder, "two_axis_hover");
+    // The second arm's lag cannot be told from the delay there.
+    let fit = fitted(&folder, "two_axis_hover", &["undetermined"]);
     assert_objective(&fit, 2514.231288);
     assert_eq!(fit["parameters"].as_object().unwrap().len(), 12);
     for (cross, other) in [("gain12", "gain22"), ("gain21", "gain11")] {
@@ -167,7 +171,7 @@ fn the_coupled_pilot_of_the_hover_is_found() {
 #[test]
 fn the_greatest_speed_of_a_hand_is_found() {
     let folder = Folder::new();
-    let fit = fitted(&folder, "rate_limited");
+    let fit = fitted(&folder, "rate_limited", &[]);
     assert_objective(&fit, 1455.392913);
     // The synthetic hand moves by 0.8 1/s at most; its arm takes its time to get there, the fitted one does not.
     let rate = parameter(&fit, "rate");

@@ -14,7 +14,7 @@ use crate::search::starts::given;
 use crate::system::part::FmuPart;
 use pilotage_expression::{Function, Node, Operation};
 use pilotage_inference::residuals::LjungBox;
-use pilotage_inference::{Class, Interval, is_stepped};
+use pilotage_inference::{Class, is_stepped};
 use pilotage_series::flown;
 use pilotage_sqp::Status;
 
@@ -141,12 +141,15 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     all
 }
 
-/// The parameters whose intervals are as wide as their ranges, if they are not all without a curvature.
+/// The parameters whose intervals are as wide as their ranges and whose deviations exceed their values, so that what is
+/// linear near the estimate says little, if they are not all without a curvature.
 fn undetermined(fit: &Fit) -> Option<Diagnostic> {
     let uncertainty = fit.uncertainty.as_ref().ok().filter(|_| fit.is_answer())?;
-    let is_flat = |own: &Interval| own.class == Class::Flat;
     let pairs = fit.parameters.iter().zip(&uncertainty.intervals);
-    let names = pairs.filter(|(_, all)| all.iter().any(is_flat));
+    let names = pairs.filter(|(own, all)| {
+        let mut each = all.iter().zip(&own.values);
+        each.any(|(interval, value)| interval.class == Class::Flat && interval.sd > value.1.abs())
+    });
     let names: Vec<String> = names.map(|(own, _)| format!("`{}`", own.name)).collect();
     (!names.is_empty()).then_some(Diagnostic::Undetermined(names))
 }
