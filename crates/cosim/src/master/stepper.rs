@@ -65,6 +65,8 @@ pub(super) struct Stepper {
     errors: Vec<f64>,
     /// Length \[s\] and errors of the longest step that was tried in the current step of the clock.
     longest_errors: (f64, Vec<f64>),
+    /// For each of the fed outputs, in the current step of the clock.
+    crossings: Vec<errors::Crossings>,
     /// Whether the components step concurrently.
     pub(super) parallel: bool,
     pub(super) sampler: Sampler,
@@ -107,6 +109,7 @@ impl Stepper {
             room: vec![0.0; exchange.values.row.len()],
             errors: vec![0.0; exchange.fed.len()],
             longest_errors: (0.0, vec![0.0; exchange.fed.len()]),
+            crossings: vec![errors::Crossings::default(); exchange.fed.len()],
             parallel: coupling.parallel && is_plain,
             sampler: Sampler::new(coupling.measure),
             exchange,
@@ -159,6 +162,7 @@ impl Stepper {
         }
         self.exchange.history.clock_step = h;
         self.longest_errors.0 = 0.0;
+        self.crossings.fill(errors::Crossings::default());
         let stepped = match self.has_input_profiles {
             true => self.step_between_jumps(t, end, h),
             false => self.stride(t, end, h),

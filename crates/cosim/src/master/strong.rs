@@ -21,6 +21,9 @@ const MAX_MATRICES: u32 = 3;
 /// integrate with error control.
 const DIFFERENCE: f64 = 1e-5;
 
+/// Least magnitude for these: differences of smaller values are not normal numbers.
+const TINY: f64 = 1e-100;
+
 /// Maximum number of repetitions of a step because non-real values changed within it.
 const MAX_REPETITIONS: u32 = 4;
 
@@ -321,7 +324,8 @@ impl Strong {
         column: usize,
     ) -> Result<(), Ending> {
         let profile = exchange.profiles[p];
-        let size = DIFFERENCE * exchange.history.magnitude(p).max(profile.end.abs());
+        let scale = exchange.history.scale(p, h, profile.end);
+        let size = DIFFERENCE * scale.max(profile.end.abs()).max(TINY);
         // Towards 0: an input at the end of its range stays in it.
         let change = if profile.end > 0.0 { -size } else { size };
         let mut end = self.tried[column];

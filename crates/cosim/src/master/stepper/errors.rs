@@ -11,11 +11,23 @@ const NONSENSE: f64 = 0.5;
 /// Maximum observed error over a whole fixed step; larger errors justify shorter steps.
 const COARSE: f64 = 0.01;
 
+/// Part of the clock's step that is very short, and number of times in one of these that such steps cross a jump of an output:
+/// more are noise.
+const VERY_SHORT: f64 = 1e-6;
+const MOST_CROSSINGS: u32 = 2;
 /// Part of the tolerance from which on an error shortens steps.
 const MATTERS: f64 = 0.01;
 /// Part of a step that is much shorter, and part of its error that is hardly smaller.
 const MUCH_SHORTER: f64 = 0.25;
 const HARDLY_SMALLER: f64 = 0.5;
+
+/// Very short steps over jumps of an output within a step of the clock.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Crossings {
+    count: u32,
+    /// Whether the last steps are such.
+    is_open: bool,
+}
 
 impl Stepper {
     /// Estimates the error of each input's mean over the last step: the difference to the [observed](Exchange::watch)
@@ -141,23 +153,37 @@ impl Stepper {
         }
     }
 
-    /// An error that matters and is hardly smaller than in a much longer step is noise (or a jump, for which a tolerance
-    /// relative to a nominal value of 1 does as well).
+    /// An error that matters and is hardly smaller than in a much longer step is that of a jump, or noise. A very short step
+    /// crosses it, whatever its error; what comes back after such steps is noise.
     fn find_noise(&mut self, h: f64, tolerance: f64) {
         let longest = self.longest_errors.0;
         if h >= longest {
             self.longest_errors.0 = h;
             self.longest_errors.1.clone_from_slice(&self.errors);
         }
+        let is_short = h <= VERY_SHORT * self.exchange.history.clock_step;
+        if !is_short {
+            self.crossings
+                .iter_mut()
+                .for_each(|own| own.is_open = false);
+        }
         if h > MUCH_SHORTER * longest {
             return;
         }
-        for (p, (&error, before)) in self.errors.iter().zip(&self.longest_errors.1).enumerate() {
-            let value = self.exchange.outcome(p).value;
+        for (p, error) in self.errors.iter_mut().enumerate() {
+            let value = self.exchange.values.outcome(&self.exchange.fed, p).value;
             let history = &mut self.exchange.history;
-            let matters = error > MATTERS * tolerance * history.scale(p, h, value);
-            if matters && error > HARDLY_SMALLER * before {
-                history.is_noise(p, error, tolerance);
+            let matters = *error > MATTERS * tolerance * history.scale(p, h, value);
+            let crossing = &mut self.crossings[p];
+            if !matters || *error <= HARDLY_SMALLER * self.longest_errors.1[p] {
+                continue;
+            }
+            if crossing.count >= MOST_CROSSINGS {
+                history.is_noise(p, *error, tolerance);
+            } else if is_short {
+                crossing.count += u32::from(!crossing.is_open);
+                crossing.is_open = true;
+                *error = 0.0;
             }
         }
     }
