@@ -134,8 +134,8 @@ impl Breaks {
     }
 
     /// Adds the breaks of one run. If they are more than one in `fewer` samples, they are motion but for samples that are away
-    /// from the same level before and after them. `least` is the smallest break, `usual`
-    /// the typical change between samples of all runs.
+    /// from the same level before and after them. `least` is the smallest break, `usual` the typical change between samples of
+    /// all runs.
     fn of_run(&mut self, (run, own): (usize, &Values), (least, usual): (f64, f64), fewer: usize) {
         let finite = |k: &usize| own.values[*k].is_finite();
         let known: Vec<usize> = (0..own.values.len()).filter(finite).collect();
@@ -268,13 +268,10 @@ pub fn misfit(rms: &[f64], tasks: &[f64]) -> Option<(usize, f64)> {
 pub fn frozen(values: &[f64]) -> Vec<Frozen> {
     let kept = kept(values);
     if kept.len() == 1 && kept[0].len() >= ALWAYS {
-        let samples = 0..values.len();
-        let next = None;
-        let is_end = true;
         return vec![Frozen {
-            samples,
-            next,
-            is_end,
+            samples: 0..values.len(),
+            next: None,
+            is_end: true,
         }];
     }
     let value = |i: usize| values[kept[i][0]];

@@ -120,10 +120,13 @@ impl Default for Iteration {
 ///
 /// The error of a step is the error of an input's mean over the step, relative to the largest magnitude of the feeding
 /// output so far (or its nominal value, if larger): the system is solved exactly for inputs perturbed by at most this
-/// much. Where an error does not get smaller in shorter steps, a very short one crosses the jump; what comes back in one step of
-/// the clock counts as noise for some of these, if no nominal value is given, though not beyond what it is relative to 1. The reference for an input is an interpolating polynomial through communication points, of one degree more
-/// than the one used (an embedded pair, as in Adams methods; Hairer, Nørsett & Wanner, *Solving Ordinary Differential
-/// Equations I*, section III.1). Held inputs are piecewise constant; the effect is estimated by comparing one step with
+/// much. Where an error does not get smaller in shorter steps, a very short one crosses the jump; what comes back in one
+/// step of the clock counts as noise for some of these, if no nominal value is given, though not beyond what it is
+/// relative to 1.
+///
+/// The reference for an input is an interpolating polynomial through communication points, of one degree more than the
+/// one used (an embedded pair, as in Adams methods; Hairer, Nørsett & Wanner, *Solving Ordinary Differential Equations
+/// I*, section III.1). Held inputs are piecewise constant; the effect is estimated by comparing one step with
 /// two half steps. No communication point of the clock is skipped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Control {

@@ -10,10 +10,9 @@ use crate::system::{Connection, Port, System};
 const MAX_STEPS: usize = 50;
 const MAX_HALVINGS: usize = 10;
 
-/// The target for the remaining differences, relative to the values themselves, and what suffices if rounding prevents it,
-/// relative to `1 + |value|`: after some steps, and if no step is better.
+/// The target for the remaining differences, relative to the values themselves. If rounding prevents it, the same relative to
+/// `1 + |value|` suffices after some steps, and a larger one if no step is better.
 const AIM: f64 = 1e-12;
-const AIM_AT_NOISE: f64 = 1e-12;
 const STEPS_AT_NOISE: usize = 3;
 const ENOUGH: f64 = 1e-9;
 
@@ -39,7 +38,7 @@ pub(super) fn solve(system: &mut System, positions: &[usize]) -> Result<(), Mast
         let mut direction: Vec<f64> = (0..n).map(|k| found[k] - values[k]).collect();
         let is_regular = matrix.factor(SINGULAR);
         if is_regular {
-            if rough <= AIM_AT_NOISE && step >= STEPS_AT_NOISE {
+            if rough <= AIM && step >= STEPS_AT_NOISE {
                 return Ok(());
             }
             matrix.solve(&mut direction);

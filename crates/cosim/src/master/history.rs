@@ -174,7 +174,7 @@ impl History {
     }
 
     /// Notes that an error of this size, with the tolerance `tolerance`, is noise.
-    pub(super) fn is_noise(&mut self, p: usize, error: f64, tolerance: f64) {
+    pub(super) fn note_noise(&mut self, p: usize, error: f64, tolerance: f64) {
         self.noise[p] = self.noise[p].max(NOISIER * error / tolerance);
     }
 

@@ -381,7 +381,7 @@ impl Stepper {
                 false => 0,
             };
             if self.shortest == MOST_SHORTEST {
-                return Err(self.exchange.wired[0].is_uncontrolled(next, h));
+                return Err(self.exchange.wired[0].uncontrolled(next, h));
             }
             controller.accept(h, error);
             if error > 1.0 {

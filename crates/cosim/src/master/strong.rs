@@ -260,7 +260,7 @@ impl Strong {
         }
         for ((p, difference), found) in self.differences(h).zip(&self.found) {
             if difference > tolerance * history.scale(p, h, found.value) {
-                history.is_noise(p, difference, tolerance);
+                history.note_noise(p, difference, tolerance);
             }
         }
         true

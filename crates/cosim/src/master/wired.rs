@@ -150,7 +150,7 @@ impl Wired {
 
     /// Error: the errors stay as large as the tolerance however short the steps to `t`, the last by `h` [s].
     #[cold]
-    pub(super) fn is_uncontrolled(&self, t: f64, h: f64) -> Ending {
+    pub(super) fn uncontrolled(&self, t: f64, h: f64) -> Ending {
         let source = format!(
             "errors stay as large as the tolerance, even in steps of {h:.1e} s: a loop of outputs that depend on inputs at once \
              does not settle so; take --algorithm strong, no --extrapolation, a larger --tolerance, or a --min-step to go on \

@@ -19,7 +19,7 @@ use crate::estimation::beforehand::beforehand;
 use crate::estimation::fit::Progress;
 use crate::estimation::left_over::processes;
 use crate::estimation::validation::validated;
-use crate::estimation::{Fit, Posed, ProblemFile, part, refits};
+use crate::estimation::{Diagnostic, Fit, Posed, ProblemFile, part, refits};
 use crate::sqp::{Iteration, Status};
 pub use checks::Checks;
 use models::Fitted;
@@ -101,8 +101,9 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     let mut fit = known.unwrap_or_else(|| solved(args, &posed, deadline));
     let doubts = before.doubts(&fit);
     // It names what cannot be told apart, too.
-    if doubts.iter().any(|own| own.code() == "unidentifiable") {
-        fit.diagnostics.retain(|own| own.code() != "undetermined");
+    let tells = |own: &Diagnostic| matches!(own, Diagnostic::Unidentifiable(_));
+    if doubts.iter().any(tells) {
+        (fit.diagnostics).retain(|own| !matches!(own, Diagnostic::Undetermined(_)));
     }
     fit.diagnostics.extend(doubts);
     // A user who stopped the fit still wants to see its validation.

@@ -179,7 +179,7 @@ impl Stepper {
                 continue;
             }
             if crossing.count >= MOST_CROSSINGS {
-                history.is_noise(p, *error, tolerance);
+                history.note_noise(p, *error, tolerance);
             } else if is_short {
                 crossing.count += u32::from(!crossing.is_open);
                 crossing.is_open = true;
