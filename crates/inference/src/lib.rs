@@ -36,6 +36,7 @@
 //! | [`spectrum`] | frequency responses of loops driven by sums of sines, without a model |
 //! | [`statistics`] | rms and range of values with gaps |
 //! | `stepped` | signals that keep their values and jump |
+//! | [`timing`] | runs whose recordings are late |
 
 mod autoregression;
 mod burg;
@@ -55,6 +56,7 @@ mod row;
 pub mod spectrum;
 pub mod statistics;
 mod stepped;
+pub mod timing;
 
 pub use autoregression::Autoregression;
 pub use covariance::{Covariance, Joint, Method};

@@ -35,13 +35,10 @@ pub(super) struct Fmi3 {
     ramps: Option<Arc<Mutex<Ramps>>>,
 }
 
-/// Linear inputs within a step.
+/// Linear inputs within a step. An intermediate update gets the values at its own time (FMI 3.0, section 4.2.2).
 #[derive(Debug, Default)]
 struct Ramps {
     is_on: bool,
-    /// Whether the FMU wants inputs that are smooth within a step: a value then holds only at its own time, and the FMU
-    /// interpolates. Otherwise the value is held until the next update.
-    is_smooth: bool,
     handles: Vec<u32>,
     /// Values at the beginning, slopes [1/s], buffer for intermediate values.
     values: Vec<f64>,
@@ -49,45 +46,33 @@ struct Ramps {
     room: Vec<f64>,
     begin: f64,
     end: f64,
-    /// Time of the FMU's last update, and interval since the previous one. A value is assumed to be held for this
-    /// interval.
-    last: f64,
-    between: f64,
-    /// Time since the beginning at which the current values were evaluated, and deficit of their integral over the
-    /// step: updates come earlier or later than predicted.
-    given: f64,
-    short: f64,
+    /// Whether the FMU has asked for inputs within the step. `None` before the first one.
+    is_asked: Option<bool>,
+    /// Whether it did not within the last step. It then holds the inputs from the beginning, and gets their mean.
+    is_holding: bool,
 }
 
 impl Ramps {
-    /// The values at `time` or, if they are held until the next update, those in the middle of that interval.
+    /// The values at `time`.
     fn at(&mut self, time: f64) -> (&[u32], &[f64]) {
-        let is_end = self.end - time <= ROUNDING * (self.end - self.begin);
-        let next = (time + self.between).min(self.end);
-        self.given = match is_end {
-            true => self.end - self.begin,
-            false if self.is_smooth => time - self.begin,
-            false => 0.5 * (time + next) - self.begin + self.short / (next - time),
-        };
+        let since = time - self.begin;
         self.room.clear();
         let lines = self.values.iter().zip(&self.slopes);
-        self.room
-            .extend(lines.map(|(value, slope)| value + self.given * slope));
+        (self.room).extend(lines.map(|(value, slope)| value + since * slope));
         (&self.handles, &self.room)
     }
 
+    fn begin(&mut self, begin: f64, end: f64) {
+        self.is_holding = self.is_asked == Some(false);
+        (self.begin, self.end, self.is_asked) = (begin, end, Some(false));
+    }
+
     fn update(&mut self, intermediate: &mut Intermediate) {
-        if !self.is_on {
-            return;
-        }
-        let time = intermediate.time;
-        if intermediate.is_step_finished && time > self.last {
-            let middle = 0.5 * (self.last + time) - self.begin;
-            self.short += (middle - self.given) * (time - self.last);
-            (self.between, self.last) = (time - self.last, time);
-        }
         if intermediate.can_set {
-            let (handles, values) = self.at(time);
+            self.is_asked = Some(true);
+        }
+        if self.is_on && intermediate.can_set {
+            let (handles, values) = self.at(intermediate.time);
             // An FMU that rejects the value keeps its previous one.
             let _ = intermediate.set_real(handles, values);
         }
@@ -124,12 +109,7 @@ impl Fmi3 {
             && continuous().all(|v| v.intermediate_update)
             && continuous().next().is_some()
             && inputs().all(|v| v.dimensions.is_empty());
-        let is_smooth = cs.is_some_and(|cs| cs.recommended_intermediate_input_smoothness > 0);
-        let ramps = Ramps {
-            is_smooth,
-            ..Ramps::default()
-        };
-        let ramps = is_updated.then(|| Arc::new(Mutex::new(ramps)));
+        let ramps = is_updated.then(|| Arc::new(Mutex::new(Ramps::default())));
         let update = ramps.clone().map(|ramps| {
             IntermediateUpdate::new(move |intermediate| {
                 lock(&ramps).update(intermediate);
@@ -286,7 +266,9 @@ impl Fmi3 {
     ) -> Result<Progress, ComponentError> {
         self.flush(access, instance)?;
         let (mut at, end) = (t, t + h);
-        self.begin_ramps(t, end);
+        if let Some(ramps) = &self.ramps {
+            lock(ramps).begin(t, end);
+        }
         for _ in 0..MAX_STOPS {
             self.lead(access, instance, at)?;
             let step = match is_revocable {
@@ -326,18 +308,6 @@ impl Fmi3 {
         }
     }
 
-    fn begin_ramps(&self, begin: f64, end: f64) {
-        if let Some(ramps) = &self.ramps {
-            let mut ramps = lock(ramps);
-            (ramps.begin, ramps.end, ramps.last) = (begin, end, begin);
-            ramps.short = 0.0;
-            // An FMU that never requests an update gets the value in the middle.
-            if ramps.between == 0.0 {
-                ramps.between = end - begin;
-            }
-        }
-    }
-
     /// Sets the inputs on ramps for the interval after `time`.
     fn lead(
         &self,
@@ -348,6 +318,10 @@ impl Fmi3 {
         if let Some(ramps) = &self.ramps {
             let mut ramps = lock(ramps);
             if ramps.is_on {
+                let time = match ramps.is_holding {
+                    true => 0.5 * (time + ramps.end),
+                    false => time,
+                };
                 let (handles, values) = ramps.at(time);
                 access.set_reals(instance, handles, values)?;
             }

@@ -201,6 +201,15 @@ pub enum Diagnostic {
         /// Its rms residual divided by the median over all runs.
         ratio: f64,
     },
+    /// A run in which a measured signal is later or earlier against the model than in the others.
+    Late {
+        /// The measured column.
+        measured: String,
+        /// Name of the run.
+        run: String,
+        /// Time by which it is later than in the other runs \[s\].
+        by: f64,
+    },
     /// A measured signal stays at its largest or smallest value within runs: a stop, or the end of a sensor's range.
     Clipped {
         /// The measured column.
@@ -288,6 +297,7 @@ impl Diagnostic {
             Self::Jump { .. } => "jump",
             Self::Frozen { .. } => "frozen",
             Self::Misfit { .. } => "misfit",
+            Self::Late { .. } => "late",
             Self::Clipped { .. } => "clipped",
             Self::Copy { .. } => "copy",
             Self::Mixed(_) => "mixed",
@@ -467,6 +477,13 @@ impl fmt::Display for Diagnostic {
                 f,
                 "{measured} of {run} is fitted {ratio:.1} times as badly as that of the others: an origin, an input or a \
                  unit may be another there, or another pilot flew; see what the fit is without it"
+            ),
+            Self::Late { measured, run, by } => write!(
+                f,
+                "{measured} of {run} comes {} s {} than in the other runs, and the \
+                 inputs do not explain it: its columns may be of different clocks",
+                short(by.abs(), 2),
+                if *by > 0.0 { "later" } else { "earlier" }
             ),
             Self::Clipped {
                 measured,

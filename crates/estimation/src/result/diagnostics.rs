@@ -5,7 +5,9 @@ use crate::posed::data::RunData;
 use crate::problem::file::Mesh;
 use crate::result::Beside;
 use crate::result::diagnostic::Diagnostic;
-use crate::result::outliers::{of_copies, of_ends, of_frozen, of_runs, of_samples, still};
+use crate::result::outliers::{
+    of_copies, of_ends, of_frozen, of_runs, of_samples, of_times, still,
+};
 use crate::result::{Fit, Found};
 use crate::search::active::{held, on_stability_bound, violated};
 use crate::search::begin::early_end;
@@ -113,6 +115,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
             all.extend(of_samples(posed, fit, k, &still));
             all.extend(of_frozen(posed, fit, k, &still));
             all.extend(of_runs(posed, fit, k));
+            all.extend(of_times(posed, fit, k));
             all.extend(of_ends(posed, fit, k));
         }
     }

@@ -8,6 +8,7 @@ use pilotage_inference::outliers::{
     Breaks, Frozen, Kind, Values, frozen, misfit, of_fresh, resolution,
 };
 use pilotage_inference::statistics::{range, rms};
+use pilotage_inference::timing::{Response, late};
 
 /// Fraction of a signal's samples at the ends of its range from which clipping is reported.
 const CLIPPED: f64 = 0.05;
@@ -133,6 +134,25 @@ pub fn of_runs(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
         measured: measured.column.value.clone(),
         run: runs[run].name.clone(),
         ratio,
+    })
+}
+
+/// The run in which a measured signal comes later or earlier than in the others. Not in loops: a pilot acts otherwise in each
+/// run, and the response is as early or late for it.
+pub fn of_times(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
+    if !fit.cuts.is_empty() {
+        return None;
+    }
+    let runs = fit.runs.iter().map(|run| Response {
+        time: &run.time,
+        recorded: &run.recorded[k],
+        modelled: &run.predicted[k],
+    });
+    let (run, by) = late(&runs.collect::<Vec<_>>())?;
+    Some(Diagnostic::Late {
+        measured: posed.file.measured[k].column.value.clone(),
+        run: fit.runs[run].name.clone(),
+        by,
     })
 }
 
