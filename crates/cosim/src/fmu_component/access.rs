@@ -4,8 +4,8 @@ use super::arrays::Arrays;
 use super::ranges::{items, types_of};
 use crate::component::{ComponentError, Value, ValueKind};
 use pilotage_fmi::description::{
-    BaseType, Causality, FmiVersion, IntegerType, ModelDescription, Precision, ScalarVariable,
-    VariableKind,
+    BaseType, Causality, Dimension, FmiVersion, IntegerType, ModelDescription, Precision,
+    ScalarVariable, VariableKind,
 };
 use pilotage_fmi::instance::Number;
 use pilotage_fmi::{CallError, Instance};
@@ -15,9 +15,17 @@ use thiserror::Error;
 
 /// A value that cannot be represented in a variable's type.
 #[derive(Debug, Clone, PartialEq, Error)]
-enum Lost {
+pub(super) enum Lost {
     #[error("{value} does not fit into a variable of type {kind}")]
     OutOfRange { value: i128, kind: &'static str },
+    #[error(
+        "arrays have the sizes of the description here, where it is {size}; change its start value there for other sizes"
+    )]
+    Resized { size: i64 },
+    #[error(
+        "{value}, of type {kind}, is beyond the integers of the master, which have 64 bits with a sign"
+    )]
+    TooLarge { value: i128, kind: &'static str },
     #[error("`{name}` is of type Float32, and {value:?} is too large for it")]
     NotSingle { value: f64, name: String },
     #[error("{value} is none of the values of the enumeration, which are {items:?}")]
@@ -31,6 +39,8 @@ pub(super) struct Access {
     types: HashMap<u32, BaseType>,
     /// FMI 3.0: parameters that are set in configuration mode.
     structural: HashSet<u32>,
+    /// Those that are sizes of arrays, with their values in the description, by which the arrays are taken.
+    sizes: HashMap<u32, i64>,
     /// Names of 32-bit reals.
     singles: HashMap<u32, String>,
     /// Values of enumerations by handle.
@@ -74,6 +84,7 @@ impl Access {
                 .filter(|v| v.causality == Causality::StructuralParameter)
                 .map(|v| v.value_reference)
                 .collect(),
+            sizes: sizes_of(description),
             is_simple: singles.is_empty() && arrays.is_empty(),
             arrays: (!arrays.is_empty()).then(|| RefCell::new(arrays)),
             singles,
@@ -124,13 +135,15 @@ impl Access {
         values: &[f64],
     ) -> Result<(), ComponentError> {
         if let (Some(arrays), false) = (&self.arrays, self.has_singles()) {
-            return Ok(arrays.borrow_mut().set(instance, handles, values)?);
+            return Ok(arrays.borrow_mut().set_reals(instance, handles, values)?);
         }
         for (&handle, &value) in handles.iter().zip(values) {
             match self.singles.get(&handle) {
                 Some(name) => instance.set(&[handle], &[single(value, name)?])?,
                 None => match &self.arrays {
-                    Some(arrays) => arrays.borrow_mut().set(instance, &[handle], &[value])?,
+                    Some(arrays) => arrays
+                        .borrow_mut()
+                        .set_reals(instance, &[handle], &[value])?,
                     None => instance.set_real(&[handle], &[value])?,
                 },
             }
@@ -159,7 +172,7 @@ impl Access {
         values: &mut [f64],
     ) -> Result<(), CallError> {
         if let (Some(arrays), false) = (&self.arrays, self.has_singles()) {
-            return arrays.borrow_mut().get(instance, handles, values);
+            return arrays.borrow_mut().get_reals(instance, handles, values);
         }
         for (&handle, value) in handles.iter().zip(values) {
             if self.singles.contains_key(&handle) {
@@ -169,7 +182,7 @@ impl Access {
             } else {
                 let value = std::slice::from_mut(value);
                 match &self.arrays {
-                    Some(arrays) => arrays.borrow_mut().get(instance, &[handle], value)?,
+                    Some(arrays) => arrays.borrow_mut().get_reals(instance, &[handle], value)?,
                     None => instance.get_real(&[handle], value)?,
                 }
             }
@@ -184,6 +197,11 @@ impl Access {
         value: &Value,
     ) -> Result<(), ComponentError> {
         if self.structural.contains(&handle) {
+            if let (Some(&size), Value::Integer(value)) = (self.sizes.get(&handle), value)
+                && size != *value
+            {
+                return Err(Lost::Resized { size }.into());
+            }
             instance.enter_configuration_mode()?;
             self.set_value(instance, handle, value)?;
             return Ok(instance.exit_configuration_mode()?);
@@ -198,19 +216,16 @@ impl Access {
         value: &Value,
     ) -> Result<(), ComponentError> {
         self.check(handle, value)?;
-        let kind = self.integer_name(handle);
+        if let (Some(arrays), false) = (&self.arrays, matches!(value, Value::Real(_)))
+            && arrays.borrow_mut().set(instance, handle, value)?
+        {
+            return Ok(());
+        }
         match value {
             Value::Real(value) => self.set_reals(instance, &[handle], &[*value])?,
-            Value::Integer(value) => match self.integer(handle) {
-                IntegerType::Int8 => set::<i8>(instance, handle, *value, kind)?,
-                IntegerType::UInt8 => set::<u8>(instance, handle, *value, kind)?,
-                IntegerType::Int16 => set::<i16>(instance, handle, *value, kind)?,
-                IntegerType::UInt16 => set::<u16>(instance, handle, *value, kind)?,
-                IntegerType::Int32 => set::<i32>(instance, handle, *value, kind)?,
-                IntegerType::UInt32 => set::<u32>(instance, handle, *value, kind)?,
-                IntegerType::Int64 => set::<i64>(instance, handle, *value, kind)?,
-                IntegerType::UInt64 => set::<u64>(instance, handle, *value, kind)?,
-            },
+            Value::Integer(value) => {
+                set_integers(self.integer(handle), instance, handle, &[*value])?;
+            }
             Value::Boolean(value) => instance.set_boolean(handle, *value)?,
             Value::String(value) => instance.set_string(handle, value)?,
         }
@@ -223,6 +238,11 @@ impl Access {
         handle: u32,
         kind: ValueKind,
     ) -> Result<Value, ComponentError> {
+        if let (Some(arrays), false) = (&self.arrays, kind == ValueKind::Real)
+            && let Some(value) = arrays.borrow_mut().get(instance, handle)?
+        {
+            return Ok(value);
+        }
         Ok(match kind {
             ValueKind::Real => {
                 let mut value = [0.0];
@@ -230,20 +250,19 @@ impl Access {
                 Value::Real(value[0])
             }
             ValueKind::Integer | ValueKind::Enumeration => {
-                Value::Integer(match self.integer(handle) {
-                    IntegerType::Int8 => get::<i8>(instance, handle)?,
-                    IntegerType::UInt8 => get::<u8>(instance, handle)?,
-                    IntegerType::Int16 => get::<i16>(instance, handle)?,
-                    IntegerType::UInt16 => get::<u16>(instance, handle)?,
-                    IntegerType::Int32 => get::<i32>(instance, handle)?,
-                    IntegerType::UInt32 => get::<u32>(instance, handle)?,
-                    IntegerType::Int64 => get::<i64>(instance, handle)?,
-                    IntegerType::UInt64 => get::<u64>(instance, handle)?,
-                })
+                let mut value = [0];
+                get_integers(self.integer(handle), instance, handle, &mut value)?;
+                Value::Integer(value[0])
             }
             ValueKind::Boolean => Value::Boolean(instance.get_boolean(handle)?),
             ValueKind::String => Value::String(instance.get_string(handle)?),
         })
+    }
+
+    /// The value reference of a variable, or of the array with that element.
+    fn reference_of(&self, handle: u32) -> u32 {
+        let array = (self.arrays.as_ref()).and_then(|own| own.borrow().reference_of(handle));
+        array.unwrap_or(handle)
     }
 
     /// Name of the variable's integer type in the FMU's FMI version.
@@ -260,6 +279,7 @@ impl Access {
         let &Value::Integer(value) = value else {
             return Ok(());
         };
+        let handle = self.reference_of(handle);
         if let Some(items) = self.items.get(&handle)
             && !items.contains(&value)
         {
@@ -287,7 +307,7 @@ impl Access {
 }
 
 /// Converts to a 32-bit real. Rounding is accepted; overflow to infinity is an error.
-fn single(value: f64, name: &str) -> Result<f32, Lost> {
+pub(super) fn single(value: f64, name: &str) -> Result<f32, Lost> {
     match value.is_finite() && !(value as f32).is_finite() {
         false => Ok(value as f32),
         true => Err(Lost::NotSingle {
@@ -295,6 +315,25 @@ fn single(value: f64, name: &str) -> Result<f32, Lost> {
             name: name.to_owned(),
         }),
     }
+}
+
+/// The structural parameters that are sizes of arrays, by handle.
+fn sizes_of(description: &ModelDescription) -> HashMap<u32, i64> {
+    let dimensions = description.variables.iter().flat_map(|v| &v.dimensions);
+    let size = |dimension: &Dimension| {
+        let Dimension::Variable(index) = dimension else {
+            return None;
+        };
+        let parameter = (description.variables).get((*index as usize).checked_sub(1)?)?;
+        match &parameter.kind {
+            VariableKind::Integer { start, .. } => {
+                let size = i64::try_from(*start.first()?).ok()?;
+                Some((parameter.value_reference, size))
+            }
+            _ => None,
+        }
+    };
+    dimensions.filter_map(size).collect()
 }
 
 /// The values of scalar enumerations by handle; enumerations whose type lists no items are omitted.
@@ -311,26 +350,84 @@ fn items_of(description: &ModelDescription) -> HashMap<u32, Vec<i64>> {
     description.variables.iter().filter_map(items).collect()
 }
 
-fn set<T: Number + TryFrom<i64>>(
+/// Runs a function for the type of an integer.
+macro_rules! for_integer {
+    ($of:expr, $function:ident($($argument:expr),*)) => {
+        match $of {
+            IntegerType::Int8 => $function::<i8>($($argument),*),
+            IntegerType::UInt8 => $function::<u8>($($argument),*),
+            IntegerType::Int16 => $function::<i16>($($argument),*),
+            IntegerType::UInt16 => $function::<u16>($($argument),*),
+            IntegerType::Int32 => $function::<i32>($($argument),*),
+            IntegerType::UInt32 => $function::<u32>($($argument),*),
+            IntegerType::Int64 => $function::<i64>($($argument),*),
+            IntegerType::UInt64 => $function::<u64>($($argument),*),
+        }
+    };
+}
+
+/// Sets an integer, or all elements of an array.
+pub(super) fn set_integers(
+    of: IntegerType,
     instance: &mut Instance,
-    handle: u32,
-    value: i64,
-    kind: &'static str,
+    reference: u32,
+    values: &[i64],
 ) -> Result<(), ComponentError> {
-    let narrow = T::try_from(value).map_err(|_| Lost::OutOfRange {
-        value: value.into(),
-        kind,
-    })?;
-    Ok(instance.set(&[handle], &[narrow])?)
+    for_integer!(of, set(of, instance, reference, values))
+}
+
+/// Gets an integer, or all elements of an array.
+pub(super) fn get_integers(
+    of: IntegerType,
+    instance: &mut Instance,
+    reference: u32,
+    values: &mut [i64],
+) -> Result<(), ComponentError> {
+    for_integer!(of, get(of, instance, reference, values))
+}
+
+fn set<T: Number + TryFrom<i64>>(
+    of: IntegerType,
+    instance: &mut Instance,
+    reference: u32,
+    values: &[i64],
+) -> Result<(), ComponentError> {
+    let narrow = |&value: &i64| {
+        let (value, kind) = (value, of.as_str());
+        T::try_from(value).map_err(|_| Lost::OutOfRange {
+            value: value.into(),
+            kind,
+        })
+    };
+    // A scalar needs no memory of its own.
+    if let [value] = values {
+        return Ok(instance.set(&[reference], &[narrow(value)?])?);
+    }
+    let narrow: Vec<T> = values.iter().map(narrow).collect::<Result<_, _>>()?;
+    Ok(instance.set(&[reference], &narrow)?)
 }
 
 fn get<T: Number + Into<i128>>(
+    of: IntegerType,
     instance: &mut Instance,
-    handle: u32,
-) -> Result<i64, ComponentError> {
-    let mut value = [T::default()];
-    instance.get(&[handle], &mut value)?;
-    let value: i128 = value[0].into();
-    let kind = "Int64";
-    Ok(i64::try_from(value).map_err(|_| Lost::OutOfRange { value, kind })?)
+    reference: u32,
+    values: &mut [i64],
+) -> Result<(), ComponentError> {
+    let (mut one, mut many) = ([T::default()], Vec::new());
+    let read = match values.len() {
+        1 => &mut one[..],
+        count => {
+            many.resize(count, T::default());
+            &mut many[..]
+        }
+    };
+    instance.get(&[reference], read)?;
+    for (value, read) in values.iter_mut().zip(read) {
+        let wide: i128 = (*read).into();
+        *value = i64::try_from(wide).map_err(|_| Lost::TooLarge {
+            value: wide,
+            kind: of.as_str(),
+        })?;
+    }
+    Ok(())
 }

@@ -25,6 +25,7 @@ use pilotage_fmi::description::{
 };
 use pilotage_fmi::instance::Saved;
 use pilotage_fmi::{Fmu, FmuError, Instance, InterfaceType, Step, fmu};
+use std::collections::HashSet;
 use std::path::Path;
 
 /// Opens and loads an FMU and makes a component of it: with the wanted interface, if available, otherwise co-simulation
@@ -89,10 +90,10 @@ impl Outline {
         };
         let experiment = description.default_experiment.unwrap_or_default();
         Ok(Self {
-            variables,
             abilities,
             suggested_stop: experiment.stop_time,
-            limitation: limitation(description),
+            limitation: limitation(description, &variables),
+            variables,
         })
     }
 }
@@ -153,28 +154,50 @@ impl FmuComponent {
             instance,
             access,
             knowns: Knowns::of(description),
+            limitation: limitation(description, &variables),
             variables,
             experiment: description.default_experiment.unwrap_or_default(),
-            limitation: limitation(description),
         })
     }
 }
 
-/// Clocks of FMI 3.0 that an importer has to tick, which the master does not.
-fn limitation(description: &ModelDescription) -> Option<String> {
-    let is_input_clock = |own: &&ScalarVariable| {
-        own.causality == Causality::Input && matches!(own.kind, VariableKind::Clock { .. })
+/// What the master does not simulate of an FMU of FMI 3.0: clocks that an importer has to tick, and inputs and outputs that
+/// are not among `variables`.
+fn limitation(description: &ModelDescription, variables: &[Variable]) -> Option<String> {
+    let is_clock = |own: &ScalarVariable| matches!(own.kind, VariableKind::Clock { .. });
+    let has_input = |own: &&ScalarVariable| own.causality == Causality::Input && is_clock(own);
+    let handled: HashSet<&str> = (variables.iter())
+        .map(|own| own.name.split_once('[').map_or(&own.name[..], |own| own.0))
+        .collect();
+    let is_left_out = |own: &&ScalarVariable| {
+        let is_end = matches!(own.causality, Causality::Input | Causality::Output);
+        let name = own.name.split_once('[').map_or(&own.name[..], |own| own.0);
+        is_end && !is_clock(own) && !handled.contains(name)
     };
-    let clocks = description.variables.iter().filter(is_input_clock);
-    let names: Vec<String> = clocks.map(|own| format!("`{}`", own.name)).collect();
-    let (first, rest) = names.split_first()?;
-    let more = match rest.len() {
-        0 => String::new(),
-        n => format!(" and {n} more"),
-    };
-    Some(format!(
-        "the clock {first}{more} never ticks: input clocks of FMI 3.0 are not simulated here"
-    ))
+    let all = || description.variables.iter();
+    let clocks = named(all().filter(has_input)).map(|(names, count)| match count {
+        1 => {
+            format!("the clock {names} never ticks: input clocks of FMI 3.0 are not simulated here")
+        }
+        _ => {
+            format!("the clocks {names} never tick: input clocks of FMI 3.0 are not simulated here")
+        }
+    });
+    let left_out = named(all().filter(is_left_out)).map(|(names, _)| {
+        format!("without {names}: binary variables and very large arrays are not simulated here")
+    });
+    let both: Vec<String> = clocks.into_iter().chain(left_out).collect();
+    (!both.is_empty()).then(|| both.join("; "))
+}
+
+/// The first of the names, how many others there are, and the number of all; `None` without any.
+fn named<'d>(variables: impl Iterator<Item = &'d ScalarVariable>) -> Option<(String, usize)> {
+    let names: Vec<&str> = variables.map(|own| &own.name[..]).collect();
+    let first = names.first()?;
+    Some(match names.len() {
+        1 => (format!("`{first}`"), 1),
+        count => (format!("`{first}` and {} more", count - 1), count),
+    })
 }
 
 impl Component for FmuComponent {

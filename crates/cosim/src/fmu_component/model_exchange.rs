@@ -51,6 +51,7 @@ impl ModelExchangeComponent {
             abilities: abilities(description, &access),
             access,
             knowns: Knowns::of(description),
+            limitation: super::limitation(description, &variables),
             variables,
             experiment: description.default_experiment.unwrap_or_default(),
             start: 0.0,
@@ -59,7 +60,6 @@ impl ModelExchangeComponent {
             has_begun: false,
             saved: Vec::new(),
             last: Vec::new(),
-            limitation: super::limitation(description),
         })
     }
 

@@ -151,6 +151,9 @@ impl System {
             conversion: self.check_types(output, input)?,
         };
         let fed = self.connections.iter().find(|c| c.to == connection.to);
+        if fed == Some(&connection) {
+            return Ok(());
+        }
         if let Some(first) = fed {
             return Err(SystemError::FedTwice {
                 to: to.to_owned(),

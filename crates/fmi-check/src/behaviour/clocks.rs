@@ -4,7 +4,9 @@ use super::subject::Subject;
 use super::{Reporter, Stop};
 use pilotage_abi::fmi3::IntervalQualifier;
 use pilotage_fmi::InterfaceType;
-use pilotage_fmi::description::{Causality, IntervalVariability, ModelDescription, VariableKind};
+use pilotage_fmi::description::{
+    Causality, ClockAttributes, IntervalVariability, ModelDescription, VariableKind,
+};
 use pilotage_fmi::fmu::Library;
 
 /// A clock and the time of its first tick.
@@ -24,21 +26,27 @@ pub(super) fn are_there(description: &ModelDescription, kind: InterfaceType) -> 
     has_event_mode && of(description, Causality::Input).next().is_some()
 }
 
-/// Value reference, name and interval variability of the clocks with that causality.
+/// Value reference, name and attributes of the clocks with that causality.
 fn of(
     description: &ModelDescription,
     causality: Causality,
-) -> impl Iterator<Item = (u32, &str, IntervalVariability)> {
+) -> impl Iterator<Item = (u32, &str, &ClockAttributes)> {
     let clocks = description.variables.iter();
     let clocks = clocks.filter(move |v| v.causality == causality);
     clocks.filter_map(|v| match &v.kind {
-        VariableKind::Clock { attributes, .. } => Some((
-            v.value_reference,
-            v.name.as_str(),
-            attributes.interval_variability,
-        )),
+        VariableKind::Clock { attributes, .. } => {
+            Some((v.value_reference, v.name.as_str(), attributes))
+        }
         _ => None,
     })
+}
+
+/// Time of the first tick of a periodic clock after the start, from its description \[s\].
+fn shift(clock: &ClockAttributes) -> f64 {
+    match (clock.interval_counter, clock.resolution) {
+        (Some(_), Some(resolution)) => clock.shift_counter as f64 / resolution as f64,
+        _ => clock.shift_decimal.into(),
+    }
 }
 
 impl Reporter<'_> {
@@ -74,13 +82,15 @@ impl Subject {
     fn first_ticks(&mut self, reporter: &mut Reporter) -> Result<Vec<Due>, Stop> {
         let description = self.description.clone();
         let mut due = Vec::new();
-        for (reference, name, variability) in of(&description, Causality::Input) {
+        for (reference, name, clock) in of(&description, Causality::Input) {
             reporter.stage(&format!("asking when the clock {name} ticks"));
-            let after = match variability {
+            let after = match clock.interval_variability {
                 IntervalVariability::Triggered => Some(0.0),
                 IntervalVariability::Changing | IntervalVariability::Countdown => {
-                    self.first_interval(reference, name, variability, reporter)?
+                    self.first_interval(reference, name, clock.interval_variability, reporter)?
                 }
+                // The description has it, so that an FMU may leave the function out.
+                IntervalVariability::Constant => Some(shift(clock)),
                 _ => self.instance.get_shifts(&[reference])?.pop(),
             };
             match after {

@@ -32,10 +32,15 @@ pub enum Step {
     },
 }
 
-/// Whether a time lies within a step, up to rounding.
+/// Whether a time lies between two others, up to rounding.
 fn is_within(time: f64, [from, to]: [f64; 2]) -> bool {
     let rounding = 1e-9 * (to - from) + 4.0 * f64::EPSILON * from.abs().max(to.abs());
     from - rounding <= time && time <= to + rounding
+}
+
+/// Whether a time is the end of a step, to what an FMU's own clock may differ by.
+fn is_end(time: f64, [from, to]: [f64; 2]) -> bool {
+    (time - to).abs() <= 1e-6 * (to - from) + 4.0 * f64::EPSILON * to.abs()
 }
 
 impl Instance {
@@ -140,22 +145,30 @@ impl Instance {
         };
         self.environment.resume_panic();
         let is_discard = |e: &CallError| matches!(e, CallError::Failed { status, .. } if *status == Status::DISCARD);
+        let absurd = |how: &str| CallError::Absurd {
+            function: fmi3::Function::DoStep.into(),
+            what: format!(
+                "{last:?} s as the last successful time of a step from {t:?} s to {:?} s{how}",
+                t + h
+            ),
+        };
         match done {
             Err(error) if is_discard(&error) => Ok(Step::Discarded {
                 last_successful: Some(last).filter(|last| last.is_finite()),
                 is_end_requested: end != 0,
             }),
             Err(error) => Err(error),
+            Ok(()) if early != 0 && !is_within(last, [t, t + h]) => Err(absurd("")),
+            // It is elsewhere and does not say so. A time at or before the beginning is one that it does not write.
+            Ok(()) if (early, end) == (0, 0) && last > t && !is_end(last, [t, t + h]) => {
+                Err(absurd(" without an early return"))
+            }
             Ok(()) if (event, end, early) == (0, 0, 0) => Ok(Step::Done),
-            Ok(()) if early != 0 && !is_within(last, [t, t + h]) => Err(CallError::Absurd {
-                function: fmi3::Function::DoStep.into(),
-                what: format!(
-                    "{last:?} s as the last successful time of a step from {t:?} s to {:?} s",
-                    t + h
-                ),
-            }),
             Ok(()) => Ok(Step::Stopped {
-                reached: if early != 0 { last } else { t + h },
+                reached: match early != 0 || end != 0 && is_within(last, [t, t + h]) {
+                    true => last,
+                    false => t + h,
+                },
                 is_event: event != 0,
                 is_end_requested: end != 0,
             }),
