@@ -4,8 +4,10 @@ use crate::linear::Mode;
 use pilotage_text::number::significant;
 
 /// Real parts below this magnitude \[1/s\] (a factor e in twelve days) count as zero, or below this part of the fastest
-/// mode of a slow system: rounding moves the poles of integrators by less.
+/// mode of a slow system, but not below the second one (a factor e in 300 years), if all modes are integrators: rounding
+/// moves the poles of integrators by less.
 const BORDER: f64 = 1e-6;
+const LEAST: f64 = 1e-10;
 
 /// Location of the poles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,7 +79,7 @@ impl Verdict {
 
 fn border(modes: &[Mode]) -> f64 {
     let fastest = modes.iter().map(|mode| mode.frequency).fold(0.0, f64::max);
-    BORDER * fastest.min(1.0)
+    (BORDER * fastest.min(1.0)).max(LEAST)
 }
 
 fn rightmost(modes: &[Mode]) -> Option<f64> {
@@ -121,6 +123,7 @@ mod tests {
                 "STABLE: every pole is left of the imaginary axis; the slowest fades with a time constant of 7.69e6 s",
             ),
             (vec![(0.0, 0.0)], "ON THE BORDER: 1 pole is on"),
+            (vec![(7e-14, 0.0)], "ON THE BORDER: 1 pole is on"),
             (
                 vec![(0.25, 1.0), (0.25, -1.0), (-1.0, 0.0)],
                 "UNSTABLE: 2 poles are right of the imaginary axis, the fastest grows by a factor e in 4.00 s",

@@ -7,6 +7,7 @@ mod clocks;
 mod derivatives;
 mod exchange;
 mod repeats;
+mod slopes;
 mod subject;
 mod values;
 
@@ -19,6 +20,7 @@ use pilotage_fmi::memory::{self, Watch};
 use pilotage_fmi::surroundings::Surroundings;
 use pilotage_fmi::{CallError, Fmu, FmuError, InterfaceType, take_stray_messages};
 use pilotage_text::error_chain::error_chain;
+use slopes::Slopes;
 use std::collections::BTreeSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -379,11 +381,14 @@ impl Reporter<'_> {
         take_stray_messages();
         let mut subject = Subject::start(library, "check", self)?;
         self.stage("stepping");
+        let mut slopes = Slopes::of(&subject, self.kind);
         for _ in 0..subject.plan.steps {
             if !subject.step(self)? {
                 break;
             }
+            slopes.read(&mut subject, self)?;
         }
+        slopes.compare(self);
         self.stage("terminating");
         subject.terminate()?;
         self.messages(&mut subject);
