@@ -35,7 +35,7 @@ impl Words {
                 let words = match words {
                     Some(words) => format!(": {words}"),
                     None => "; a shorter --step may help: --algorithm strong with --tolerance shortens steps by \
-                             itself"
+                             itself, if the FMUs save their states"
                         .to_owned(),
                 };
                 let message = format!(

@@ -100,7 +100,9 @@ impl Summary<'_> {
         let converted = self.converted.iter().map(|[from, from_unit, to, to_unit]| {
             format!("`{from}` [{from_unit}] is converted for `{to}` [{to_unit}]")
         });
+        let wanted = &self.args.record;
         let unrecorded = self.run.unrecorded.iter();
+        let unrecorded = unrecorded.filter(|name| wanted.is_empty() || wanted.contains(name));
         let unrecorded = unrecorded.map(|name| format!("`{name}` is text and not in the table"));
         (converted.chain(self.notes.iter().cloned()))
             .chain(unrecorded)

@@ -8,6 +8,7 @@ use pilotage_fmi::description::{
 use pilotage_fmi::fmu::Library;
 use pilotage_fmi::instance::{Saved, Serialized};
 use pilotage_fmi::{CallError, Instance, InstanceOptions, InterfaceType, Message, Step};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Times and steps of a simulation.
@@ -70,6 +71,8 @@ pub(super) struct Subject {
     /// Value references and names of the real outputs.
     outputs: Vec<u32>,
     pub(super) names: Vec<String>,
+    /// Names of those that were reported as not finite.
+    not_finite: BTreeSet<String>,
 }
 
 /// The outputs after each step.
@@ -118,6 +121,7 @@ impl Subject {
         Ok(Self {
             outputs: outputs().map(|v| v.value_reference).collect(),
             names: outputs().map(|v| v.name.clone()).collect(),
+            not_finite: BTreeSet::new(),
             name: name.to_owned(),
             facts,
             event_mode_used,
@@ -268,7 +272,7 @@ impl Subject {
     fn check_outputs(&mut self, reporter: &mut Reporter) -> Result<(), Stop> {
         let values = self.outputs()?;
         for (name, value) in self.names.iter().zip(values) {
-            if !value.is_finite() {
+            if !value.is_finite() && self.not_finite.insert(name.clone()) {
                 let what = format!("`{name}` is {value} at {} s", self.time);
                 reporter.find(what, Severity::Warning, Some(name));
             }
