@@ -98,7 +98,7 @@ fn rows_before_a_failure_are_kept_and_it_says_where() {
         (
             "discard",
             1,
-            "error: `discard` discarded the step from 0.5 s, it came to 0.5 s; a shorter --step may help: --algorithm strong with --tolerance shortens steps by itself; the rows until 0.5 s are kept\n",
+            "error: `discard` discarded the step from 0.5 s, it came to 0.5 s; a shorter --step may help: --algorithm strong with --tolerance shortens steps by itself, if the FMUs save their states; the rows until 0.5 s are kept\n",
         ),
         ("end", 0, "note: `end` asked for the end at 0.5 s\n"),
     ] {

@@ -174,7 +174,8 @@ extern "C" fn fmi2Terminate(_c: *mut c_void) -> c_int {
 
 #[unsafe(no_mangle)]
 extern "C" fn fmi2Reset(c: *mut c_void) -> c_int {
-    of(c).values.y = 0.0;
+    let v = &mut of(c).values;
+    (v.y, v.integer[1], v.boolean[1]) = (0.0, 0, 0);
     OK
 }
 

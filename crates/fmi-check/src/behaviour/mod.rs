@@ -380,15 +380,21 @@ impl Reporter<'_> {
         let watch = Watch::new();
         take_stray_messages();
         let mut subject = Subject::start(library, "check", self)?;
+        let held = self.held(&mut subject)?;
         self.stage("stepping");
         let mut slopes = Slopes::of(&subject, self.kind);
+        let mut goes_on = true;
         for _ in 0..subject.plan.steps {
-            if !subject.step(self)? {
+            goes_on = subject.step(self)?;
+            if !goes_on {
                 break;
             }
             slopes.read(&mut subject, self)?;
         }
         slopes.compare(self);
+        if goes_on {
+            self.compare_held(&mut subject, &held)?;
+        }
         self.stage("terminating");
         subject.terminate()?;
         self.messages(&mut subject);

@@ -5,7 +5,7 @@ use super::{Reporter, Stop};
 use crate::validate::shown;
 use pilotage_fmi::description::{
     BaseType, Causality, FmiVersion, Initial, IntegerType, Precision, ScalarVariable, Severity,
-    TypeKind, VariableKind,
+    TypeKind, Variability, VariableKind,
 };
 use pilotage_fmi::instance::Number;
 use pilotage_fmi::{CallError, Instance};
@@ -24,24 +24,34 @@ impl Reporter<'_> {
     pub(super) fn start_values(&mut self, subject: &mut Subject) -> Result<(), Stop> {
         self.stage("reading the start values");
         let description = subject.description.clone();
-        for variable in description.variables.iter().filter(|v| is_double(v)) {
-            let VariableKind::Real(real) = &variable.kind else {
-                continue;
-            };
+        for variable in (description.variables.iter()).filter(|v| v.dimensions.is_empty()) {
             let is_exact = variable.effective_initial() == Some(Initial::Exact)
                 || variable.causality == Causality::Input;
-            let Some(&start) = real.start.first().filter(|_| is_exact) else {
+            let Some(start) = start_of(&variable.kind).filter(|_| is_exact) else {
                 continue;
             };
-            let mut found = [f64::NAN];
-            subject
-                .instance
-                .get_real(&[variable.value_reference], &mut found)?;
-            let difference = (found[0] - start).abs();
-            let is_same = found[0] == start || difference <= START_TOLERANCE * start.abs();
+            let found = match read(subject, variable) {
+                // Text, binaries and clocks.
+                Ok(None) => continue,
+                Ok(Some(found)) => found,
+                Err(error @ CallError::Failed { .. }) => return Err(error.into()),
+                // It cannot be read at all, which is reported where all are read.
+                Err(_) => continue,
+            };
+            let is_same = found == start || (found - start).abs() <= START_TOLERANCE * start.abs();
             if !is_same {
                 let name = &variable.name;
-                let [found, start] = [found[0], start].map(|value| shown(Precision::Double, value));
+                let precision = match is_double(variable) {
+                    true => Precision::Double,
+                    false => Precision::Single,
+                };
+                let [found, start] = match &variable.kind {
+                    VariableKind::Real(_) => [found, start].map(|value| shown(precision, value)),
+                    VariableKind::Boolean { .. } => {
+                        [found, start].map(|value| (value != 0.0).to_string())
+                    }
+                    _ => [found, start].map(|value| value.to_string()),
+                };
                 let what = format!(
                     "`{name}` starts with {found} in the binary and with {start} in the description"
                 );
@@ -51,13 +61,61 @@ impl Reporter<'_> {
         Ok(())
     }
 
+    /// The values of what does not change after initialization: constant and fixed variables, and inputs, which the importer
+    /// alone sets. Indices and values.
+    pub(super) fn held(&mut self, subject: &mut Subject) -> Result<Vec<(usize, f64)>, Stop> {
+        let description = subject.description.clone();
+        let mut held = Vec::new();
+        for (index, variable) in description.variables.iter().enumerate() {
+            let is_held = matches!(
+                variable.variability,
+                Variability::Constant | Variability::Fixed
+            );
+            if variable.dimensions.is_empty() && (is_held || variable.causality == Causality::Input)
+            {
+                let value = read(subject, variable)?;
+                held.extend(value.map(|value| (index, value)));
+            }
+        }
+        Ok(held)
+    }
+
+    /// Compares them after the steps (FMI 2.0.5, section 2.2.7; FMI 3.0, section 2.4.7.4).
+    pub(super) fn compare_held(
+        &mut self,
+        subject: &mut Subject,
+        before: &[(usize, f64)],
+    ) -> Result<(), Stop> {
+        self.stage("reading what does not change");
+        let after = self.held(subject)?;
+        for ((index, before), (_, after)) in before.iter().zip(&after) {
+            if before == after || before.is_nan() && after.is_nan() {
+                continue;
+            }
+            let variable = &self.description.variables[*index];
+            let (name, what) = (
+                variable.name.clone(),
+                match variable.causality {
+                    Causality::Input => "an input that nobody has set again",
+                    _ => match variable.variability {
+                        Variability::Constant => "constant",
+                        _ => "fixed",
+                    },
+                },
+            );
+            let what =
+                format!("`{name}` is {what}, and goes from {before} to {after} in the steps");
+            self.find(what, Severity::Warning, Some(&name));
+        }
+        Ok(())
+    }
+
     /// Every variable can be read, and enumerations have values of their items.
     pub(super) fn read_all(&mut self, subject: &mut Subject) -> Result<(), Stop> {
         let description = subject.description.clone();
         for variable in (description.variables.iter()).filter(|v| v.dimensions.is_empty()) {
             let name = &variable.name;
-            let value = read(subject, variable).and_then(|()| item(subject, variable));
-            let error = match value {
+            let error = match read(subject, variable) {
                 Ok(value) => {
                     let declared = variable.kind.declared_type();
                     let items = (description.types.iter())
@@ -66,8 +124,9 @@ impl Reporter<'_> {
                             TypeKind::Enumeration { items, .. } => Some(items),
                             _ => None,
                         });
-                    let is_no_item =
-                        |value: &i64| items.is_some_and(|i| i.iter().all(|i| i.value != *value));
+                    let is_no_item = |value: &f64| {
+                        items.is_some_and(|all| all.iter().all(|own| own.value as f64 != *value))
+                    };
                     if let Some(value) = value.filter(is_no_item) {
                         let what = format!("`{name}` is {value}, which is no item of its type");
                         self.find(what, Severity::Error, Some(name));
@@ -104,19 +163,43 @@ impl Reporter<'_> {
     }
 }
 
-/// Reads a scalar of any type.
-fn read(subject: &mut Subject, variable: &ScalarVariable) -> Result<(), CallError> {
+/// The start value of a scalar as a number; `None` of text, binaries and clocks, or without one.
+fn start_of(kind: &VariableKind) -> Option<f64> {
+    match kind {
+        VariableKind::Real(real) => real.start.first().copied(),
+        VariableKind::Integer { start, .. } | VariableKind::Enumeration { start, .. } => {
+            start.first().map(|value| *value as f64)
+        }
+        VariableKind::Boolean { start, .. } => start.first().map(|value| f64::from(*value)),
+        _ => None,
+    }
+}
+
+/// Reads a scalar of any type, as a number; `None` of text, binaries and clocks.
+fn read(subject: &mut Subject, variable: &ScalarVariable) -> Result<Option<f64>, CallError> {
+    fn number<T: Number + Into<f64>>(
+        instance: &mut Instance,
+        reference: u32,
+    ) -> Result<f64, CallError> {
+        let mut value = [T::default()];
+        instance.get(&[reference], &mut value)?;
+        Ok(value[0].into())
+    }
+    fn wide<T: Number + Into<i128>>(
+        instance: &mut Instance,
+        reference: u32,
+    ) -> Result<f64, CallError> {
+        let mut value = [T::default()];
+        instance.get(&[reference], &mut value)?;
+        Ok(value[0].into() as f64)
+    }
     let instance = &mut subject.instance;
     let reference = variable.value_reference;
-    /// Reads one value, which is not used.
-    fn number<T: Number>(instance: &mut Instance, reference: u32) -> Result<(), CallError> {
-        instance.get(&[reference], &mut [T::default()])
-    }
     let read = match variable.kind.base_type() {
         BaseType::Real(Precision::Double) => number::<f64>,
         BaseType::Real(Precision::Single) => number::<f32>,
-        BaseType::Boolean => |i: &mut Instance, r| i.get_boolean(r).map(|_| ()),
-        BaseType::String => |i: &mut Instance, r| i.get_string(r).map(|_| ()),
+        BaseType::Boolean => |i: &mut Instance, r| i.get_boolean(r).map(f64::from),
+        BaseType::String => return instance.get_string(reference).map(|_| None),
         BaseType::Integer(integer) => match integer {
             IntegerType::Int8 => number::<i8>,
             IntegerType::UInt8 => number::<u8>,
@@ -124,32 +207,15 @@ fn read(subject: &mut Subject, variable: &ScalarVariable) -> Result<(), CallErro
             IntegerType::UInt16 => number::<u16>,
             IntegerType::Int32 => number::<i32>,
             IntegerType::UInt32 => number::<u32>,
-            IntegerType::Int64 => number::<i64>,
-            IntegerType::UInt64 => number::<u64>,
+            IntegerType::Int64 => wide::<i64>,
+            IntegerType::UInt64 => wide::<u64>,
         },
-        // Enumerations are read by [`item`], binaries have any length, and clocks are read at events.
-        BaseType::Enumeration | BaseType::Binary | BaseType::Clock => return Ok(()),
+        BaseType::Enumeration => match instance.version() {
+            FmiVersion::V2 => number::<i32>,
+            FmiVersion::V3 => wide::<i64>,
+        },
+        // Binaries have any length, and clocks are read at events.
+        BaseType::Binary | BaseType::Clock => return Ok(None),
     };
-    read(instance, reference)
-}
-
-/// The value of an enumeration; `None` for other types.
-fn item(subject: &mut Subject, variable: &ScalarVariable) -> Result<Option<i64>, CallError> {
-    let instance = &mut subject.instance;
-    let reference = [variable.value_reference];
-    if variable.kind.base_type() != BaseType::Enumeration {
-        return Ok(None);
-    }
-    match instance.version() {
-        FmiVersion::V2 => {
-            let mut value = [0_i32];
-            instance.get(&reference, &mut value)?;
-            Ok(Some(value[0].into()))
-        }
-        FmiVersion::V3 => {
-            let mut value = [0_i64];
-            instance.get(&reference, &mut value)?;
-            Ok(Some(value[0]))
-        }
-    }
+    read(instance, reference).map(Some)
 }
