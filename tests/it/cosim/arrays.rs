@@ -2,7 +2,8 @@
 
 use super::components::simulate;
 use crate::foreign;
-use pilotage::cosim::{Algorithm, Ending, System, fmu_component};
+use pilotage::cosim::{Algorithm, Clock, Ending, SeriesRecorder, System, fmu_component, run};
+use pilotage_text::error_chain::error_chain;
 
 /// Adds the foreign FMU, whose output `sums` is the running sums of its input `array` of three elements.
 fn add(system: &mut System, name: &str, change: impl Fn(String) -> String) {
@@ -41,6 +42,74 @@ fn arrays_are_wired_element_by_element_and_recorded() {
             "{algorithm}"
         );
     }
+}
+
+/// Arrays of 32-bit reals and of integers beside scalars of these types.
+#[test]
+fn arrays_of_other_types_are_wired_too() {
+    let with_lists = |text: String| {
+        let variable = |kind: &str, reference: u32, rest: &str| {
+            format!(
+                "<{kind} name=\"l{reference}\" valueReference=\"{reference}\" {rest}><Dimension start=\"3\"/></{kind}>\n"
+            )
+        };
+        let (input, output) = (
+            "causality=\"input\" start=\"0 0 0\"",
+            "causality=\"output\"",
+        );
+        let mut lists = String::new();
+        let mut outputs = String::new();
+        for (kind, reference) in [("Float32", 110), ("Int16", 113), ("UInt8", 112)] {
+            lists += &variable(kind, reference, input);
+            lists += &variable(kind, reference + 20, output);
+            outputs += &format!("<Output valueReference=\"{}\"/>\n", reference + 20);
+        }
+        let text = text.replace(
+            "<Clock name=\"clock\"",
+            &format!("{lists}<Clock name=\"clock\""),
+        );
+        let first = "<Output valueReference=\"81\"/>";
+        text.replace(first, &format!("{outputs}{first}"))
+    };
+    for algorithm in [Algorithm::Jacobi, Algorithm::GaussSeidel, Algorithm::Strong] {
+        let mut system = System::new();
+        for name in ["a", "b"] {
+            add(&mut system, name, with_lists);
+        }
+        system.connect("a.l130", "b.l110").unwrap();
+        system.connect("a.l133", "b.l113").unwrap();
+        // A single element, into another type.
+        system.connect("a.l133[3]", "b.l112[1]").unwrap();
+        system.set("a.l110[2]", "2.5").unwrap();
+        system.set("a.l113[1]", "-7").unwrap();
+        system.set("a.l113[3]", "40").unwrap();
+        let (run, recorder) = simulate(system, 0.5, 0.1, algorithm);
+        assert!(matches!(run.ending, Ending::Completed), "{:?}", run.ending);
+        let last = |name: &str| *recorder.series.column(name).unwrap().values.last().unwrap();
+        let of = |name: &str| [1, 2, 3].map(|k| last(&format!("{name}[{k}]")));
+        assert_eq!(of("a.l130"), [1.0, 3.5, 1.0]);
+        assert_eq!(of("b.l130"), [2.0, 4.5, 2.0]);
+        assert_eq!(of("a.l133"), [-6.0, 1.0, 41.0]);
+        assert_eq!(of("b.l133"), [-5.0, 2.0, 42.0]);
+        assert_eq!(of("b.l132"), [42.0, 1.0, 1.0]);
+    }
+    let mut system = System::new();
+    add(&mut system, "a", with_lists);
+    let beyond = system.set("a.l112[2]", "256").unwrap_err().to_string();
+    assert!(beyond.contains("255"), "{beyond}");
+}
+
+/// The sizes of arrays are those of the description.
+#[test]
+fn sizes_are_not_changed() {
+    let mut system = System::new();
+    add(&mut system, "a", |text| text);
+    system.set("a.n", "4").unwrap();
+    let clock = Clock::new(0.0, 0.5, 0.1).unwrap();
+    let mut recorder = SeriesRecorder::default();
+    let refused = run(system, &clock, None, Algorithm::Jacobi, &mut recorder).unwrap_err();
+    let message = error_chain(&refused);
+    assert!(message.contains("it is 3"), "{message}");
 }
 
 #[test]

@@ -100,12 +100,13 @@ fn discrete_inputs_are_set_in_events() {
 }
 
 /// `u = t`, extrapolated. The FMU asks in the middle and at the end of each step, gets the values at these times (FMI 3.0,
-/// section 4.2.2) and holds them until it asks again. That it takes none is said.
+/// section 4.2.2) and holds them until it asks again. An FMU that takes none gets the mean of a
+/// step, which is said.
 #[test]
 fn intermediate_updates_get_the_inputs_at_their_own_times() {
-    let run_with = |is_updated| -> (Run, f64) {
+    let run_with = |behaviour, is_updated| -> (Run, f64) {
         let mut system = System::new();
-        component(&mut system, "good", is_updated);
+        component(&mut system, behaviour, is_updated);
         let source = table("u", &[0.0, 1.0], &[0.0, 1.0]);
         system.add("table", Box::new(source)).unwrap();
         system.connect("table.u", "fmu.u").unwrap();
@@ -118,14 +119,21 @@ fn intermediate_updates_get_the_inputs_at_their_own_times() {
     };
     // The solution of y' = u - y over half a step with a constant u.
     let half = |y: f64, u: f64| u + (y - u) * (-0.05_f64).exp();
-    let (held, y) = run_with(false);
+    let (held, y) = run_with("good", false);
     assert_eq!(held.report.holding, ["fmu"]);
     let means = (0..10).flat_map(|k| [0.1 * f64::from(k) + 0.05; 2]);
     assert!((y - means.fold(0.0, half)).abs() < 1e-13, "{y}");
-    let (updated, y) = run_with(true);
+    let (updated, y) = run_with("good", true);
     assert!(updated.report.holding.is_empty());
     let at_updates = (0..20).map(|k| 0.05 * f64::from(k));
     assert!((y - at_updates.fold(0.0, half)).abs() < 1e-13, "{y}");
+    // It never asks, which is known after the first step.
+    let (_, y) = run_with("quiet", true);
+    let means = (1..10).flat_map(|k| [0.1 * f64::from(k) + 0.05; 2]);
+    assert!(
+        (y - [0.0; 2].into_iter().chain(means).fold(0.0, half)).abs() < 1e-13,
+        "{y}"
+    );
 }
 
 /// The same in a strong coupling, with states that are saved and restored.

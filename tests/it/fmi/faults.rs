@@ -18,7 +18,7 @@ use zip::{CompressionMethod, ZipWriter};
 const DESCRIPTION: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="faulty" guid="FAULT" variableNamingConvention="structured" numberOfEventIndicators="1">
   <ModelExchange modelIdentifier="faulty" canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true"/>
-  <CoSimulation modelIdentifier="faulty" canHandleVariableCommunicationStepSize="true" canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true"/>
+  <CoSimulation modelIdentifier="faulty" canHandleVariableCommunicationStepSize="true" canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true" maxOutputDerivativeOrder="1"/>
   <UnitDefinitions>
     <Unit name="1/s"><BaseUnit s="-1"/></Unit>
   </UnitDefinitions>
@@ -392,7 +392,7 @@ fn files_beside_the_description() -> Vec<Case> {
         (
             "a missing source",
             described(
-                r#"canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true"/>
+                r#"canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true" maxOutputDerivativeOrder="1"/>
   <UnitDefinitions>"#,
                 r#"canGetAndSetFMUstate="true" canSerializeFMUstate="true" providesDirectionalDerivative="true"><SourceFiles><File name="a.c"/></SourceFiles></CoSimulation>
   <UnitDefinitions>"#,

@@ -250,6 +250,30 @@ fn times_before_a_step_and_beside_the_numbers_are_absurd() {
             "{what}"
         );
     }
+    for behaviour in ["unsaid", "beyond"] {
+        let error = co_simulation(behaviour).do_step(1.0, 0.5).unwrap_err();
+        assert!(
+            error
+                .to_string()
+                .ends_with("to 1.5 s without an early return"),
+            "{error}"
+        );
+    }
+    assert_eq!(
+        co_simulation("unwritten").do_step(1.0, 0.5).unwrap(),
+        Step::Done
+    );
+}
+
+#[test]
+fn the_end_of_the_simulation_may_lie_within_a_step() {
+    let ended = co_simulation("end-within").do_step(1.0, 0.5).unwrap();
+    let end = Step::Stopped {
+        reached: 1.25,
+        is_event: false,
+        is_end_requested: true,
+    };
+    assert_eq!(ended, end);
 }
 
 #[test]

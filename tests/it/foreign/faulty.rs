@@ -243,6 +243,12 @@ unsafe extern "C" fn fmi2DoStep(c: *mut c_void, t: f64, h: f64, _: c_int) -> c_i
         SHARED.store(fmu.values.x.to_bits(), Ordering::Relaxed);
     }
     fmu.values.time = t + h;
+    if fmu.is("changes-input") {
+        fmu.values.u += h;
+    }
+    if fmu.is("changes-fixed") {
+        fmu.values.k += h;
+    }
     if fmu.is("discards") {
         return DISCARD;
     }
@@ -425,15 +431,23 @@ extern "C" fn fmi2SetRealInputDerivatives(
     ERROR
 }
 
+/// Of the one output.
 #[unsafe(no_mangle)]
-extern "C" fn fmi2GetRealOutputDerivatives(
-    _: *mut c_void,
+unsafe extern "C" fn fmi2GetRealOutputDerivatives(
+    c: *mut c_void,
     _: *const c_uint,
-    _: usize,
+    n: usize,
     _: *const c_int,
-    _: *mut f64,
+    to: *mut f64,
 ) -> c_int {
-    ERROR
+    let fmu = of(c);
+    let slope = match fmu.fault.as_str() {
+        "wrong-slope" => -fmu.derivative(),
+        "nan-slope" => f64::NAN,
+        _ => fmu.derivative(),
+    };
+    (0..n).for_each(|i| unsafe { *to.add(i) = slope });
+    fmu.status("fmi2GetRealOutputDerivatives")
 }
 
 #[cfg(not(without_cancel_step))]

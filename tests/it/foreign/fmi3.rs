@@ -7,6 +7,7 @@
 
 #![allow(non_snake_case)]
 
+use std::collections::HashMap;
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
 
 const OK: c_int = 0;
@@ -39,6 +40,7 @@ struct Values {
     string: CString,
     binary: Vec<u8>,
     array: Vec<f64>,
+    lists: HashMap<u32, [f64; 3]>,
     count: i32,
     clocks: [bool; 2],
     interval: f64,
@@ -81,6 +83,7 @@ fn make(name: *const c_char, token: *const c_char, resources: *const c_char, env
     let values = Values {
         t: 0.0, u: 0.0, y: 0.0, k: 1.0, x: 1.0, experiment: [f64::NAN; 3], f32: 0.0, i8: 0, u8: 0, i16: 0, u16: 0,
         i32: 0, u32: 0, i64: 0, u64: 0, boolean: false, string: c"".into(), binary: Vec::new(), array: vec![0.0; 3],
+        lists: HashMap::new(),
         count: 0, clocks: [false; 2], interval: 0.5, shift: 0.0,
     };
     Box::new(Fmu {
@@ -189,6 +192,11 @@ unsafe extern "C" fn fmi3DoStep(
         }
         "end" => unsafe { *end = 2 },
         "past" => unsafe { (*early, *last) = (1, t - 1.0) },
+        // It is elsewhere, and says so in the time alone.
+        "unsaid" => unsafe { *last = t + 0.5 * h },
+        "beyond" => unsafe { *last = t + 2.0 * h },
+        "unwritten" => unsafe { *last = 0.0 },
+        "end-within" => unsafe { (*end, *last) = (1, t + 0.5 * h) },
         "nowhere" => unsafe { (*early, *last) = (1, f64::NAN) },
         "event" if fmu.uses_events && t < fmu.at && t + h >= fmu.at && fmu.may_return => {
             reached = fmu.at;
@@ -203,7 +211,7 @@ unsafe extern "C" fn fmi3DoStep(
         v.y = v.u + (v.y - v.u) * (-v.k * (to - from)).exp();
         v.t = to;
         let (mut wants, mut at) = (0, 0.0);
-        if !fmu.watched.is_empty() {
+        if !fmu.watched.is_empty() && fmu.behaviour != "quiet" {
             let update = fmu.update.unwrap();
             unsafe { update(fmu.environment, to, true, true, true, fmu.may_return, &mut wants, &mut at) };
         }
@@ -224,32 +232,45 @@ unsafe extern "C" fn fmi3UpdateDiscreteStates(
     OK
 }
 
-/// Gets or sets each of the variables of a type.
+/// Gets or sets each of the variables of a type: an input and an output that is greater by 1, and as much of arrays of three.
 macro_rules! scalar {
     ($get:ident $set:ident $type:ident $vr:literal) => {
         #[unsafe(no_mangle)]
         unsafe extern "C" fn $get(c: *mut c_void, vr: *const u32, n: usize, to: *mut $type, m: usize) -> c_int {
+            let mut at = 0;
             for i in 0..n {
                 let v = &of(c).values;
-                let value = match unsafe { *vr.add(i) } {
-                    $vr => v.$type,
-                    o if o == $vr + 20 => v.$type + (1 as $type),
+                let list = || v.lists.get(&($vr + 100)).copied().unwrap_or_default();
+                let values: Vec<$type> = match unsafe { *vr.add(i) } {
+                    $vr => vec![v.$type],
+                    o if o == $vr + 20 => vec![v.$type + (1 as $type)],
+                    o if o == $vr + 100 => list().map(|x| x as $type).into(),
+                    o if o == $vr + 120 => list().map(|x| (x + 1.0) as $type).into(),
                     _ => return ERROR,
                 };
-                unsafe { *to.add(i) = value };
+                if at + values.len() > m {
+                    return ERROR;
+                }
+                values.iter().for_each(|value| unsafe { *to.add(at) = *value; at += 1 });
             }
-            if n == m { OK } else { ERROR }
+            if at == m { OK } else { ERROR }
         }
 
         #[unsafe(no_mangle)]
         unsafe extern "C" fn $set(c: *mut c_void, vr: *const u32, n: usize, from: *const $type, m: usize) -> c_int {
+            let mut at = 0;
             for i in 0..n {
                 match unsafe { *vr.add(i) } {
-                    $vr => of(c).values.$type = unsafe { *from.add(i) },
+                    $vr => { of(c).values.$type = unsafe { *from.add(at) }; at += 1 }
+                    o if o == $vr + 100 => {
+                        let list = [0, 1, 2].map(|k| unsafe { *from.add(at + k) } as f64);
+                        of(c).values.lists.insert(o, list);
+                        at += 3;
+                    }
                     _ => return ERROR,
                 }
             }
-            if n == m { OK } else { ERROR }
+            if at == m { OK } else { ERROR }
         }
     };
 }
