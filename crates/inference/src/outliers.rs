@@ -1,6 +1,6 @@
 //! Outliers in a set of runs: samples that differ from their neighbours, and runs with a far worse fit.
 
-use crate::statistics::range;
+use crate::statistics::{range, rms};
 use std::ops::Range;
 
 /// A break exceeds the usual change between neighbouring samples by this factor.
@@ -33,6 +33,11 @@ const CAUGHT_UP: f64 = 5.0;
 const MOVED: f64 = 0.2;
 /// Number of changes on either side without which a recording does not move.
 const MOVES: usize = 3;
+/// A sensor is slow if it keeps each value for this many rows or more, and for as many within this part of it or one row, for
+/// this part of its values.
+const SLOW: f64 = 3.0;
+const REGULAR: f64 = 0.1;
+const MOSTLY: f64 = 0.8;
 /// Number of samples from which on a run of one value can be judged.
 const ALWAYS: usize = 20;
 /// Values of which more than one in this number breaks away have no usual change. Recorded values that break away more
@@ -349,6 +354,40 @@ pub fn of_fresh(mut values: Vec<f64>, recorded: &[f64]) -> Vec<f64> {
     values
 }
 
+/// Number of rows for each value of a sensor that is slower than the recording; `None` if it is not. Values that stay because
+/// they are recorded in coarse steps change by one of these, and stay for as long as the motion is slow.
+pub fn rows_per_value(values: &[f64]) -> Option<usize> {
+    let kept = kept(values);
+    let inner = kept.get(1..kept.len().saturating_sub(1))?;
+    if inner.len() < NEARBY {
+        return None;
+    }
+    let lengths = inner.iter().map(|own| own.len() as f64);
+    let usual = median(lengths.clone())?;
+    let is_usual = |length: &f64| (length - usual).abs() <= (REGULAR * usual).max(1.0);
+    let regular = lengths.filter(is_usual).count();
+    let changes = inner
+        .windows(2)
+        .map(|pair| (values[pair[1][0]] - values[pair[0][0]]).abs());
+    let is_slow = usual >= SLOW
+        && regular as f64 >= MOSTLY * inner.len() as f64
+        && median(changes)? > STEPS * resolution(values);
+    is_slow.then_some(usual as usize)
+}
+
+/// Error of the repeated values: their rms distance from the lines between the new ones. 0 if there are none.
+pub fn error_of_repeats(time: &[f64], values: &[f64]) -> f64 {
+    let kept = kept(values);
+    let off = |pair: &[Vec<usize>]| -> Vec<f64> {
+        let (from, to) = (pair[0][0], pair[1][0]);
+        let slope = (values[to] - values[from]) / (time[to] - time[from]);
+        let own = pair[0].iter();
+        own.map(|&k| slope * (time[k] - time[from])).collect()
+    };
+    let all: Vec<f64> = kept.windows(2).flat_map(off).collect();
+    if all.is_empty() { 0.0 } else { rms(&all) }
+}
+
 /// Step in which values were recorded: the smallest distance between two of them, apart from a few exceptions.
 pub fn resolution(values: &[f64]) -> f64 {
     let mut values: Vec<f64> = values.iter().copied().filter(|z| z.is_finite()).collect();
@@ -528,6 +567,33 @@ mod tests {
         rests[7] = f64::NAN;
         assert_eq!(fresh(&rests), [true; 300]);
         assert_eq!(fresh(&[]), []);
+    }
+
+    #[test]
+    fn a_slow_sensor_is_told_from_coarse_steps_and_slow_motion() {
+        let held = |rows: usize| -> Vec<f64> {
+            let moving = sine(0, 1e-6);
+            (0..300).map(|k| moving[k / rows * rows]).collect()
+        };
+        assert_eq!(rows_per_value(&held(10)), Some(10));
+        assert_eq!(rows_per_value(&held(4)), Some(4));
+        for others in [
+            held(1),
+            held(2),
+            sine(0, 0.5),
+            sine(0, 0.1),
+            sine(30, 1e-6),
+            vec![1.0; 300],
+        ] {
+            assert_eq!(rows_per_value(&others), None);
+        }
+        assert_eq!(rows_per_value(&[]), None);
+        // With 10 samples of 0.1 s and a slope of 1/s: 0, 0.1 .. 0.9.
+        let time: Vec<f64> = (0..300).map(|k| 0.1 * f64::from(k)).collect();
+        let stairs: Vec<f64> = (0..300).map(|k| f64::from(k / 10)).collect();
+        let error = error_of_repeats(&time, &stairs);
+        assert!((error - 0.285_f64.sqrt()).abs() < 1e-9, "{error}");
+        assert_eq!(error_of_repeats(&[], &[]), 0.0);
     }
 
     #[test]

@@ -201,6 +201,15 @@ pub enum Diagnostic {
         /// Its rms residual divided by the median over all runs.
         ratio: f64,
     },
+    /// A measured signal is that of a sensor that is slower than the recording.
+    SlowSensor {
+        /// The measured column.
+        measured: String,
+        /// Name of the first such run.
+        run: String,
+        /// Number of rows for each value.
+        rows: usize,
+    },
     /// A run in which a measured signal is later or earlier against the model than in the others.
     Late {
         /// The measured column.
@@ -297,6 +306,7 @@ impl Diagnostic {
             Self::Jump { .. } => "jump",
             Self::Frozen { .. } => "frozen",
             Self::Misfit { .. } => "misfit",
+            Self::SlowSensor { .. } => "slow-sensor",
             Self::Late { .. } => "late",
             Self::Clipped { .. } => "clipped",
             Self::Copy { .. } => "copy",
@@ -477,6 +487,15 @@ impl fmt::Display for Diagnostic {
                 f,
                 "{measured} of {run} is fitted {ratio:.1} times as badly as that of the others: an origin, an input or a \
                  unit may be another there, or another pilot flew; see what the fit is without it"
+            ),
+            Self::SlowSensor {
+                measured,
+                run,
+                rows,
+            } => write!(
+                f,
+                "{measured} of {run} is new in one of {rows} rows alone, and repeated in the others: a fit takes every row for a \
+                 sample, and delays come out too long; empty the cells that repeat the one before"
             ),
             Self::Late { measured, run, by } => write!(
                 f,

@@ -6,7 +6,7 @@ use crate::problem::file::Mesh;
 use crate::result::Beside;
 use crate::result::diagnostic::Diagnostic;
 use crate::result::outliers::{
-    of_copies, of_ends, of_frozen, of_runs, of_samples, of_times, still,
+    of_copies, of_ends, of_frozen, of_repeats, of_runs, of_samples, of_times, still,
 };
 use crate::result::{Fit, Found};
 use crate::search::active::{held, on_stability_bound, violated};
@@ -116,6 +116,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
             all.extend(of_frozen(posed, fit, k, &still));
             all.extend(of_runs(posed, fit, k));
             all.extend(of_times(posed, fit, k));
+            all.extend(of_repeats(posed, fit, k));
             all.extend(of_ends(posed, fit, k));
         }
     }

@@ -5,7 +5,8 @@ use crate::problem::file::Noise;
 use crate::result::diagnostic::Diagnostic;
 use crate::result::{Fit, RunFit};
 use pilotage_inference::outliers::{
-    Breaks, Frozen, Kind, Values, frozen, misfit, of_fresh, resolution,
+    Breaks, Frozen, Kind, Values, error_of_repeats, frozen, misfit, of_fresh, resolution,
+    rows_per_value,
 };
 use pilotage_inference::statistics::{range, rms};
 use pilotage_inference::timing::{Response, late};
@@ -16,6 +17,9 @@ const CLIPPED: f64 = 0.05;
 const STAYS: usize = 5;
 /// Minimum number of quantisation steps in the range: a coarser recording stays constant anywhere.
 const LEVELS: f64 = 20.0;
+
+/// Repeated values matter if they are off by this part of the residuals.
+const SEEN: f64 = 0.2;
 
 /// A recording stands still if the model moves meanwhile by this part of the change after it.
 const MOVES: f64 = 0.3;
@@ -135,6 +139,20 @@ pub fn of_runs(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
         run: runs[run].name.clone(),
         ratio,
     })
+}
+
+/// A run whose measured signal most rows repeat, if the repeated values are off by a visible part of the residuals.
+pub fn of_repeats(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
+    let slow = |run: &RunFit| {
+        let rows = rows_per_value(&run.recorded[k])?;
+        let error = error_of_repeats(&run.time, &run.recorded[k]);
+        (error > SEEN * rms(&missed(run, k))).then(|| Diagnostic::SlowSensor {
+            measured: posed.file.measured[k].column.value.clone(),
+            run: run.name.clone(),
+            rows,
+        })
+    };
+    fit.runs.iter().find_map(slow)
 }
 
 /// The run in which a measured signal comes later or earlier than in the others. Not in loops: a pilot acts otherwise in each

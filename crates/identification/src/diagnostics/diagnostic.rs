@@ -174,6 +174,20 @@ pub enum Diagnostic {
         /// Number of such stretches, of which this is the longest.
         count: usize,
     },
+    /// The position is that of a sensor that is slower than the recording.
+    #[error(
+        "the position of {run} is new in one of {rows} rows alone, and repeated in the others: a fit takes every row for a \
+         sample, and the vehicle comes out {} s late; empty the cells that repeat the one before",
+        short(*.late, 2)
+    )]
+    SlowSensor {
+        /// Name of the first such run.
+        run: String,
+        /// Number of rows for each value.
+        rows: usize,
+        /// By how much the values are late on average \[s\].
+        late: f64,
+    },
     /// The stick of the fitted pilot stays at zero.
     #[error("the fitted pilot does nothing: its stick stays at zero")]
     IdlePilot,
@@ -434,6 +448,7 @@ impl Diagnostic {
             Self::SteppedTarget { .. } => "stepped-target",
             Self::Jump { .. } => "jump",
             Self::Frozen { .. } => "frozen",
+            Self::SlowSensor { .. } => "slow-sensor",
             Self::MeshError { .. } => "mesh-error",
             Self::Leaves { .. } => "leaves-target",
             Self::IdlePilot => "idle-pilot",

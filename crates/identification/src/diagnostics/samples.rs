@@ -22,6 +22,8 @@ const ANSWER: f64 = 1.5;
 const LEVELS: f64 = 2.5;
 /// Multiple of the usual step from which on a time without rows is a gap.
 const GAP: f64 = 10.0;
+/// By how much positions must be late \[s\] to change a pilot's delay visibly.
+const LATE: f64 = 0.02;
 /// Number of standard errors by which a speed must exceed the possible speed from rest.
 const SURE: f64 = 5.0;
 
@@ -48,6 +50,7 @@ pub fn recorded(trials: &[Trial]) -> Vec<Diagnostic> {
         outlier(&breaks, &looked_at, None, trials, "m"),
         jump(&breaks, trials, "m"),
         frozen,
+        trials.iter().find_map(slow_sensor),
         trials.iter().find_map(target_outlier),
     ];
     all.into_iter().flatten().collect()
@@ -72,6 +75,7 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
         ),
         jump(&breaks, trials, unit),
         frozen,
+        trials.iter().find_map(slow_sensor),
         trials.iter().find_map(target_outlier),
         moving(&looked_at, options, trials),
         gap(trials).filter(|_| !fit.is_feasible()),
@@ -173,6 +177,17 @@ fn is_driven(trial: &Trial, samples: Range<usize>) -> bool {
         part(&signal[samples.clone()]) > DRIVES * part(signal)
     };
     moves(&trial.target) || trial.stick.as_deref().is_some_and(moves)
+}
+
+/// Positions that most rows repeat.
+fn slow_sensor(trial: &Trial) -> Option<Diagnostic> {
+    let rows = outliers::rows_per_value(&trial.position)?;
+    let late = 0.5 * (rows - 1) as f64 * median_step(&trial.time)?;
+    (late >= LATE).then(|| Diagnostic::SlowSensor {
+        run: trial.name.clone(),
+        rows,
+        late,
+    })
 }
 
 /// A target that leaves its value for a few samples and returns to it, constant before and after.
