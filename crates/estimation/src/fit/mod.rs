@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `race` | all starts, and selection of the best |
 //! | `solve` | the SQP from one point |
+//! | `kinks` | optima at which an SQP stalls |
 //! | `refine` | finer meshes |
 //! | `unfinished` | the best parameters if no start has converged |
 //! | `check` | simulation with the same parameters |
@@ -13,6 +14,7 @@
 
 mod check;
 pub mod evaluate;
+mod kinks;
 mod predicted;
 mod race;
 mod refine;
@@ -116,6 +118,9 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     found.events = seen_events(posed, &last, &found, &watch);
     found.cut = cut(&found, &watch);
     let mut linear = None;
+    if found.status == Status::Converged && found.kkt.residual() > posed.file.options.tolerance {
+        found.offset = kinks::offset(posed, &last);
+    }
     if found.status == Status::Converged {
         let simulated = simulated.as_ref().map(|own| &own.at);
         let at = (&last.problem, &last.solution.iterate);

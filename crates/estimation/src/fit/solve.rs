@@ -1,5 +1,6 @@
 //! The SQP from one point, restarted with other scales if it makes no progress.
 
+use super::kinks::{Stall, is_optimum};
 use crate::posed::Posed;
 use crate::search::solved::Solved;
 use pilotage_collocation::{Collocation, Scales};
@@ -52,9 +53,20 @@ pub(super) fn once(
     see: &SeeIterates<'_>,
 ) -> Solved {
     let options = sqp_options(posed, limit);
-    let solution =
-        pilotage_collocation::solve(&problem, z, &options, &mut |iteration| see(iteration));
-    Solved { problem, solution }
+    let mut stall = Stall::default();
+    let has_kinks = posed.has_kinks();
+    let solution = pilotage_collocation::solve(&problem, z, &options, &mut |iteration| {
+        see(iteration)?;
+        match has_kinks && stall.is_seen(iteration) {
+            true => ControlFlow::Break(Status::NoProgress),
+            false => ControlFlow::Continue(()),
+        }
+    });
+    let mut solved = Solved { problem, solution };
+    if is_optimum(posed, &solved) {
+        solved.solution.status = Status::Converged;
+    }
+    solved
 }
 
 /// Options of a solve with an iteration limit.

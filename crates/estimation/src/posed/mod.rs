@@ -26,6 +26,7 @@ use crate::system::part::{Part, with_locals};
 use nalgebra::{Complex, DMatrix};
 use pilotage_collocation::{Bound, Differentiated, Loss, ParameterConstraints, Run};
 use pilotage_cosim::description::InstanceDescription;
+use pilotage_expression::{Function, Operation};
 use pilotage_filter::Filter;
 use pilotage_linear::eigenvalues;
 use std::sync::Arc;
@@ -74,6 +75,22 @@ pub struct Posed<'f> {
 pub type Open<'o> = &'o dyn Fn(&InstanceDescription) -> Result<Part, ProblemError>;
 
 impl<'f> Posed<'f> {
+    /// Whether the equations select between expressions of states, or take magnitudes of them.
+    pub(crate) fn has_kinks(&self) -> bool {
+        let system = &self.model.system;
+        let states = 0..self.joint.model.states.len();
+        let states: Vec<usize> = states.map(|k| system.state(k)).collect();
+        let varies = (system.graph).dependants(|variable| states.contains(&variable));
+        let mut operations = system.graph.operations().iter().zip(&varies);
+        operations.any(|(operation, varies)| {
+            let is_kink = matches!(
+                operation,
+                Operation::Select(..) | Operation::Unary(Function::Abs, _)
+            );
+            is_kink && *varies
+        })
+    }
+
     /// Indices of an unknown among the parameters of a [start](crate::search::starts::Start).
     pub(crate) fn places(&self, stands: &Stands) -> Vec<usize> {
         match stands {

@@ -17,6 +17,8 @@ pub enum Diagnostic {
         status: Status,
         /// Whether derivatives of the equations jump where states move: `min`, `if`, a dead zone.
         has_kinks: bool,
+        /// Whether a dead zone opens the loop whose stability is asked for.
+        is_resting: bool,
     },
     /// The states do not satisfy the equations, or constraints are violated: the largest scaled violation.
     NotMet(f64),
@@ -328,11 +330,18 @@ impl Diagnostic {
 impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotConverged { status, has_kinks } => write!(
+            Self::NotConverged {
+                status,
+                has_kinks,
+                is_resting,
+            } => write!(
                 f,
                 "the solver ended with \"{status}\": this is its best iterate, not a result; {}try other start values, ranges \
                  (min, max) or more `starts`",
                 match has_kinks {
+                    true if *is_resting =>
+                        "`closed_loop = true` asks that the loop is stable where the first run begins, and a dead zone opens it \
+                         there: take that line out; else ",
                     true =>
                         "the equations have kinks (`min`, `max`, `abs`, `if`, `sat`, `deadzone` ...), at which their \
                          derivatives jump: a smooth form often converges, as sqrt(x^2 + w^2) with a small w for abs(x); else ",

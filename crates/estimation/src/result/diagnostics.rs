@@ -10,11 +10,11 @@ use crate::result::outliers::{
 };
 use crate::result::{Fit, Found};
 use crate::search::active::{held, on_stability_bound, violated};
-use crate::search::begin::early_end;
+use crate::search::begin::{early_end, is_resting};
 use crate::search::solved::{Refinement, Solved};
 use crate::search::starts::given;
 use crate::system::part::FmuPart;
-use pilotage_expression::{Function, Node, Operation};
+use pilotage_expression::Node;
 use pilotage_inference::residuals::LjungBox;
 use pilotage_inference::{Class, is_stepped};
 use pilotage_series::flown;
@@ -191,24 +191,9 @@ fn early(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
 fn not_converged(posed: &Posed<'_>, fit: &Fit) -> Diagnostic {
     Diagnostic::NotConverged {
         status: fit.status,
-        has_kinks: fit.status == Status::IterationLimit && has_kinks(posed),
+        has_kinks: posed.has_kinks(),
+        is_resting: is_resting(posed),
     }
-}
-
-/// Whether the equations select between expressions of states, or take magnitudes of them.
-fn has_kinks(posed: &Posed<'_>) -> bool {
-    let system = &posed.model.system;
-    let states = 0..posed.joint.model.states.len();
-    let states: Vec<usize> = states.map(|k| system.state(k)).collect();
-    let varies = (system.graph).dependants(|variable| states.contains(&variable));
-    let mut operations = system.graph.operations().iter().zip(&varies);
-    operations.any(|(operation, varies)| {
-        let is_kink = matches!(
-            operation,
-            Operation::Select(..) | Operation::Unary(Function::Abs, _)
-        );
-        is_kink && *varies
-    })
 }
 
 /// FMUs with failed calls to report.

@@ -60,6 +60,9 @@ pub struct Fit {
     pub iterations: usize,
     /// Last KKT residual of the solver.
     pub kkt: Kkt,
+    /// If the solve stalled at an optimum with kinks, with a larger KKT residual than its tolerance: the length of a
+    /// Gauss–Newton step from there, in standard deviations over the square root of the number of unknowns.
+    pub offset: Option<f64>,
     /// Poles of the system, linearised at the end of the first run \[1/s\].
     pub poles: Vec<[f64; 2]>,
     /// How the mesh was refined.
@@ -261,6 +264,7 @@ impl Fit {
             derived: expressed(posed, &states, &theta, &posed.quantities.derived),
             iterations: solution.work.iterations,
             kkt: solution.kkt,
+            offset: None,
             poles: states[0].last().map_or_else(Vec::new, |x| {
                 let poles = poles(posed, x, &theta);
                 poles.iter().map(|pole| [pole.re, pole.im]).collect()

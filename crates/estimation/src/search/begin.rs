@@ -1,9 +1,9 @@
 //! The beginning of a search: the nonlinear program of a start, its mesh, scheme and scales.
 
-use crate::posed::{MOST_INTERVALS, Posed, Stands};
+use crate::posed::{MOST_INTERVALS, Posed, Stands, poles};
 use crate::problem::file::{Mesh, Options};
 use crate::search::solved::STIFF_SCHEME;
-use crate::search::starts::Start;
+use crate::search::starts::{Start, given};
 use pilotage_collocation::{Collocation, Course, Quality, Run, Scales, Scheme, Stop};
 use rayon::prelude::*;
 
@@ -55,6 +55,20 @@ pub(crate) fn early_end(posed: &Posed<'_>, start: &Start, stop: &Stop<'_>) -> Op
     let courses = courses(posed, &point(posed, start), stop);
     let mut ends = courses.iter().map(Course::early_end).enumerate();
     ends.find_map(|(j, end)| Some((j, end?)))
+}
+
+/// Whether the loop whose stability is asked for is open where it is linearised, at the start of the first run: it has kinks,
+/// and a pole at zero with the given start values, as beside a vehicle that integrates if the pilot's dead zone hides small
+/// errors. No parameters fulfil that condition.
+pub fn is_resting(posed: &Posed<'_>) -> bool {
+    const ZERO: f64 = 1e-9;
+    if posed.file.stability.closed_loop.is_none() || !posed.has_kinks() {
+        return false;
+    }
+    let start = given(posed);
+    let (theta, own) = start.parameters.split_at(posed.shared);
+    let poles = poles(posed, &initial(posed, own, 0), theta);
+    poles.iter().any(|pole| pole.norm() < ZERO)
 }
 
 fn point<'p>(posed: &Posed<'_>, start: &'p Start) -> Point<'p> {

@@ -132,6 +132,7 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
         "doubts": fit.diagnostics.iter().map(|own| json!({ "code": own.code(), "words": own.to_string() })).collect::<Vec<_>>(),
         "iterations": fit.refinement.iterations,
         "kkt": fit.kkt.residual(),
+        "offset": fit.offset,
         "mesh": {
             "intervals": fit.refinement.intervals,
             "refinements": fit.refinement.rounds,
@@ -297,15 +298,27 @@ fn rms(run: &RunFit, k: usize, noise: Noise) -> (f64, f64) {
     (mean(plain), mean(run.residuals(k, noise)))
 }
 
+/// How far from an optimum the solve ended.
+fn distance(fit: &Fit) -> String {
+    let residual = format!("scaled KKT residual {:.1e}", fit.kkt.residual());
+    match fit.offset {
+        Some(offset) => format!(
+            "{residual} at kinks, {} standard deviations from the optimum",
+            significant(offset, 1)
+        ),
+        None => residual,
+    }
+}
+
 /// The summary as text for people.
 pub fn to_text(outcomes: &Outcomes<'_>) -> String {
     let Outcomes { posed, fit, .. } = *outcomes;
     let verdict = fit.verdict();
     let mut text = format!(
-        "{verdict}: {}, {} s, scaled KKT residual {:.1e}\n{}, {}: {}\n\n",
+        "{verdict}: {}, {} s, {}\n{}, {}: {}\n\n",
         counted(fit.refinement.iterations, "iteration"),
         significant(fit.seconds, 3),
-        fit.kkt.residual(),
+        distance(fit),
         counted(fit.runs.len(), "run"),
         counted(fit.samples, "measured value"),
         objective(fit),
