@@ -2,6 +2,7 @@
 
 use crate::cli::Failure;
 use crate::document::Place;
+use crate::estimation::search::begin::is_resting;
 use crate::estimation::{Posed, ProblemError, ProblemFile, part};
 use std::path::Path;
 
@@ -46,12 +47,21 @@ pub fn accepted(mut text: String, path: &Path) -> Result<(String, Vec<String>), 
     }
 }
 
-/// Why the text is no valid problem.
+/// What an open loop is commented out with.
+const OPEN: &str = "the stability asked for is that where the first run begins, and a dead zone opens the loop there";
+
+/// Why the text is no valid problem, or one that has no solution.
 fn refusal(text: &str, path: &Path) -> Option<ProblemError> {
-    match ProblemFile::parse(text, path) {
-        Ok(file) => Posed::new(&file, &part::open).err(),
-        Err(error) => Some(error),
-    }
+    let file = match ProblemFile::parse(text, path) {
+        Ok(file) => file,
+        Err(error) => return Some(error),
+    };
+    let posed = match Posed::new(&file, &part::open) {
+        Ok(posed) => posed,
+        Err(error) => return Some(error),
+    };
+    let place = file.stability.closed_loop.as_ref()?;
+    is_resting(&posed).then(|| ProblemError::at(place, OPEN))
 }
 
 /// The text with the refused part commented out, and the section of that; `None` if the problem requires it.

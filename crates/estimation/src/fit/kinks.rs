@@ -55,7 +55,5 @@ pub(crate) fn is_optimum(posed: &Posed<'_>, solved: &Solved) -> bool {
         solved.solution.status,
         Status::NoProgress | Status::IterationLimit
     );
-    has_stalled
-        && posed.has_kinks()
-        && offset(posed, solved).is_some_and(|offset| offset <= OFFSET)
+    has_stalled && posed.has_kinks() && offset(posed, solved).is_some_and(|offset| offset <= OFFSET)
 }

@@ -650,7 +650,7 @@ impl fmt::Display for Diagnostic {
             Self::Flat(curvature) => write!(
                 f,
                 "in some direction the objective is flat (scaled curvature {curvature:.1e}): the data do not \
-                 distinguish all parameters; fix one, or give it a prior"
+                 distinguish all parameters; fix one, give it a prior, or begin where all have an effect"
             ),
         }
     }

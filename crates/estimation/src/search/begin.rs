@@ -3,7 +3,7 @@
 use crate::posed::{MOST_INTERVALS, Posed, Stands, poles};
 use crate::problem::file::{Mesh, Options};
 use crate::search::solved::STIFF_SCHEME;
-use crate::search::starts::{Start, given};
+use crate::search::starts::{Start, starts};
 use pilotage_collocation::{Collocation, Course, Quality, Run, Scales, Scheme, Stop};
 use rayon::prelude::*;
 
@@ -58,17 +58,19 @@ pub(crate) fn early_end(posed: &Posed<'_>, start: &Start, stop: &Stop<'_>) -> Op
 }
 
 /// Whether the loop whose stability is asked for is open where it is linearised, at the start of the first run: it has kinks,
-/// and a pole at zero with the given start values, as beside a vehicle that integrates if the pilot's dead zone hides small
-/// errors. No parameters fulfil that condition.
+/// and a pole at zero from all of several starts, as beside a vehicle that integrates if the pilot's dead zone hides small
+/// errors. No parameters fulfil that condition then.
 pub fn is_resting(posed: &Posed<'_>) -> bool {
+    const STARTS: usize = 5;
     const ZERO: f64 = 1e-9;
-    if posed.file.stability.closed_loop.is_none() || !posed.has_kinks() {
-        return false;
-    }
-    let start = given(posed);
-    let (theta, own) = start.parameters.split_at(posed.shared);
-    let poles = poles(posed, &initial(posed, own, 0), theta);
-    poles.iter().any(|pole| pole.norm() < ZERO)
+    let has_pole_at_zero = |start: &Start| {
+        let (theta, own) = start.parameters.split_at(posed.shared);
+        let poles = poles(posed, &initial(posed, own, 0), theta);
+        poles.iter().any(|pole| pole.norm() < ZERO)
+    };
+    posed.file.stability.closed_loop.is_some()
+        && posed.has_kinks()
+        && starts(posed, STARTS).iter().all(has_pole_at_zero)
 }
 
 fn point<'p>(posed: &Posed<'_>, start: &'p Start) -> Point<'p> {

@@ -1,7 +1,7 @@
 //! Beginning and end of a search: starts, the nonlinear program of a start, and its solution.
 
 pub(crate) mod active;
-pub(crate) mod begin;
+pub mod begin;
 pub(crate) mod likelihood;
 pub mod solved;
 pub mod starts;
