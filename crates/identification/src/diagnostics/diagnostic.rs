@@ -50,6 +50,17 @@ pub enum Diagnostic {
         /// The run, if it is not so in all.
         run: Option<String>,
     },
+    /// The positions follow the targets from another origin.
+    #[error(
+        "the positions of {run} follow its targets {} m beside them: one of the two may have another origin",
+        short(*.offset, 3)
+    )]
+    Origin {
+        /// Name of the first such run.
+        run: String,
+        /// Mean of positions minus targets \[m\].
+        offset: f64,
+    },
     /// The runs are so short, or their samples so sparse, that another time unit is likely.
     #[error(
         "the longest run takes {duration:.1} s with a sample every {} s: a pilot acts within tenths \
@@ -150,17 +161,22 @@ pub enum Diagnostic {
         /// Unit of the size.
         unit: &'static str,
     },
-    /// The position repeats a value while the vehicle moves on.
+    /// The position or the target repeats a value while the vehicle moves on.
     #[error(
-        "the position of {run} stays at {} m from {} s to {} s{}{}: the sensor or the recording stood still; empty these \
-         cells",
+        "the {of} of {run} stays at {} m from {} s to {} s{}{}: the sensor or the recording stood still; {}",
         short(*.value, 6),
         rounded(*.from, 9),
         rounded(*.to, 9),
         afterwards(*.size),
-        stretches(*.count)
+        stretches(*.count),
+        match *.of {
+            "position" => "empty these cells",
+            _ => "cut the run there",
+        }
     )]
     Frozen {
+        /// `position` or `target`.
+        of: &'static str,
         /// Name of the run.
         run: String,
         /// The value \[m\].
@@ -439,6 +455,7 @@ impl Diagnostic {
             Self::ConstantData => "constant-data",
             Self::NoForcing { .. } => "no-forcing",
             Self::WrongScale { .. } => "wrong-scale",
+            Self::Origin { .. } => "origin",
             Self::TimeScale { .. } => "time-scale",
             Self::Misfit { .. } => "misfit",
             Self::DeadStick { .. } => "dead-stick",

@@ -24,6 +24,15 @@ const FOLLOWS: f64 = 0.7;
 /// Slopes of positions over targets that humans produce; initially they are small. Slopes outside indicate another
 /// unit: feet give 3.28.
 const SLOPES: std::ops::RangeInclusive<f64> = -0.1..=2.5;
+/// Slope of positions that follow targets closely, with a larger correlation, below which the targets have another unit:
+/// centimetres give 0.01.
+const SMALL: f64 = 0.05;
+const CLOSELY: f64 = 0.8;
+/// Positions follow targets from another origin if they do so with a larger correlation and one of these slopes, and are
+/// beside them by this part of the targets' range.
+const FOLLOWED: f64 = 0.9;
+const NEAR_ONE: std::ops::RangeInclusive<f64> = 0.5..=1.5;
+const BESIDE: f64 = 0.5;
 /// Duration of a run below which it is too short for a task [s], and longest plausible time between samples [s].
 const SHORT: f64 = 1.0;
 const SPARSE: f64 = 2.0;
@@ -38,6 +47,7 @@ const COARSE: f64 = 0.1;
 pub fn recorded(trials: &[Trial]) -> Vec<Diagnostic> {
     let all = [
         movement(trials),
+        origin(trials),
         time_scale(trials),
         dead_stick(trials),
         copy(trials),
@@ -154,8 +164,56 @@ fn wrong_scale(trials: &[Trial]) -> Option<f64> {
         let all = all.iter().filter(move |own| sign * own[0] > FOLLOWS);
         all.max_by(|a, b| (sign * a[0]).total_cmp(&(sign * b[0])))
     };
-    let [_, slope] = *best(1.0).or_else(|| best(-1.0))?;
-    (!SLOPES.contains(&slope)).then_some(slope)
+    let [correlation, slope] = *best(1.0).or_else(|| best(-1.0))?;
+    let is_small = slope.abs() < SMALL && correlation.abs() > CLOSELY;
+    (!SLOPES.contains(&slope) || is_small).then_some(slope)
+}
+
+/// The first run whose positions follow a moving target beside it.
+fn origin(trials: &[Trial]) -> Option<Diagnostic> {
+    let of_run = |trial: &Trial| {
+        let [low, high] = range(&trial.target);
+        let step = median_step(&trial.time)?;
+        let beside = |k: u32| {
+            let late = LONGEST_DELAY * f64::from(k) / f64::from(DELAYS) / step;
+            let late = late.round() as usize;
+            let pairs = trial.target.iter().zip(trial.position.iter().skip(late));
+            let pairs = pairs.filter(|(_, z)| z.is_finite()).map(|(w, z)| (*w, *z));
+            line(&pairs.collect::<Vec<_>>())
+        };
+        let all = (0..=DELAYS).map(beside);
+        let best = all.max_by(|a, b| a.correlation.total_cmp(&b.correlation))?;
+        let is_beside = best.offset.abs() > BESIDE * (high - low)
+            && best.correlation > FOLLOWED
+            && NEAR_ONE.contains(&best.slope);
+        is_beside.then(|| Diagnostic::Origin {
+            run: trial.name.clone(),
+            offset: best.offset,
+        })
+    };
+    trials.iter().find_map(of_run)
+}
+
+/// Second values over first ones.
+struct Line {
+    correlation: f64,
+    slope: f64,
+    /// Difference of the means.
+    offset: f64,
+}
+
+fn line(pairs: &[(f64, f64)]) -> Line {
+    let count = pairs.len() as f64;
+    let sum = |of: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>();
+    let (a, b) = (sum(&|own| own.0) / count, sum(&|own| own.1) / count);
+    let product = sum(&|own| (own.0 - a) * (own.1 - b));
+    let first = sum(&|own| (own.0 - a).powi(2));
+    let second = sum(&|own| (own.1 - b).powi(2));
+    Line {
+        correlation: product / (first * second).sqrt(),
+        slope: product / first,
+        offset: b - a,
+    }
 }
 
 /// Correlation of positions with the targets `delay` seconds earlier, and the slope between them.

@@ -50,6 +50,7 @@ pub fn recorded(trials: &[Trial]) -> Vec<Diagnostic> {
         outlier(&breaks, &looked_at, None, trials, "m"),
         jump(&breaks, trials, "m"),
         frozen,
+        trials.iter().find_map(frozen_target),
         trials.iter().find_map(slow_sensor),
         trials.iter().find_map(target_outlier),
     ];
@@ -75,6 +76,7 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
         ),
         jump(&breaks, trials, unit),
         frozen,
+        trials.iter().find_map(frozen_target),
         trials.iter().find_map(slow_sensor),
         trials.iter().find_map(target_outlier),
         moving(&looked_at, options, trials),
@@ -154,6 +156,7 @@ fn broken(trials: &[Trial], looked_at: &[Values], kind: Kind) -> (Option<Diagnos
     let diagnostic = longest.map(|(trial, own)| {
         let (first, last) = (own.samples.start, own.samples.end - 1);
         Diagnostic::Frozen {
+            of: "position",
             run: trial.name.clone(),
             value: trial.position[first],
             from: trial.time[first],
@@ -177,6 +180,24 @@ fn is_driven(trial: &Trial, samples: Range<usize>) -> bool {
         part(&signal[samples.clone()]) > DRIVES * part(signal)
     };
     moves(&trial.target) || trial.stick.as_deref().is_some_and(moves)
+}
+
+/// The longest stretch in which a target stands still that moves before and afterwards.
+fn frozen_target(trial: &Trial) -> Option<Diagnostic> {
+    let mut frozen = outliers::frozen(&trial.target);
+    frozen.retain(|own| !own.is_end);
+    let count = frozen.len();
+    let own = frozen.into_iter().max_by_key(|own| own.samples.len())?;
+    let value = trial.target[own.samples.start];
+    Some(Diagnostic::Frozen {
+        of: "target",
+        run: trial.name.clone(),
+        value,
+        from: trial.time[own.samples.start],
+        to: trial.time[own.samples.end - 1],
+        size: own.next.map(|next| trial.target[next] - value),
+        count,
+    })
 }
 
 /// Positions that most rows repeat.
