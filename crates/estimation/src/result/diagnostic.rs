@@ -194,6 +194,33 @@ pub enum Diagnostic {
         /// Number of such stretches, of which this is the longest.
         count: usize,
     },
+    /// A column that drives an input along lines repeats a value and then jumps, and moves before and afterwards.
+    FrozenInput {
+        /// The column.
+        column: String,
+        /// Name of the run.
+        run: String,
+        /// Time of the first such sample \[s\].
+        from: f64,
+        /// Time of the last such sample \[s\].
+        to: f64,
+    },
+    /// A run without rows for a time in which inputs are driven along lines.
+    Gap {
+        /// Name of the run.
+        run: String,
+        /// Time of the last row before \[s\].
+        from: f64,
+        /// Time of the first row afterwards \[s\].
+        to: f64,
+    },
+    /// The runs with a pilot are so short, or their samples so sparse, that another time unit is likely.
+    TimeScale {
+        /// Duration of the longest run \[s\].
+        duration: f64,
+        /// Median time between its samples \[s\].
+        step: f64,
+    },
     /// A run that is fitted far worse than the others.
     Misfit {
         /// The measured column.
@@ -225,11 +252,13 @@ pub enum Diagnostic {
     Clipped {
         /// The measured column.
         measured: String,
+        /// The run in which most samples do so.
+        run: String,
         /// That value, in the signal's unit.
         value: f64,
         /// Its unit.
         unit: Option<String>,
-        /// Fraction of the samples at this or the opposite extreme, 0 to 1.
+        /// Fraction of its samples at this or the opposite extreme, 0 to 1.
         part: f64,
     },
     /// Two runs of different files have the same samples.
@@ -307,6 +336,9 @@ impl Diagnostic {
             Self::Outlier { .. } => "outlier",
             Self::Jump { .. } => "jump",
             Self::Frozen { .. } => "frozen",
+            Self::FrozenInput { .. } => "frozen-input",
+            Self::Gap { .. } => "gap",
+            Self::TimeScale { .. } => "time-scale",
             Self::Misfit { .. } => "misfit",
             Self::SlowSensor { .. } => "slow-sensor",
             Self::Late { .. } => "late",
@@ -488,6 +520,31 @@ impl fmt::Display for Diagnostic {
                     },
                 )
             }
+            Self::FrozenInput {
+                column,
+                run,
+                from,
+                to,
+            } => write!(
+                f,
+                "{column} of {run}, which drives an input, stands still from {} s to {} s, then jumps: the recording stood \
+                 still; cut the run there",
+                rounded(*from, 9),
+                rounded(*to, 9)
+            ),
+            Self::Gap { run, from, to } => write!(
+                f,
+                "{run} has no rows from {} s to {} s, and its inputs are taken along lines there: cut the run there",
+                rounded(*from, 9),
+                rounded(*to, 9)
+            ),
+            Self::TimeScale { duration, step } => write!(
+                f,
+                "the longest run takes {} s with a sample every {} s: a pilot acts within tenths of a second and takes \
+                 seconds to a target, so the times may be in another unit; head the column with it, as in `time [ms]`",
+                short(*duration, 3),
+                short(*step, 3)
+            ),
             Self::Misfit {
                 measured,
                 run,
@@ -515,12 +572,13 @@ impl fmt::Display for Diagnostic {
             ),
             Self::Clipped {
                 measured,
+                run,
                 value,
                 unit,
                 part,
             } => write!(
                 f,
-                "{:.0} % of the samples of {measured} stay at the ends of what was recorded, such as {value}{}: if that is a \
+                "{:.0} % of the samples of {measured} in {run} stay at the ends of what was recorded, such as {value}{}: if that is a \
                  stop, let the model saturate with `sat`; if a sensor's range, empty those cells",
                 100.0 * part,
                 spaced(unit.as_deref()),

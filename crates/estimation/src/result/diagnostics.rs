@@ -8,6 +8,7 @@ use crate::result::diagnostic::Diagnostic;
 use crate::result::outliers::{
     of_copies, of_ends, of_frozen, of_repeats, of_runs, of_samples, of_times, still,
 };
+use crate::result::recordings::of_recordings;
 use crate::result::{Fit, Found};
 use crate::search::active::{held, on_stability_bound, violated};
 use crate::search::begin::{early_end, is_resting};
@@ -122,6 +123,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     }
     all.extend(of_copies(posed, fit));
     all.extend(stepped(posed));
+    all.extend(of_recordings(posed, fit));
     let heads =
         (posed.data.iter()).map(|run| (run.line.name.as_str(), run.series.comments.as_slice()));
     all.extend(flown::mixed(heads).into_iter().map(Diagnostic::Mixed));

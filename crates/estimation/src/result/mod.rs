@@ -11,6 +11,7 @@ pub mod loops;
 mod opened;
 pub(crate) mod outliers;
 pub mod paths;
+mod recordings;
 pub mod uncertainty;
 
 use crate::innovations::{Ahead, Optimum, ahead};

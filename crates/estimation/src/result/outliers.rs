@@ -176,22 +176,23 @@ pub fn of_times(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
 
 /// A measured signal that stays at the ends of its range within a run. At the start and end of a run it may be at rest.
 pub fn of_ends(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
-    let runs = || fit.runs.iter().map(|run| &run.recorded[k]);
-    let all: Vec<f64> = runs()
-        .flatten()
-        .copied()
-        .filter(|y| y.is_finite())
-        .collect();
-    let [lowest, highest] = range(&all);
-    if highest - lowest < LEVELS * resolution(&all) {
-        return None;
-    }
-    let stays = |end: f64| -> usize { runs().map(|run| stays(run, end)).sum() };
-    let (low, high) = (stays(lowest), stays(highest));
-    let part = (low + high) as f64 / all.len() as f64;
+    let of_run = |run: &RunFit| {
+        let known = run.recorded[k].iter().copied();
+        let all: Vec<f64> = known.filter(|y| y.is_finite()).collect();
+        let [lowest, highest] = range(&all);
+        if highest - lowest < LEVELS * resolution(&all) {
+            return None;
+        }
+        let [low, high] = [lowest, highest].map(|end| stays(&run.recorded[k], end));
+        let part = (low + high) as f64 / all.len() as f64;
+        Some((part, if high >= low { highest } else { lowest }))
+    };
+    let most = fit.runs.iter().filter_map(|run| Some((run, of_run(run)?)));
+    let (run, (part, value)) = most.max_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
     (part >= CLIPPED).then(|| Diagnostic::Clipped {
         measured: posed.file.measured[k].column.value.clone(),
-        value: if high >= low { highest } else { lowest },
+        run: run.name.clone(),
+        value,
         unit: posed.unit_of(k).map(str::to_owned),
         part,
     })
