@@ -9,9 +9,10 @@ use crate::search::solved::Solved;
 use pilotage_inference::Inference;
 use pilotage_sqp::{Iteration, Status};
 
-/// Relative offset up to which a stalled solve has found an optimum: a twentieth of a standard deviation. Bates & Watts
-/// (Technometrics 23, 1981) take 1e-3 for smooth models; what the nodes of a mesh add is some 1e-2.
-const OFFSET: f64 = 0.05;
+/// Relative offset up to which a stalled solve has found an optimum of its mesh: a standard deviation. Bates & Watts
+/// (Technometrics 23, 1981) take 1e-3 for smooth models; at kinks of a mesh it is 1e-2 to 1, since the derivatives there are
+/// those of one side. A fit whose offset is not small says so.
+const OFFSET: f64 = 1.0;
 
 /// Violation of the scaled equations with which an objective is that of a run.
 const FEASIBLE: f64 = 1e-6;

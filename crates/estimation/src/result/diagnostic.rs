@@ -20,6 +20,8 @@ pub enum Diagnostic {
         /// Whether a dead zone opens the loop whose stability is asked for.
         is_resting: bool,
     },
+    /// The solve ended at kinks of the equations, away from an optimum by this many standard deviations.
+    AtKinks(f64),
     /// The states do not satisfy the equations, or constraints are violated: the largest scaled violation.
     NotMet(f64),
     /// A parameter lies on a bound of its range.
@@ -314,6 +316,7 @@ impl Diagnostic {
     pub fn code(&self) -> &'static str {
         match self {
             Self::NotConverged { .. } => "not-converged",
+            Self::AtKinks(_) => "kinks",
             Self::NotMet(_) => "not-met",
             Self::AtBound { .. } => "at-bound",
             Self::Violated { .. } => "violated",
@@ -379,6 +382,12 @@ impl fmt::Display for Diagnostic {
                          derivatives jump: a smooth form often converges, as sqrt(x^2 + w^2) with a small w for abs(x); else ",
                     false => "",
                 }
+            ),
+            Self::AtKinks(offset) => write!(
+                f,
+                "the solver ended at kinks of the equations (`min`, `max`, `abs`, `if`, `sat`, `deadzone` ...): the parameters \
+                 may be {} of a standard deviation beside the optimum; a smaller mesh_tolerance or a smooth form may do better",
+                short(*offset, 1)
             ),
             Self::NotMet(violation) => write!(
                 f,

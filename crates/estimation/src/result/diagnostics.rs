@@ -27,6 +27,8 @@ const GROWTH: f64 = 1e-6;
 const MOVES: f64 = 1e-3;
 /// Variance accounted for below which a fit is poor.
 const POOR: f64 = 0.5;
+/// Distance of a solution from an optimum, in standard deviations, that is not told.
+const SMALL_OFFSET: f64 = 0.05;
 /// Smallest scaled curvature that is not considered flat.
 const FLAT: f64 = 1e-9;
 /// What is undefined if all terms of the problem are finite at its samples.
@@ -58,6 +60,11 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
         }
     }
     all.extend(dead);
+    all.extend(
+        fit.offset
+            .filter(|own| *own > SMALL_OFFSET)
+            .map(Diagnostic::AtKinks),
+    );
     let is_undefined = fit.status == Status::UndefinedStart;
     if !fit.is_met() && !is_undefined {
         all.push(Diagnostic::NotMet(fit.kkt.primal));
