@@ -154,7 +154,9 @@ pub enum SeriesError {
         line: usize,
     },
     /// Time does not increase.
-    #[error("{file}:{line}: time {time} s does not come after {previous} s, the row before")]
+    #[error(
+        "{file}:{line}: time {time} s does not come after {previous} s, the row before; leave repeated rows out"
+    )]
     TimeOrder {
         /// The file.
         file: String,

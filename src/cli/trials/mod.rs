@@ -172,7 +172,7 @@ fn to_table(set: &TrialSet) -> String {
     }
     for (trial, summary, _) in uses
         .iter()
-        .filter(|(_, summary, _)| summary.largest_gap > 1.5)
+        .filter(|(_, summary, _)| summary.largest_gap > 1.9)
     {
         text += &format!(
             "note: {}: the longest time step is {:.1} times the usual one; is a stretch of the recording lost?\n",

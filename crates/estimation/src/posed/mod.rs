@@ -26,7 +26,7 @@ use crate::system::part::{Part, with_locals};
 use nalgebra::{Complex, DMatrix};
 use pilotage_collocation::{Bound, Differentiated, Loss, ParameterConstraints, Run};
 use pilotage_cosim::description::InstanceDescription;
-use pilotage_expression::{Function, Operation};
+use pilotage_expression::{Function, Graph, Operation};
 use pilotage_filter::Filter;
 use pilotage_linear::eigenvalues;
 use std::sync::Arc;
@@ -71,6 +71,19 @@ pub struct Posed<'f> {
     pub data: Vec<RunData<'f>>,
 }
 
+/// Whether expressions of these variables are selected between, or have magnitudes.
+fn has_kinks(graph: &Graph, variables: &[usize]) -> bool {
+    let varies = graph.dependants(|variable| variables.contains(&variable));
+    let mut operations = graph.operations().iter().zip(&varies);
+    operations.any(|(operation, varies)| {
+        let is_kink = matches!(
+            operation,
+            Operation::Select(..) | Operation::Unary(Function::Abs, _)
+        );
+        is_kink && *varies
+    })
+}
+
 /// A function that opens an instance.
 pub type Open<'o> = &'o dyn Fn(&InstanceDescription) -> Result<Part, ProblemError>;
 
@@ -79,15 +92,21 @@ impl<'f> Posed<'f> {
     pub(crate) fn has_kinks(&self) -> bool {
         let system = &self.model.system;
         let states = 0..self.joint.model.states.len();
-        let states: Vec<usize> = states.map(|k| system.state(k)).collect();
-        let varies = (system.graph).dependants(|variable| states.contains(&variable));
-        let mut operations = system.graph.operations().iter().zip(&varies);
-        operations.any(|(operation, varies)| {
-            let is_kink = matches!(
-                operation,
-                Operation::Select(..) | Operation::Unary(Function::Abs, _)
-            );
-            is_kink && *varies
+        has_kinks(
+            &system.graph,
+            &states.map(|k| system.state(k)).collect::<Vec<_>>(),
+        )
+    }
+
+    /// Whether those of an instance with this name do, or select between expressions of its inputs.
+    pub(crate) fn has_kinks_in(&self, instance: &str) -> bool {
+        let mut parts = self.joint.parts.iter();
+        let part = parts.find(|(name, _)| name == instance);
+        part.is_some_and(|(_, part)| {
+            let (model, system) = (&part.model, &part.model.system);
+            let states = (0..model.states.len()).map(|k| system.state(k));
+            let inputs = (0..model.inputs.len()).map(|k| system.input(k));
+            has_kinks(&system.graph, &states.chain(inputs).collect::<Vec<_>>())
         })
     }
 

@@ -8,7 +8,7 @@ use crate::result::diagnostic::Diagnostic;
 use crate::result::outliers::{
     of_copies, of_ends, of_frozen, of_repeats, of_runs, of_samples, of_times, still,
 };
-use crate::result::recordings::of_recordings;
+use crate::result::recordings::{PILOT, of_recordings};
 use crate::result::{Fit, Found};
 use crate::search::active::{held, on_stability_bound, violated};
 use crate::search::begin::{early_end, is_resting};
@@ -109,7 +109,8 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     let is_flat = all.iter().any(|own| matches!(own, Diagnostic::Flat(_)));
     all.extend(undetermined(fit).filter(|_| !is_flat));
     // A stick at its stops is not linear, and its describing function differs.
-    if posed.unlimited.is_none() {
+    // Nor is a pilot with kinks: a dead zone, a rate limit.
+    if posed.unlimited.is_none() && !posed.has_kinks_in(PILOT) {
         all.extend(fit.describing.contradicted().map(Diagnostic::Contradicted));
     }
     all.extend(of_inputs(fit));

@@ -16,7 +16,7 @@ const ROWS: usize = 50;
 const SHORT: f64 = 1.0;
 const SPARSE: f64 = 2.0;
 /// The instance that is a person.
-const PILOT: &str = "pilot";
+pub const PILOT: &str = "pilot";
 
 /// All of these diagnostics.
 pub fn of_recordings(posed: &Posed<'_>, fit: &Fit) -> Vec<Diagnostic> {

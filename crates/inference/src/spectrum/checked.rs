@@ -131,7 +131,7 @@ impl Describing {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
     "the fitted {what} lies outside of the error bars of the describing function, which needs no model, at {} of {lines} \
-     lines ({}): pilot or vehicle have another structure, or another one flew",
+     lines ({}): pilot or vehicle have another structure, another one flew, or columns have different clocks",
     frequencies.len(),
     shown(frequencies)
 )]
