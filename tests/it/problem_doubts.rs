@@ -385,7 +385,7 @@ fn samples_and_runs_that_stand_out_are_told() {
     }
     let clipped = words(&fit(&folder).json(), "clipped").unwrap();
     assert!(
-        clipped.contains("of the samples of x stay at the ends"),
+        clipped.contains("of the samples of x in 3.csv stay at the ends"),
         "{clipped}"
     );
     assert!(clipped.contains("such as 0.8"), "{clipped}");

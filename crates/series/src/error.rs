@@ -155,7 +155,8 @@ pub enum SeriesError {
     },
     /// Time does not increase.
     #[error(
-        "{file}:{line}: time {time} s does not come after {previous} s, the row before; leave repeated rows out"
+        "{file}:{line}: time {time} s does not come after {previous} s, the row before{}",
+        if time == previous { "; leave repeated rows out" } else { "" }
     )]
     TimeOrder {
         /// The file.

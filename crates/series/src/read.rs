@@ -339,13 +339,13 @@ mod tests {
         let error = Series::parse(text.as_bytes(), "f.csv").unwrap_err();
         assert_eq!(
             error.to_string(),
-            "f.csv:9: time 1 s does not come after 1 s, the row before"
+            "f.csv:9: time 1 s does not come after 1 s, the row before; leave repeated rows out"
         );
         let text = text.replace('\n', "\r\n");
         let error = Series::parse(text.as_bytes(), "f.csv").unwrap_err();
         assert_eq!(
             error.to_string(),
-            "f.csv:9: time 1 s does not come after 1 s, the row before"
+            "f.csv:9: time 1 s does not come after 1 s, the row before; leave repeated rows out"
         );
     }
 
