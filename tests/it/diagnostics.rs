@@ -353,6 +353,21 @@ fn jumps_and_stops_in_motion_are_told_before_a_fit() {
     assert_eq!(codes(stop), ["frozen"]);
     let start = |z: &mut [f64]| (1..60).for_each(|k| z[k] = z[0]);
     assert_eq!(codes(start), ["frozen"]);
+    let slow = |z: &mut [f64]| (0..z.len()).for_each(|k| z[k] = z[k / 10 * 10]);
+    assert_eq!(codes(slow), ["slow-sensor"]);
+    let beside = |z: &mut [f64]| z.iter_mut().for_each(|z| *z += 30.0);
+    assert_eq!(codes(beside), ["origin"]);
+    let other_unit = |z: &mut [f64]| z.iter_mut().for_each(|z| *z *= 0.01);
+    assert_eq!(codes(other_unit), ["wrong-scale"]);
+    let stops = |w: &mut [f64]| (100..130).for_each(|k| w[k] = w[100]);
+    let mut still = trials.clone();
+    stops(&mut still[0].target);
+    let found = recorded(&still);
+    assert_eq!(found[0].code(), "frozen");
+    assert!(
+        found[0].to_string().starts_with("the target of"),
+        "{found:?}"
+    );
 }
 
 /// What needs no fit is known before it.

@@ -103,6 +103,30 @@ fn the_plain_covariance_is_that_of_all_unknowns_together() {
     }
 }
 
+/// The part of the residuals that the columns of all derivatives span, in standard deviations.
+#[test]
+fn the_offset_is_that_of_the_residuals_from_the_tangent_space() {
+    let toy = Toy::new(6, 3, [20, 2, 2]);
+    let mut data = toy.data();
+    assert!(Inference::new(&data).unwrap().offset() < 1e-12);
+    // As if all unknowns were 0.
+    for (run, (_, y)) in data.runs.iter_mut().zip(&toy.runs) {
+        run.residuals.copy_from(y);
+    }
+    let (j, y) = toy.stacked();
+    let spanned = &j * toy.solution();
+    let noise = y.norm_squared() / (60.0 - 8.0);
+    let expected = (spanned.norm_squared() / 8.0 / noise).sqrt();
+    let found = Inference::new(&data).unwrap().offset();
+    assert!(
+        (found - expected).abs() < 1e-10 * expected,
+        "{found} {expected}"
+    );
+    // Residuals of priors are not known.
+    data.prior = DMatrix::identity(2, 2);
+    assert!(Inference::new(&data).unwrap().offset().is_nan());
+}
+
 #[test]
 fn cr3_is_the_jackknife_of_refits() {
     let toy = Toy::new(2, 7, [15, 3, 1]);
