@@ -162,6 +162,7 @@ pub(super) fn data(problem: &Collocation, at: &Iterate) -> Option<Data> {
     Some(Data {
         runs: runs.map(|(j, own)| run(problem, at, j, own)).collect(),
         prior: DMatrix::zeros(0, problem.n_parameters()),
+        prior_residuals: Vec::new(),
         active: found.parameters.clone(),
         scales: DVector::from_column_slice(&problem.model.scales.parameters),
         is_scaled: false,

@@ -50,6 +50,8 @@ pub struct Data {
     pub runs: Vec<Run>,
     /// Rows of the prior on the shared parameters, each a gradient over its standard deviation.
     pub prior: DMatrix<f64>,
+    /// Their residuals, in standard deviations; empty if they are not known.
+    pub prior_residuals: Vec<f64>,
     /// Gradients of active constraints on the shared parameters, one per row.
     pub active: DMatrix<f64>,
     /// Typical magnitudes of the shared parameters; a parameter that changes nothing by this much has no effect.
@@ -70,6 +72,7 @@ impl Data {
         Self {
             runs,
             prior: DMatrix::zeros(0, p),
+            prior_residuals: Vec::new(),
             active: DMatrix::zeros(0, p),
             scales: DVector::from_element(p, 1.0),
             is_scaled: false,

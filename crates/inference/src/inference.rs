@@ -185,16 +185,16 @@ impl<'d> Inference<'d> {
 
     /// Relative offset of the residuals from those at an optimum: the length of the Gauss–Newton step of all unknowns, in
     /// standard deviations of white noise, over the square root of their number (Bates & Watts, Technometrics 23, 1981). NaN
-    /// with priors of the shared parameters, whose residuals are not known here.
+    /// if residuals of priors are not known.
     pub fn offset(&self) -> f64 {
-        if self.data.prior.nrows() > 0 {
+        if self.data.prior.nrows() != self.data.prior_residuals.len() {
             return f64::NAN;
         }
         let runs = || self.all.runs.iter().zip(&self.data.runs);
         let own = runs().map(|(own, run)| own.basis.tr_mul(&run.residuals).norm_squared());
         let scores = runs().map(|(own, run)| own.projected.tr_mul(&run.residuals));
-        let zero = DVector::zeros(self.hessian.nrows());
-        let score = scores.fold(zero, |sum, own| sum + own);
+        let priors = DVector::from_column_slice(&self.data.prior_residuals);
+        let score = scores.fold(self.all.prior.tr_mul(&priors), |sum, own| sum + own);
         let shared = score.dot(&(&self.inverse * &score));
         ((own.sum::<f64>() + shared) / (self.determined as f64 * self.noise())).sqrt()
     }

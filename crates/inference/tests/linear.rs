@@ -122,9 +122,21 @@ fn the_offset_is_that_of_the_residuals_from_the_tangent_space() {
         (found - expected).abs() < 1e-10 * expected,
         "{found} {expected}"
     );
-    // Residuals of priors are not known.
-    data.prior = DMatrix::identity(2, 2);
+    // A prior is one more value of a parameter; it does not count where the level of the noise is estimated.
+    data.prior = DMatrix::from_row_slice(1, 2, &[3.0, 0.0]);
     assert!(Inference::new(&data).unwrap().offset().is_nan());
+    data.prior_residuals = vec![2.0];
+    let mut rows = j.clone().insert_row(60, 0.0);
+    rows[(60, 0)] = 3.0;
+    let y = y.insert_row(60, 2.0);
+    let step = rows.clone().svd(true, true).solve(&y, 1e-12).unwrap();
+    let spanned = (rows * step).norm_squared();
+    let expected = (spanned / 8.0 / noise).sqrt();
+    let found = Inference::new(&data).unwrap().offset();
+    assert!(
+        (found - expected).abs() < 1e-10 * expected,
+        "{found} {expected}"
+    );
 }
 
 #[test]

@@ -43,6 +43,7 @@ pub(crate) fn linearised(posed: &Posed<'_>, at: &Predicted<'_>) -> Linearised {
     let data = Data {
         runs,
         prior,
+        prior_residuals: Vec::new(),
         active: parameters,
         scales: DVector::from_column_slice(&at.program.scales[..posed.shared]),
         is_scaled: true,

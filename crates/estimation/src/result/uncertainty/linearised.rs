@@ -43,14 +43,17 @@ pub(crate) fn linearised(
         let prior = place.add_priors(priors.clone(), posed.shared, &mut rows, &mut shared_priors);
         runs.push(rows.run(own, posed.shared, of_signals, prior));
     }
-    let prior = match shared_priors.is_empty() {
+    let (prior, prior_residuals): (Vec<RowDVector<f64>>, Vec<f64>) =
+        shared_priors.into_iter().unzip();
+    let prior = match prior.is_empty() {
         true => DMatrix::zeros(0, posed.shared),
-        false => DMatrix::from_rows(&shared_priors),
+        false => DMatrix::from_rows(&prior),
     };
     let scales = DVector::from_column_slice(&problem.model.scales.parameters);
     let data = Data {
         runs,
         prior,
+        prior_residuals,
         active: found.parameters.clone(),
         scales,
         is_scaled: (0..terms.len()).any(|k| seeks_level(posed, k)),
@@ -263,7 +266,7 @@ impl Place<'_> {
         terms: Range<usize>,
         shared: usize,
         rows: &mut Rows,
-        others: &mut Vec<RowDVector<f64>>,
+        others: &mut Vec<(RowDVector<f64>, f64)>,
     ) -> Range<usize> {
         let first = rows.residuals.len();
         for (term, (sample, row)) in
@@ -272,7 +275,9 @@ impl Place<'_> {
             let gradient = row.location_scale * self.gradient(term, sample);
             match gradient.columns_range(shared..).amax() > 0.0 {
                 true => rows.add(gradient, row.location, self.time[sample]),
-                false => others.push(gradient.columns(0, shared).into_owned()),
+                false => {
+                    others.push((gradient.columns(0, shared).into_owned(), row.location));
+                }
             }
         }
         first..rows.residuals.len()
