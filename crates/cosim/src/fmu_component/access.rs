@@ -135,7 +135,7 @@ impl Access {
         values: &[f64],
     ) -> Result<(), ComponentError> {
         if let (Some(arrays), false) = (&self.arrays, self.has_singles()) {
-            return Ok(arrays.borrow_mut().set_reals(instance, handles, values)?);
+            return arrays.borrow_mut().set_reals(instance, handles, values);
         }
         for (&handle, &value) in handles.iter().zip(values) {
             match self.singles.get(&handle) {
