@@ -16,7 +16,7 @@ const BLOCKS: usize = 8;
 /// A shift is certain from this multiple of its standard deviation on, and visible from this multiple of the time between
 /// samples on.
 const SURE: f64 = 5.0;
-const SAMPLES: f64 = 1.5;
+const SAMPLES: f64 = 0.5;
 /// It is one run's own if it leaves at most this part of the run's squared residuals and is away from those of the other runs
 /// by this multiple of their range,
 const LEFT: f64 = 0.7;

@@ -195,7 +195,11 @@ fn solve_from_afar(
     solve(problem, z, options, watch)
 }
 
-/// Solves from these variables; `None` if the solve does not converge.
+/// Violation of the scaled equations with which a solve that stalls at kinks is one.
+const FEASIBLE: f64 = 1e-6;
+
+/// Solves from these variables; `None` if the solve does not converge. From a solution for other data, where it stalls at kinks
+/// ([`SqpOptions::stall`]) is as near to an optimum as that one is.
 pub(crate) fn solve(
     problem: &Collocation,
     z: Vec<f64>,
@@ -207,5 +211,8 @@ pub(crate) fn solve(
         false => ControlFlow::Continue(()),
     };
     let solution = pilotage_collocation::solve(problem, z, options, &mut see);
-    (solution.status == Status::Converged).then_some(solution.iterate)
+    let has_stalled = options.stall.is_some()
+        && solution.status == Status::NoProgress
+        && solution.kkt.primal <= FEASIBLE;
+    (solution.status == Status::Converged || has_stalled).then_some(solution.iterate)
 }

@@ -28,6 +28,10 @@ pub struct SqpOptions {
     pub short_step: f64,
     /// Shortest step length α if damping has not helped. Default: 1e-8.
     pub min_step: f64,
+    /// Number of iterations after which the solve ends with [`Status::NoProgress`](super::Status::NoProgress) if all
+    /// iterates are feasible and their objectives differ by rounding alone. At the kinks of a problem that is not smooth the
+    /// KKT residual does not vanish; whether such a point is an optimum is the caller's to judge. Default: none.
+    pub stall: Option<usize>,
 }
 
 impl Default for SqpOptions {
@@ -40,6 +44,7 @@ impl Default for SqpOptions {
             armijo: 1e-4,
             short_step: 0.2,
             min_step: 1e-8,
+            stall: None,
         }
     }
 }

@@ -23,6 +23,10 @@ const DIVERGED: f64 = 1e10;
 const TAME_GROWTH: f64 = 10.0;
 /// Factor by which one step may raise the growth above the harmless one.
 const GROWTH_RISE: f64 = 100.0;
+/// Violation up to which iterates are feasible, and relative change of the objective that counts as none, for
+/// [`SqpOptions::stall`].
+const FEASIBLE: f64 = 1e-6;
+const UNCHANGED: f64 = 1e-8;
 /// Relative decrease of the violation below which the linearised constraints predict no progress.
 const STATIONARY: f64 = 1e-6;
 
@@ -60,6 +64,7 @@ pub fn solve<P: Problem + ?Sized, Q: QpSolver<P>>(
         work: Work::default(),
         curvature: None,
         saddle: f64::INFINITY,
+        still: (f64::INFINITY, 0),
     }
     .run(observer)
 }
@@ -79,6 +84,8 @@ pub(super) struct Sqp<'a, P: Problem + ?Sized, Q> {
     curvature: Option<f64>,
     /// Objective at the last saddle.
     pub(super) saddle: f64,
+    /// Objective of the last iterate with another one, and number of feasible iterates since.
+    still: (f64, usize),
 }
 
 /// An accepted step.
@@ -105,6 +112,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             let next = match self.verdict(kkt) {
                 Verdict::Done(status) => Err(status),
                 _ if let Some(status) = stop => Err(status),
+                _ if self.has_stalled(kkt) => Err(Status::NoProgress),
                 _ if self.work.iterations == self.options.max_iterations => {
                     Err(Status::IterationLimit)
                 }
@@ -224,6 +232,17 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             self.raise_damping();
         }
         Err(Status::NoProgress)
+    }
+
+    /// Whether feasible iterates have had one objective for long.
+    fn has_stalled(&mut self, kkt: Kkt) -> bool {
+        let (f, (before, count)) = (self.current.f, self.still);
+        let is_still = kkt.primal <= FEASIBLE && (f - before).abs() <= UNCHANGED * f.abs();
+        self.still = match is_still {
+            true => (before, count + 1),
+            false => (f, 0),
+        };
+        self.options.stall.is_some_and(|most| self.still.1 >= most)
     }
 
     fn has_diverged(&self) -> bool {

@@ -208,6 +208,9 @@ impl Exchange {
 
     /// Appends the values in the row to the history as a communication point.
     pub(super) fn keep(&mut self, time: f64) {
+        for p in self.values.lost_slopes.drain(..) {
+            self.history.forget_slopes(p);
+        }
         let (row, slopes) = (&self.values.row, &self.values.slopes);
         let points = self.fed.iter().zip(slopes);
         let points = points.map(|(&slot, &slope)| Outcome {

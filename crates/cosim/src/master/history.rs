@@ -178,6 +178,14 @@ impl History {
         self.noise[p] = self.noise[p].max(NOISIER * error / tolerance);
     }
 
+    /// Goes on without the slopes of an output.
+    pub(super) fn forget_slopes(&mut self, p: usize) {
+        self.traits[p].has_slope = false;
+        self.points
+            .iter_mut()
+            .for_each(|points| points[p].slope = 0.0);
+    }
+
     /// Discards all but the last point, since values before a jump do not predict later ones.
     pub(super) fn restart(&mut self) {
         self.len = self.len.min(1);

@@ -27,6 +27,8 @@ pub(super) struct Values {
     pub(super) other_slots: Vec<Option<usize>>,
     /// Time derivatives of the fed outputs, if used and available.
     pub(super) slopes: Vec<f64>,
+    /// Fed outputs whose derivatives turned out to be none.
+    pub(super) lost_slopes: Vec<usize>,
 }
 
 /// A component with its exchanged values, arranged so that each step needs one call for all reals.
@@ -278,13 +280,19 @@ impl Wired {
             .watch
             .time(|| self.component.get_output_derivatives(handles, room));
         got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
-        for (&p, &slope) in self
-            .outputs
-            .fed_positions
-            .iter()
-            .zip(&self.within.slope_values)
-        {
+        let positions = &self.outputs.fed_positions;
+        for (&p, &slope) in positions.iter().zip(&self.within.slope_values) {
             values.slopes[p] = slope;
+        }
+        // FMUs of some tools declare derivatives, and give NaN.
+        let is_lost = |(slope, &slot): (&f64, &usize)| slope.is_nan() && !values.row[slot].is_nan();
+        let mut slopes = self.within.slope_values.iter().zip(&self.outputs.fed);
+        if slopes.any(is_lost) {
+            for &p in positions {
+                values.slopes[p] = 0.0;
+                values.lost_slopes.push(p);
+            }
+            self.within.forget_slopes();
         }
         Ok(())
     }

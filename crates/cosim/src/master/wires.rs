@@ -234,6 +234,15 @@ impl Within {
     }
 }
 
+impl Within {
+    /// Goes on without the derivatives of the outputs.
+    pub(super) fn forget_slopes(&mut self) {
+        self.sloped.clear();
+        self.slope_values.clear();
+        self.is_watchable = false;
+    }
+}
+
 /// Whether outputs within a step equal those at the end of a shorter step: the component supports such steps and linear
 /// inputs, and its outputs depend on the inputs only through its states.
 fn can_be_watched(inputs: &Inputs, outputs: &Outputs, abilities: Abilities, parts: u32) -> bool {

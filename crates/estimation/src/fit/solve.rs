@@ -1,6 +1,6 @@
 //! The SQP from one point, restarted with other scales if it makes no progress.
 
-use super::kinks::{Stall, is_optimum};
+use super::kinks::is_optimum;
 use crate::posed::Posed;
 use crate::search::solved::Solved;
 use pilotage_collocation::{Collocation, Scales};
@@ -9,6 +9,9 @@ use std::ops::ControlFlow;
 
 /// [`SqpOptions::short_step`]: with longer steps some starts fail whose states swing up.
 const SHORT_STEP: f64 = 0.01;
+
+/// [`SqpOptions::stall`] of equations with kinks.
+const STALL: usize = 15;
 
 /// Maximum number of restarts of a solve without progress, with scales of the current size.
 const RESCALED: usize = 3;
@@ -53,15 +56,8 @@ pub(super) fn once(
     see: &SeeIterates<'_>,
 ) -> Solved {
     let options = sqp_options(posed, limit);
-    let mut stall = Stall::default();
-    let has_kinks = posed.has_kinks();
-    let solution = pilotage_collocation::solve(&problem, z, &options, &mut |iteration| {
-        see(iteration)?;
-        match has_kinks && stall.is_seen(iteration) {
-            true => ControlFlow::Break(Status::NoProgress),
-            false => ControlFlow::Continue(()),
-        }
-    });
+    let solution =
+        pilotage_collocation::solve(&problem, z, &options, &mut |iteration| see(iteration));
     let mut solved = Solved { problem, solution };
     if is_optimum(posed, &solved) {
         solved.solution.status = Status::Converged;
@@ -75,6 +71,7 @@ pub(crate) fn sqp_options(posed: &Posed<'_>, limit: usize) -> SqpOptions {
         tolerance: posed.file.options.tolerance,
         max_iterations: limit,
         short_step: SHORT_STEP,
+        stall: posed.may_have_kinks().then_some(STALL),
         ..SqpOptions::default()
     }
 }

@@ -78,7 +78,7 @@ fn has_kinks(graph: &Graph, variables: &[usize]) -> bool {
     operations.any(|(operation, varies)| {
         let is_kink = matches!(
             operation,
-            Operation::Select(..) | Operation::Unary(Function::Abs, _)
+            Operation::Select(..) | Operation::Lookup(..) | Operation::Unary(Function::Abs, _)
         );
         is_kink && *varies
     })
@@ -88,14 +88,20 @@ fn has_kinks(graph: &Graph, variables: &[usize]) -> bool {
 pub type Open<'o> = &'o dyn Fn(&InstanceDescription) -> Result<Part, ProblemError>;
 
 impl<'f> Posed<'f> {
-    /// Whether the equations select between expressions of states, or take magnitudes of them.
+    /// Whether derivatives of the equations may jump with states or parameters: they have kinks, or are those of FMUs.
+    pub(crate) fn may_have_kinks(&self) -> bool {
+        let mut parts = self.joint.parts.iter();
+        parts.any(|(_, part)| part.fmu.is_some()) || self.has_kinks()
+    }
+
+    /// Whether the equations select between expressions of states or parameters, take magnitudes of them or look them up in
+    /// tables.
     pub(crate) fn has_kinks(&self) -> bool {
         let system = &self.model.system;
-        let states = 0..self.joint.model.states.len();
-        has_kinks(
-            &system.graph,
-            &states.map(|k| system.state(k)).collect::<Vec<_>>(),
-        )
+        let states = (0..self.joint.model.states.len()).map(|k| system.state(k));
+        let parameters = (0..self.shared).map(|k| system.parameter(k));
+        let variables: Vec<usize> = states.chain(parameters).collect();
+        has_kinks(&system.graph, &variables)
     }
 
     /// Whether those of an instance with this name do, or select between expressions of its inputs.
@@ -234,10 +240,19 @@ pub(crate) fn variables(
 
 /// Eigenvalues of the joint system's Jacobian with these states at the end of the first run. Empty if it is not finite.
 pub(crate) fn poles(posed: &Posed<'_>, x: &[f64], theta: &[f64]) -> Vec<Complex<f64>> {
+    poles_at(posed, posed.runs[0].time.len() - 1, x, theta)
+}
+
+/// The same at a sample of the first run.
+pub(crate) fn poles_at(
+    posed: &Posed<'_>,
+    sample: usize,
+    x: &[f64],
+    theta: &[f64],
+) -> Vec<Complex<f64>> {
     let system = &posed.model.system;
     let n = posed.joint.model.states.len();
-    let last = posed.runs[0].time.len() - 1;
-    let at = variables(posed, 0, last, x, theta);
+    let at = variables(posed, 0, sample, x, theta);
     let mut graph = system.graph.clone();
     let mut matrix = DMatrix::zeros(n, n);
     let columns: Vec<_> = (0..n)

@@ -536,8 +536,8 @@ impl fmt::Display for Diagnostic {
                 to,
             } => write!(
                 f,
-                "{column} of {run}, which drives an input, stands still from {} s to {} s, then jumps: the recording stood \
-                 still; cut the run there",
+                "{column} of {run}, which drives an input, stands still from {} s to {} s, then jumps, and the model is \
+                 farther from the recording meanwhile: if the recording stood still, cut the run there",
                 rounded(*from, 9),
                 rounded(*to, 9)
             ),

@@ -3,15 +3,18 @@
 use crate::posed::Posed;
 use crate::posed::data::RunData;
 use crate::problem::file::Hold;
-use crate::result::Fit;
 use crate::result::diagnostic::Diagnostic;
+use crate::result::{Fit, RunFit};
 use pilotage_inference::outliers::{frozen, median};
+use pilotage_inference::statistics::rms;
 
 /// A time without rows is a gap from this multiple of the usual step on, if most steps are within half of that.
 const GAP: f64 = 10.0;
 const REGULAR: f64 = 0.8;
 /// Number of rows from which on a run has a usual step.
 const ROWS: usize = 50;
+/// Ratio of residuals within a stretch to those outside that the stretch makes worse.
+const WORSE: f64 = 1.5;
 /// Duration of a run below which it is too short for a task [s], and longest plausible time between samples [s].
 const SHORT: f64 = 1.0;
 const SPARSE: f64 = 2.0;
@@ -21,7 +24,7 @@ pub const PILOT: &str = "pilot";
 /// All of these diagnostics.
 pub fn of_recordings(posed: &Posed<'_>, fit: &Fit) -> Vec<Diagnostic> {
     let all = [
-        posed.data.iter().find_map(|run| frozen_input(posed, run)),
+        frozen_input(posed, fit),
         posed.data.iter().find_map(|run| gap(posed, run)),
         time_scale(posed, fit),
     ];
@@ -35,19 +38,37 @@ fn lines<'p>(posed: &'p Posed<'_>) -> impl Iterator<Item = &'p str> {
     along.map(|own| own.column.value.as_str())
 }
 
-fn frozen_input(posed: &Posed<'_>, run: &RunData<'_>) -> Option<Diagnostic> {
-    lines(posed).find_map(|column| {
-        let values = &run.series.column(column)?.values;
-        let mut all = frozen(values);
-        all.retain(|own| !own.is_end);
-        let own = all.into_iter().max_by_key(|own| own.samples.len())?;
-        Some(Diagnostic::FrozenInput {
-            column: column.to_owned(),
-            run: run.name().to_owned(),
-            from: run.series.time[own.samples.start],
-            to: run.series.time[own.samples.end - 1],
-        })
-    })
+/// The longest stretch in which an input stands still that moves before and afterwards, if a measured signal is fitted worse
+/// there: else it may well have rested.
+fn frozen_input(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
+    let of_run = |(data, run): (&RunData<'_>, &RunFit)| {
+        let of_column = |column: &str| {
+            let time = &data.series.time;
+            let mut all = frozen(&data.series.column(column)?.values);
+            all.retain(|own| !own.is_end);
+            let own = all.into_iter().max_by_key(|own| own.samples.len())?;
+            let [from, to] = [own.samples.start, own.samples.end - 1].map(|k| time[k]);
+            let is_worse = |k: usize| is_worse_within(posed, run, k, [from, to]);
+            let is_doubted = (0..posed.file.measured.len()).any(is_worse);
+            is_doubted.then(|| Diagnostic::FrozenInput {
+                column: column.to_owned(),
+                run: run.name.clone(),
+                from,
+                to,
+            })
+        };
+        lines(posed).find_map(of_column)
+    };
+    posed.data.iter().zip(&fit.runs).find_map(of_run)
+}
+
+/// Whether the residuals of a measured signal are larger within these times than outside.
+fn is_worse_within(posed: &Posed<'_>, run: &RunFit, k: usize, [from, to]: [f64; 2]) -> bool {
+    let residuals = run.residuals(k, posed.file.measured[k].noise);
+    let pairs = run.time.iter().zip(residuals);
+    let (inside, outside): (Vec<_>, Vec<_>) = pairs.partition(|(t, _)| (from..=to).contains(*t));
+    let size = |all: Vec<(&f64, f64)>| rms(&all.iter().map(|own| own.1).collect::<Vec<_>>());
+    size(inside) > WORSE * size(outside)
 }
 
 /// A time without rows in a run that is sampled regularly else.

@@ -303,7 +303,7 @@ fn distance(fit: &Fit) -> String {
     let residual = format!("scaled KKT residual {:.1e}", fit.kkt.residual());
     match fit.offset {
         Some(offset) => format!(
-            "{residual} at kinks, {} standard deviations from the optimum",
+            "{residual} at kinks, {} standard deviations from the optimum on its mesh",
             significant(offset, 1)
         ),
         None => residual,
