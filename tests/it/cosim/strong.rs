@@ -3,12 +3,14 @@
 use super::blocks::RandomLoop;
 use super::components::{Linear, Log, Signal, simulate};
 use crate::command::example;
+use crate::foreign;
 use pilotage::cosim::component::ComponentError;
 use pilotage::cosim::{
     Abilities, Algorithm, Clock, Component, Control, Coupling, Divergence, Ending, Progress,
-    SeriesRecorder, System, Transfer, Variable, native_component, run,
+    SeriesRecorder, Source, System, Transfer, Variable, fmu_component, native_component, run,
 };
 use pilotage::models::{AnyModel, TextModel};
+use pilotage::series::{Column, Series};
 
 /// P controller `u = 2 (1 - y)` and integrator `ẏ = u`, with `y - 1` as the state.
 fn controller_and_integrator(change: impl Fn(Linear) -> Linear) -> System {
@@ -427,6 +429,59 @@ fn components_that_cannot_go_back_are_named_with_their_error() {
     let (extrapolated, smaller) = run_with(1);
     assert_eq!(extrapolated.connections[0].transfer, Transfer::Extrapolated);
     assert!(smaller < 0.1 * error, "{smaller} {error}");
+}
+
+/// A table drives an FMU `y' = k (u - y)` that drives another one. FMUs of OpenModelica declare derivatives of outputs and give NaN: they count as
+/// such that have none.
+#[test]
+fn derivatives_of_outputs_that_are_nan_are_none() {
+    let run_with = |behaviour: &str, capability: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let mut system = System::new();
+        for name in ["a", "b"] {
+            let path = folder.path().join(format!("{name}.fmu"));
+            let text = foreign::DESCRIPTION
+                .replace("guid=\"good\"", &format!("guid=\"{behaviour}\""))
+                .replace(
+                    "canGetAndSetFMUstate",
+                    &format!("{capability}canGetAndSetFMUstate"),
+                );
+            std::fs::write(&path, foreign::fmu_of(&text, foreign::binary())).unwrap();
+            let component = fmu_component::open(&path, name, None).unwrap();
+            system.add(name, component).unwrap();
+        }
+        let columns = vec![Column {
+            name: "u".into(),
+            unit: String::new(),
+            values: vec![0.0, 1.0, -1.0],
+        }];
+        let series = Series {
+            comments: Vec::new(),
+            time_unit: "s".into(),
+            time: vec![0.0, 0.5, 1.0],
+            columns,
+        };
+        system
+            .add("table", Box::new(Source::new(series).unwrap()))
+            .unwrap();
+        system.connect("table.u", "a.u").unwrap();
+        system.connect("a.y", "b.u").unwrap();
+        system.set("a.k", "2").unwrap();
+        let (run, recorder) = simulate(system, 1.0, 0.1, Algorithm::Strong);
+        let errors = run
+            .report
+            .connections
+            .iter()
+            .map(|own| own.error.unwrap().mean);
+        assert!(errors.clone().all(f64::is_finite));
+        ["a.y", "b.y"].map(|name| last(&recorder, name))
+    };
+    let order = "maxOutputDerivativeOrder=\"1\" ";
+    let (none, nan) = (run_with("good", ""), run_with("no-slopes", order));
+    assert!(none[1].abs() > 0.05, "{none:?}");
+    for (none, nan) in none.iter().zip(nan) {
+        assert!((none - nan).abs() < 1e-9, "{none} {nan}");
+    }
 }
 
 /// After initialization no value is got after a set without a step between them.

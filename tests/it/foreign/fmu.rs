@@ -372,6 +372,11 @@ unsafe extern "C" fn fmi2SetRealInputDerivatives(c: *mut c_void, vr: *const c_ui
 
 #[unsafe(no_mangle)]
 unsafe extern "C" fn fmi2GetRealOutputDerivatives(c: *mut c_void, _vr: *const c_uint, n: usize, orders: *const c_int, to: *mut f64) -> c_int {
+    // As FMUs of OpenModelica do, which declare derivatives.
+    if of(c).behaviour == "no-slopes" {
+        (0..n).for_each(|i| unsafe { *to.add(i) = f64::NAN });
+        return OK;
+    }
     let v = &of(c).values;
     for i in 0..n {
         unsafe { *to.add(i) = v.k * (v.u - v.y) * (-v.k).powi(*orders.add(i) - 1) };

@@ -575,7 +575,7 @@ impl fmt::Display for Diagnostic {
             Self::Late { measured, run, by } => write!(
                 f,
                 "{measured} of {run} comes {} s {} than in the other runs, and the \
-                 inputs do not explain it: its columns may be of different clocks",
+                 inputs do not explain it: its columns may be of different clocks, or it was another vehicle",
                 short(by.abs(), 2),
                 if *by > 0.0 { "later" } else { "earlier" }
             ),

@@ -73,6 +73,8 @@ pub(super) struct Subject {
     pub(super) names: Vec<String>,
     /// Names of those that were reported as not finite.
     not_finite: BTreeSet<String>,
+    /// Whether it was reported that a step ends elsewhere.
+    is_elsewhere: bool,
 }
 
 /// The outputs after each step.
@@ -122,6 +124,7 @@ impl Subject {
             outputs: outputs().map(|v| v.value_reference).collect(),
             names: outputs().map(|v| v.name.clone()).collect(),
             not_finite: BTreeSet::new(),
+            is_elsewhere: false,
             name: name.to_owned(),
             facts,
             event_mode_used,
@@ -220,6 +223,7 @@ impl Subject {
         };
         match ended {
             Step::Done => {
+                self.check_reached(h, reporter);
                 self.time += h;
                 Ok(true)
             }
@@ -265,6 +269,21 @@ impl Subject {
                 }
                 Ok(!is_end_requested)
             }
+        }
+    }
+
+    /// A step that ends without an early return has reached its end, but for a fixed step of the FMU's own. A time at or before
+    /// the beginning is one that it does not write.
+    fn check_reached(&mut self, h: f64, reporter: &mut Reporter) {
+        let (end, last) = (self.time + h, self.instance.last_successful_time());
+        let own =
+            (self.description.co_simulation.as_ref()).and_then(|cs| cs.fixed_internal_step_size);
+        let differs = (last - end).abs() > 1e-6 * h + 1.001 * own.unwrap_or(0.0);
+        if last > self.time && differs && !std::mem::replace(&mut self.is_elsewhere, true) {
+            reporter.warn(format!(
+                "the step of {h} s from {} s ended without an early return, with {last} s as its last successful time",
+                self.time
+            ));
         }
     }
 

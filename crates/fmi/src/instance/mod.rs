@@ -59,6 +59,8 @@ pub struct Instance {
     place: Place,
     /// Buffer of numbers that the FMU writes, with guard values at its end.
     room: Vec<u64>,
+    /// The last value of `lastSuccessfulTime` (FMI 3.0) \[s\]; NaN without one.
+    last_successful: f64,
     /// The FMU may keep the address until the instance is freed.
     _callbacks: Option<Box<CallbackFunctions>>,
     /// Freed after the FMU's instance, which may wrongly keep these addresses.

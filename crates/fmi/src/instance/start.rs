@@ -163,6 +163,7 @@ impl Instance {
             component: made,
             place,
             room: Vec::new(),
+            last_successful: f64::NAN,
             _callbacks: callbacks,
             _texts: texts,
             environment,
