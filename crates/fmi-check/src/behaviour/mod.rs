@@ -45,7 +45,7 @@ pub enum What {
     Instances,
     /// Steps of other lengths are taken.
     Steps,
-    /// Directional derivatives agree with the outputs, and dependencies are declared.
+    /// Directional derivatives agree with the outputs, dependencies are declared, and derivatives of inputs are used.
     Derivatives,
     /// Input clocks tick.
     Clocks,
@@ -317,7 +317,10 @@ impl Reporter<'_> {
             What::State => self.state(library),
             What::Instances => self.instances(library),
             What::Steps => self.steps(library),
-            What::Derivatives => self.derivatives(library),
+            What::Derivatives => {
+                self.derivatives(library)?;
+                self.input_slopes(library)
+            }
             What::Clocks => self.clocks(library),
         }
     }

@@ -1,9 +1,10 @@
-//! Compares the derivatives of outputs that a co-simulation FMU gives with the differences of these outputs.
+//! Derivatives in co-simulation: those of outputs agree with the differences of these outputs, and those of inputs are used.
 
 use super::subject::{Subject, is_double};
 use super::{Reporter, Stop};
 use pilotage_fmi::InterfaceType;
-use pilotage_fmi::description::{Causality, ScalarVariable, Severity, Variability};
+use pilotage_fmi::description::{Causality, ScalarVariable, Severity, Variability, VariableKind};
+use pilotage_fmi::fmu::Library;
 
 /// Differences of an output over two successive steps differ by at most this part where the steps resolve its motion.
 const RESOLVED: f64 = 0.3;
@@ -93,6 +94,63 @@ impl Slopes {
                 reporter.find(what, Severity::Warning, Some(name));
             }
         }
+    }
+}
+
+impl Reporter<'_> {
+    /// Whether derivatives of inputs have an effect on a step in which the inputs themselves have one (FMI 2.0.5, section 4.2.1).
+    pub(super) fn input_slopes(&mut self, library: &Library) -> Result<(), Stop> {
+        let description = self.description.clone();
+        let takes =
+            (description.co_simulation.as_ref()).is_some_and(|cs| cs.can_interpolate_inputs);
+        if self.kind != InterfaceType::CoSimulation || !takes {
+            return Ok(());
+        }
+        let is_free = |v: &ScalarVariable| match &v.kind {
+            VariableKind::Real(real) => real.attributes.min.or(real.attributes.max).is_none(),
+            _ => false,
+        };
+        let inputs: Vec<u32> = (description.variables.iter())
+            .filter(|v| v.causality == Causality::Input && is_double(v) && is_free(v))
+            .filter(|v| v.variability == Variability::Continuous)
+            .map(|v| v.value_reference)
+            .collect();
+        if inputs.is_empty() {
+            return Ok(());
+        }
+        let rest = self.stepped(library, &inputs, [0.0, 0.0])?;
+        let moved = self.stepped(library, &inputs, [1.0, 0.0])?;
+        let led = self.stepped(library, &inputs, [0.0, 1.0])?;
+        if rest != moved && rest == led {
+            self.warn(
+                "it takes derivatives of its inputs, and a step is the same with them: importers that interpolate do so in vain"
+                    .into(),
+            );
+        }
+        Ok(())
+    }
+
+    /// The outputs after a step with other values of these inputs, and changes of these within the step.
+    fn stepped(
+        &mut self,
+        library: &Library,
+        inputs: &[u32],
+        [by, change]: [f64; 2],
+    ) -> Result<Vec<f64>, Stop> {
+        let mut subject = Subject::start(library, "check", self)?;
+        self.stage("changing inputs within a step");
+        let mut values = vec![0.0; inputs.len()];
+        let instance = &mut subject.instance;
+        instance.get_real(inputs, &mut values)?;
+        values.iter_mut().for_each(|value| *value += by);
+        instance.set_real(inputs, &values)?;
+        let orders = vec![1; inputs.len()];
+        let slopes = vec![change / subject.plan.step; inputs.len()];
+        subject
+            .instance
+            .set_input_derivatives(inputs, &orders, &slopes)?;
+        subject.step(self)?;
+        subject.outputs()
     }
 }
 
