@@ -28,13 +28,9 @@ pub(crate) fn offset(posed: &Posed<'_>, solved: &Solved) -> Option<f64> {
     Some(inference.offset()).filter(|offset| is_seen && offset.is_finite())
 }
 
-/// Whether a solve without convergence has stalled at an optimum with kinks.
+/// Whether a solve has stalled at an optimum with kinks.
 pub(crate) fn is_optimum(posed: &Posed<'_>, solved: &Solved) -> bool {
-    let has_stalled = matches!(
-        solved.solution.status,
-        Status::NoProgress | Status::IterationLimit
-    );
-    has_stalled
+    solved.solution.status == Status::NoProgress
         && posed.may_have_kinks()
         && offset(posed, solved).is_some_and(|offset| offset <= OFFSET)
 }
