@@ -3,6 +3,7 @@
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// A result file that is written incrementally into `FILE.part`, which is renamed to `FILE` at the end.
 ///
@@ -197,11 +198,21 @@ fn with_ending(path: &Path, ending: &str) -> PathBuf {
     PathBuf::from(name)
 }
 
+/// How often a part is asked for, and the time between: a process that another thread has just started holds the files of this one
+/// until it runs its own program.
+const LOCK_ASKED: u32 = 20;
+const LOCK_WAIT: Duration = Duration::from_millis(10);
+
 /// Renames a part that no process is writing to the first free `FILE.interrupted-N`.
 fn put_aside(path: &Path, part: &Path) -> io::Result<PathBuf> {
-    match File::open(part)?.try_lock() {
-        Err(TryLockError::WouldBlock) => return Err(io::ErrorKind::ResourceBusy.into()),
-        Ok(()) | Err(TryLockError::Error(_)) => {}
+    let open = File::open(part)?;
+    let mut asked = 0;
+    while let Err(TryLockError::WouldBlock) = open.try_lock() {
+        asked += 1;
+        if asked == LOCK_ASKED {
+            return Err(io::ErrorKind::ResourceBusy.into());
+        }
+        std::thread::sleep(LOCK_WAIT);
     }
     let mut number = 1;
     let aside = loop {
