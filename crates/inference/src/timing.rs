@@ -105,18 +105,17 @@ impl Response<'_> {
                 .map(|&k| (self.recorded[k] - self.modelled_at(self.time[k] - by)).powi(2));
             squares.sum()
         };
+        let width = longest / f64::from(SHIFTS);
         let shift = |i: i32| longest * f64::from(i) / f64::from(SHIFTS);
         let all: Vec<f64> = (-SHIFTS..=SHIFTS).map(|i| squares(shift(i))).collect();
         let best = (0..all.len()).min_by(|a, b| all[*a].total_cmp(&all[*b]))?;
-        let inside = best > 0 && best + 1 < all.len();
+        if best == 0 || best + 1 == all.len() {
+            return None;
+        }
         // The vertex of the parabola through the best and its neighbours.
-        let (before, least, after) = match inside {
-            true => (all[best - 1], all[best], all[best + 1]),
-            false => return None,
-        };
+        let (before, least, after) = (all[best - 1], all[best], all[best + 1]);
         let part = 0.5 * (before - after) / (before - 2.0 * least + after);
-        let by = shift(best as i32 - SHIFTS) + part * longest / f64::from(SHIFTS);
-        let width = longest / f64::from(SHIFTS);
+        let by = shift(best as i32 - SHIFTS) + part * width;
         let slope = |time: f64| {
             (self.modelled_at(time + width) - self.modelled_at(time - width)) / (2.0 * width)
         };

@@ -1,6 +1,6 @@
 //! Access to the values of an FMU's variables, independent of their types in its FMI version.
 
-use super::arrays::Arrays;
+use super::arrays::{Arrays, size_parameter};
 use super::ranges::{items, types_of};
 use crate::component::{ComponentError, Value, ValueKind};
 use pilotage_fmi::description::{
@@ -320,18 +320,9 @@ pub(super) fn single(value: f64, name: &str) -> Result<f32, Lost> {
 /// The structural parameters that are sizes of arrays, by handle.
 fn sizes_of(description: &ModelDescription) -> HashMap<u32, i64> {
     let dimensions = description.variables.iter().flat_map(|v| &v.dimensions);
-    let size = |dimension: &Dimension| {
-        let Dimension::Variable(index) = dimension else {
-            return None;
-        };
-        let parameter = (description.variables).get((*index as usize).checked_sub(1)?)?;
-        match &parameter.kind {
-            VariableKind::Integer { start, .. } => {
-                let size = i64::try_from(*start.first()?).ok()?;
-                Some((parameter.value_reference, size))
-            }
-            _ => None,
-        }
+    let size = |dimension: &Dimension| match dimension {
+        Dimension::Variable(index) => size_parameter(description, *index),
+        Dimension::Fixed(_) => None,
     };
     dimensions.filter_map(size).collect()
 }
@@ -393,10 +384,9 @@ fn set<T: Number + TryFrom<i64>>(
     values: &[i64],
 ) -> Result<(), ComponentError> {
     let narrow = |&value: &i64| {
-        let (value, kind) = (value, of.as_str());
         T::try_from(value).map_err(|_| Lost::OutOfRange {
             value: value.into(),
-            kind,
+            kind: of.as_str(),
         })
     };
     // A scalar needs no memory of its own.

@@ -326,14 +326,20 @@ fn sizes(description: &ModelDescription, variable: &ScalarVariable) -> Option<Ve
     let count = usize::try_from(description.size(variable)?).ok()?;
     let size = |dimension: &Dimension| match dimension {
         Dimension::Fixed(size) => usize::try_from(*size).ok(),
-        Dimension::Variable(index) => {
-            let position = (*index as usize).checked_sub(1)?;
-            match &description.variables.get(position)?.kind {
-                VariableKind::Integer { start, .. } => usize::try_from(*start.first()?).ok(),
-                _ => None,
-            }
-        }
+        Dimension::Variable(index) => usize::try_from(size_parameter(description, *index)?.1).ok(),
     };
     let sizes: Option<Vec<usize>> = variable.dimensions.iter().map(size).collect();
     sizes.filter(|_| (1..=largest).contains(&count))
+}
+
+/// Value reference and start value of the structural parameter with that index, which is a size of arrays.
+pub(super) fn size_parameter(description: &ModelDescription, index: u32) -> Option<(u32, i64)> {
+    let parameter = (description.variables).get((index as usize).checked_sub(1)?)?;
+    match &parameter.kind {
+        VariableKind::Integer { start, .. } => {
+            let size = i64::try_from(*start.first()?).ok()?;
+            Some((parameter.value_reference, size))
+        }
+        _ => None,
+    }
 }

@@ -232,9 +232,7 @@ impl Within {
             errors: vec![CouplingError::default(); n],
         }
     }
-}
 
-impl Within {
     /// Goes on without the derivatives of the outputs.
     pub(super) fn forget_slopes(&mut self) {
         self.sloped.clear();

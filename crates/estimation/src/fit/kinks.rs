@@ -6,7 +6,7 @@
 use crate::posed::Posed;
 use crate::result::uncertainty::linearised;
 use crate::search::solved::Solved;
-use pilotage_inference::Inference;
+use pilotage_inference::{Data, Inference};
 use pilotage_sqp::Status;
 
 /// Relative offset up to which a stalled solve has found an optimum of its mesh: a standard deviation. Bates & Watts
@@ -17,12 +17,9 @@ const OFFSET: f64 = 1.0;
 /// Violation of the scaled equations with which an objective is that of a run.
 const FEASIBLE: f64 = 1e-6;
 
-/// The relative offset of a solve that ended without convergence at kinks; None if its states do not satisfy the equations, or
-/// it cannot be told.
-pub(crate) fn offset(posed: &Posed<'_>, solved: &Solved) -> Option<f64> {
-    let is_met = solved.solution.kkt.primal <= FEASIBLE;
-    let linear = linearised(posed, &solved.problem, &solved.solution.iterate).filter(|_| is_met)?;
-    let inference = Inference::new(&linear.data).ok()?;
+/// The relative offset of a least-squares problem; None if it cannot be told.
+pub(crate) fn offset(data: &Data) -> Option<f64> {
+    let inference = Inference::new(data).ok()?;
     // Where a parameter has no effect, nothing leads away.
     let is_seen = !inference.flat.contains(&true);
     Some(inference.offset()).filter(|offset| is_seen && offset.is_finite())
@@ -30,7 +27,12 @@ pub(crate) fn offset(posed: &Posed<'_>, solved: &Solved) -> Option<f64> {
 
 /// Whether a solve has stalled at an optimum with kinks.
 pub(crate) fn is_optimum(posed: &Posed<'_>, solved: &Solved) -> bool {
-    solved.solution.status == Status::NoProgress
-        && posed.may_have_kinks()
-        && offset(posed, solved).is_some_and(|offset| offset <= OFFSET)
+    let solution = &solved.solution;
+    let has_stalled = solution.status == Status::NoProgress && solution.kkt.primal <= FEASIBLE;
+    if !has_stalled || !posed.may_have_kinks() {
+        return false;
+    }
+    let linear = linearised(posed, &solved.problem, &solution.iterate);
+    let offset = linear.and_then(|own| offset(&own.data));
+    offset.is_some_and(|offset| offset <= OFFSET)
 }

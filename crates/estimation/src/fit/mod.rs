@@ -118,13 +118,13 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     found.events = seen_events(posed, &last, &found, &watch);
     found.cut = cut(&found, &watch);
     let mut linear = None;
-    if found.status == Status::Converged && found.kkt.residual() > posed.file.options.tolerance {
-        found.offset = kinks::offset(posed, &last);
-    }
     if found.status == Status::Converged {
         let simulated = simulated.as_ref().map(|own| &own.at);
         let at = (&last.problem, &last.solution.iterate);
         linear = linearised(posed, at.0, at.1);
+        if found.kkt.residual() > posed.file.options.tolerance {
+            found.offset = linear.as_ref().and_then(|own| kinks::offset(&own.data));
+        }
         let known = linear.as_ref().ok_or(Unsure::NoDerivatives);
         found.uncertainty = known.and_then(|own| {
             let looped = looped.as_ref();
