@@ -225,6 +225,8 @@ pub struct Variable {
     pub unit: Option<Unit>,
     /// Smallest and largest start value allowed, in the unit; infinite if unlimited.
     pub range: [f64; 2],
+    /// The names and values of an enumeration, if they are known.
+    pub items: Vec<(String, i64)>,
     /// Nominal magnitude of a real, in its unit, to which tolerances refer if it is larger than the values; `None` if not
     /// specified (FMI 2.0, section 2.2.7, `nominal`), which leaves the values alone.
     pub nominal: Option<f64>,
@@ -235,6 +237,16 @@ pub struct Variable {
 }
 
 impl Variable {
+    /// Parses a value of its type as written by the user; that of an enumeration may be a name of its items.
+    pub fn parse(&self, text: &str) -> Option<Value> {
+        let item = || {
+            let mut items = self.items.iter();
+            let (_, value) = items.find(|(name, _)| name.trim() == text.trim())?;
+            Some(Value::Integer(*value))
+        };
+        Value::parse(text, self.kind).or_else(item)
+    }
+
     /// Its name and its aliases.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         let aliases = self.aliases.iter().map(String::as_str);
@@ -254,6 +266,7 @@ impl Variable {
             is_discrete: kind != ValueKind::Real,
             unit: None,
             range: [f64::NEG_INFINITY, f64::INFINITY],
+            items: Vec::new(),
             nominal: None,
             feedthrough: Vec::new(),
             initial_feedthrough: Vec::new(),

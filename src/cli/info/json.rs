@@ -1,9 +1,11 @@
 //! An FMU as one JSON object. Variables and unknowns are serialised one at a time, since an FMU may have 100,000 of
 //! them.
 
-use super::{capabilities, name_at, start, structure};
+use super::{capabilities, dimensions, enumerations, name_at, start, structure};
 use crate::fmi::Fmu;
-use crate::fmi::description::{ModelDescription, ScalarVariable, Unknown, VariableKind};
+use crate::fmi::description::{
+    EnumerationItem, ModelDescription, ScalarVariable, Unknown, VariableKind,
+};
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::{Map, Value, json};
 
@@ -98,6 +100,7 @@ fn head(fmu: &Fmu) -> Map<String, Value> {
         },
         "logCategories": d.log_categories.iter().map(|c| &c.name).collect::<Vec<_>>(),
         "numberOfEventIndicators": d.number_of_event_indicators,
+        "enumerations": enumerations(d).map(enumeration).collect::<Map<_, _>>(),
         "variables": null,
         "structure": null,
         "files": fmu.files().collect::<Vec<_>>(),
@@ -106,6 +109,12 @@ fn head(fmu: &Fmu) -> Map<String, Value> {
         Value::Object(head) => head,
         _ => unreachable!("it is written as an object"),
     }
+}
+
+/// An enumeration by name, with its items.
+fn enumeration((name, items): (&str, &[EnumerationItem])) -> (String, Value) {
+    let item = |item: &EnumerationItem| json!({ "name": item.name, "value": item.value, "description": item.description });
+    (name.to_owned(), items.iter().map(item).collect())
 }
 
 fn variable(d: &ModelDescription, v: &ScalarVariable, unit: Option<&str>) -> Value {
@@ -118,9 +127,11 @@ fn variable(d: &ModelDescription, v: &ScalarVariable, unit: Option<&str>) -> Val
         "aliases": v.aliases.iter().map(|alias| &alias.name).collect::<Vec<_>>(),
         "valueReference": v.value_reference,
         "type": v.kind.base_type().name(d.fmi_version),
+        "declaredType": v.kind.declared_type(),
         "causality": v.causality.as_str(),
         "variability": v.variability.as_str(),
         "initial": v.effective_initial().map(|initial| initial.to_string()),
+        "dimensions": dimensions(d, v),
         "size": d.size(v),
         "unit": unit,
         "start": start(v),

@@ -13,7 +13,9 @@ mod text;
 use super::model::{check, open};
 use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, terminal};
-use crate::fmi::description::{ModelDescription, ScalarVariable, Unknown, VariableKind};
+use crate::fmi::description::{
+    Dimension, EnumerationItem, ModelDescription, ScalarVariable, TypeKind, Unknown, VariableKind,
+};
 use crate::fmi::{Fmu, InterfaceType};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -96,6 +98,23 @@ fn start(variable: &ScalarVariable) -> Value {
         true => values.pop().unwrap_or_default(),
         false => Value::Array(values),
     }
+}
+
+/// The sizes of an array, each a number or the name of the structural parameter that has it; empty for a scalar.
+fn dimensions(d: &ModelDescription, variable: &ScalarVariable) -> Vec<Value> {
+    let size = |dimension: &Dimension| match dimension {
+        Dimension::Fixed(size) => json!(size),
+        Dimension::Variable(index) => json!(name_at(d, *index)),
+    };
+    variable.dimensions.iter().map(size).collect()
+}
+
+/// The enumerations with their items.
+fn enumerations(d: &ModelDescription) -> impl Iterator<Item = (&str, &[EnumerationItem])> {
+    d.types.iter().filter_map(|own| match &own.kind {
+        TypeKind::Enumeration { items, .. } => Some((own.name.as_str(), items.as_slice())),
+        _ => None,
+    })
 }
 
 /// The non-empty lists of the model structure, named as their XML elements in FMI 2.0.

@@ -1,10 +1,10 @@
 //! An FMU as text and tables.
 
 use super::super::format::aligned;
-use super::{capabilities, name_at, start, structure};
+use super::{capabilities, dimensions, name_at, start, structure};
 use crate::fmi::Fmu;
 use crate::fmi::description::{
-    Alias, DefaultExperiment, ModelDescription, ScalarVariable, Unknown,
+    Alias, DefaultExperiment, ModelDescription, ScalarVariable, Unknown, VariableKind,
 };
 use serde_json::Value;
 
@@ -45,7 +45,7 @@ pub(super) fn of(fmu: &Fmu) -> String {
     for (name, value) in lines.iter().filter(|(_, value)| !value.is_empty()) {
         text += &format!("  {name:<13} {value}\n");
     }
-    text + "\n" + &variables(d) + &dependencies(d)
+    text + "\n" + &variables(d) + &enumerations(d) + &dependencies(d)
 }
 
 /// Number of variables, outputs, states and event indicators.
@@ -117,11 +117,50 @@ fn row(d: &ModelDescription, v: &ScalarVariable, unit: &str) -> [String; 7] {
         v.name.clone(),
         v.causality.to_string(),
         v.variability.to_string(),
-        v.kind.base_type().name(d.fmi_version).to_owned(),
+        kind(d, v),
         unit.to_owned(),
         start,
         v.description.clone().unwrap_or_default(),
     ]
+}
+
+/// The type with the dimensions of an array, by name where a structural parameter has the size, or with the name of the
+/// enumeration.
+fn kind(d: &ModelDescription, v: &ScalarVariable) -> String {
+    let sizes = dimensions(d, v).into_iter().map(|size| match size {
+        Value::String(name) => name,
+        number => number.to_string(),
+    });
+    let sizes: Vec<String> = sizes.collect();
+    let mut kind = v.kind.base_type().name(d.fmi_version).to_owned();
+    if !sizes.is_empty() {
+        kind += &format!("[{}]", sizes.join(", "));
+    }
+    match v.kind.declared_type() {
+        Some(name) if matches!(v.kind, VariableKind::Enumeration { .. }) => {
+            format!("{kind} {name}")
+        }
+        _ => kind,
+    }
+}
+
+/// The items of the enumerations as an aligned table.
+fn enumerations(d: &ModelDescription) -> String {
+    let mut rows = vec![["enumeration", "value", "name", "description"].map(str::to_owned)];
+    for (name, items) in super::enumerations(d) {
+        rows.extend(items.iter().map(|item| {
+            [
+                name.to_owned(),
+                item.value.to_string(),
+                item.name.clone(),
+                item.description.clone().unwrap_or_default(),
+            ]
+        }));
+    }
+    match rows.len() {
+        1 => String::new(),
+        _ => format!("\n{}", aligned(&rows)),
+    }
 }
 
 fn alias_row(v: &ScalarVariable, alias: &Alias) -> [String; 7] {

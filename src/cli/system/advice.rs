@@ -36,9 +36,27 @@ fn advice(error: &SystemError) -> Option<String> {
         SystemError::FedTwice { .. } => "an input has one source: leave one of the two out".into(),
         SystemError::SetWhileFed { .. } => "leave the value or the connection out".into(),
         SystemError::SetTwice { .. } => "leave one of the two values out".into(),
+        SystemError::BadValue { items, .. } if !items.is_empty() => one_of(items),
         SystemError::BadValue { kind, text, .. } => value(*kind, text),
         _ => return None,
     })
+}
+
+/// The items of an enumeration, of which a long list is shortened.
+fn one_of(items: &[(String, i64)]) -> String {
+    const SHOWN: usize = 8;
+    let shown = items.iter().take(SHOWN);
+    let shown: Vec<String> = shown
+        .map(|(name, value)| format!("`{name}` ({value})"))
+        .collect();
+    let more = match items.len() > SHOWN {
+        true => " and more; `pilotage info FILE` lists them",
+        false => "",
+    };
+    format!(
+        "write the name or the number of one: {}{more}",
+        shown.join(", ")
+    )
 }
 
 /// How a value of this type is written.

@@ -4,7 +4,7 @@ use super::super::Failure;
 use super::super::overwrite::{OutputKind, Overwrite};
 use super::super::recognise::{self, FileKind};
 use super::isolation::Isolation;
-use super::{Built, build, parameters, save};
+use super::{Built, build, full_name, only, parameters, save};
 use crate::cosim::description::{InstanceDescription, InstanceSource, Interface, Setting, Wire};
 use crate::cosim::{System, SystemDescription};
 use clap::ValueEnum;
@@ -32,7 +32,8 @@ pub struct Wiring {
     /// between samples are interpolated (held for inputs that are not real); a repeated time is a jump.
     #[arg(long, value_name = "[NAME=]CSV")]
     input: Vec<OsString>,
-    /// Set a parameter or an unconnected input; may be repeated.
+    /// Set a parameter or an unconnected input (of a single FMU also without the instance); an enumeration by number or
+    /// by name; may be repeated.
     #[arg(long, value_name = "INSTANCE.VARIABLE=VALUE", value_parser = pair)]
     set: Vec<(String, String)>,
     /// File with such values: TOML (`[instance]`, then `variable = value`) or CSV (columns `name`, `value` and
@@ -169,13 +170,13 @@ impl Wiring {
     /// The values given by arguments.
     fn settings(&self, system: &System) -> Result<Vec<Setting>, Failure> {
         let given = self.set.iter().map(|(name, value)| Setting {
-            name: name.clone().into(),
+            name: full_name(system, name, only(system)).into(),
             value: value.clone(),
         });
-        let mut settings: Vec<Setting> = given.collect();
+        let given: Vec<Setting> = given.collect();
+        let mut settings = given.clone();
         for file in &self.parameters {
-            let is_new =
-                |setting: &Setting| !self.set.iter().any(|(name, _)| *name == setting.name.value);
+            let is_new = |own: &Setting| !given.iter().any(|set| set.name.value == own.name.value);
             let read = parameters::read(system, file)?;
             settings.extend(read.into_iter().filter(is_new));
         }

@@ -72,10 +72,7 @@ fn build(
             Resolved::Table(file) => files.push((instance.name.clone(), file, place.clone())),
         }
     }
-    let names: Vec<&str> = system.instance_names().collect();
-    let only = <[&str; 1]>::try_from(names)
-        .map(|[one]| one.to_owned())
-        .ok();
+    let only = only(&system).map(str::to_owned);
     finish(&system, &mut description)?;
     let wires = &description.connections;
     let tables = (files.into_iter())
@@ -92,6 +89,19 @@ fn build(
         tables,
         description,
     })
+}
+
+/// The instance of a system that has no other.
+fn only(system: &System) -> Option<&str> {
+    let mut names = system.instance_names();
+    names.next().filter(|_| names.next().is_none())
+}
+
+/// The name, prefixed with the only instance's if that gives one of its variables.
+fn full_name(system: &System, name: &str, only: Option<&str>) -> String {
+    let full = only.map(|instance| format!("{instance}.{name}"));
+    full.filter(|name| system.find(name).is_ok())
+        .unwrap_or_else(|| name.to_owned())
 }
 
 /// The failure of a run that cannot begin, with the place of the variable concerned.

@@ -1,6 +1,7 @@
 //! Reads start values from a file.
 
 use super::super::Failure;
+use super::{full_name, only};
 use crate::cosim::description::{Setting, Spanned};
 use crate::cosim::{System, Unit};
 use crate::document::{self, Document, DocumentError, Place, TomlTable};
@@ -28,7 +29,8 @@ pub fn read(system: &System, file: &Path) -> Result<Vec<Setting>, Failure> {
             entries
         }
     };
-    let setting = |entry: Entry| {
+    let setting = |mut entry: Entry| {
+        entry.name = full_name(system, &entry.name, only(system));
         let place = Some(Place {
             file: name.clone(),
             line: entry.line,

@@ -1,6 +1,7 @@
 //! Tables that feed inputs.
 
 use super::super::Failure;
+use super::full_name;
 use crate::cosim::description::Wire;
 use crate::cosim::{Clock, Role, Source, System, SystemError, ValueKind, Variable};
 use crate::series::{Column, Series};
@@ -76,13 +77,6 @@ pub fn add(
         begin: ends[0],
         end: ends[1],
     })
-}
-
-/// The column name, prefixed with the only instance's name if that gives one of its variables.
-fn full_name(system: &System, column: &str, only: Option<&str>) -> String {
-    let full = only.map(|instance| format!("{instance}.{column}"));
-    full.filter(|name| system.find(name).is_ok())
-        .unwrap_or_else(|| column.to_owned())
 }
 
 /// Whether a column has values that can feed an input.

@@ -221,3 +221,78 @@ fn what_does_not_fit_is_refused_with_both_ends() {
         "{ended:?}"
     );
 }
+
+/// An enumeration is set by number or by name, in system files and by flags; of a single FMU without the instance. A wrong
+/// name is answered with the right ones, which `info` lists too.
+#[test]
+fn enumerations_are_set_by_name() {
+    let folder = folder();
+    folder.write(
+        "set.toml",
+        "[system.m]\nmodel = \"modes.fmu\"\nset = { mode_in = \"v3\" }\n",
+    );
+    folder.write("values.toml", "mode_in = \"v3\"\n");
+    for arguments in [
+        vec!["set.toml"],
+        vec!["m=modes.fmu", "--set", "m.mode_in=v3"],
+        vec!["m=modes.fmu", "--set", "mode_in=v3"],
+        vec!["m=modes.fmu", "--set", "mode_in=3"],
+        vec!["m=modes.fmu", "--parameters", "values.toml"],
+        vec![
+            "m=modes.fmu",
+            "--parameters",
+            "values.toml",
+            "--set",
+            "mode_in= v3 ",
+        ],
+    ] {
+        let run = ["--record", "m.mode", "--stop-time", "1", "--step", "0.5"];
+        let all = [vec!["cosim"], arguments.clone(), run.to_vec()].concat();
+        let ended = folder.pilotage(&all);
+        assert_eq!(
+            (ended.code, ended.stderr.as_str()),
+            (0, ""),
+            "{arguments:?}"
+        );
+        let text = folder.read("result.csv");
+        assert!(
+            text.lines().skip(1).all(|line| line.ends_with(",4")),
+            "{arguments:?}: {text}"
+        );
+    }
+    let wrong = folder.pilotage(&[
+        "cosim",
+        "modes.fmu",
+        "--set",
+        "mode_in=v6",
+        "--stop-time",
+        "1",
+        "--step",
+        "0.5",
+    ]);
+    let named = "hint: write the name or the number of one: `v1` (1), `v2` (2), `v3` (3), `v4` (4), `v5` (5)";
+    assert!(wrong.code == 2 && wrong.stderr.contains(named), "{wrong:?}");
+    let two = folder.pilotage(&[
+        "cosim",
+        "m=modes.fmu",
+        "n=modes.fmu",
+        "--set",
+        "mode_in=v3",
+        "--stop-time",
+        "1",
+        "--step",
+        "0.5",
+    ]);
+    assert!(
+        two.code == 2 && two.stderr.contains("`mode_in` names no variable"),
+        "{two:?}"
+    );
+
+    let info = folder.pilotage(&["info", "modes.fmu"]).stdout;
+    for line in ["Enumeration Mode", "Mode         5      v5", "Float64["] {
+        assert!(info.contains(line), "{line}: {info}");
+    }
+    let info = folder.pilotage(&["info", "modes.fmu", "--json"]).stdout;
+    let info: serde_json::Value = serde_json::from_str(&info).unwrap();
+    assert_eq!(info["enumerations"]["Mode"][4]["name"], "v5");
+}

@@ -1,7 +1,7 @@
 //! Access to the values of an FMU's variables, independent of their types in its FMI version.
 
 use super::arrays::{Arrays, size_parameter};
-use super::ranges::{items, types_of};
+use super::ranges::{items_of, types_of};
 use crate::component::{ComponentError, Value, ValueKind};
 use pilotage_fmi::description::{
     BaseType, Causality, Dimension, FmiVersion, IntegerType, ModelDescription, Precision,
@@ -79,7 +79,7 @@ impl Access {
         Self {
             has_simple_inputs: has_simple(Causality::Input),
             has_simple_outputs: has_simple(Causality::Output),
-            items: items_of(description),
+            items: values_of_items(description),
             structural: variables()
                 .filter(|v| v.causality == Causality::StructuralParameter)
                 .map(|v| v.value_reference)
@@ -328,17 +328,14 @@ fn sizes_of(description: &ModelDescription) -> HashMap<u32, i64> {
 }
 
 /// The values of scalar enumerations by handle; enumerations whose type lists no items are omitted.
-fn items_of(description: &ModelDescription) -> HashMap<u32, Vec<i64>> {
+fn values_of_items(description: &ModelDescription) -> HashMap<u32, Vec<i64>> {
     let types = types_of(description);
-    let items = |variable: &ScalarVariable| {
-        let VariableKind::Enumeration { declared_type, .. } = &variable.kind else {
-            return None;
-        };
-        let items = items(types.get(declared_type.as_str()).copied()).iter();
+    let values = |variable: &ScalarVariable| {
+        let items = items_of(&types, variable).iter();
         let values: Vec<i64> = items.map(|item| item.value).collect();
         (!values.is_empty()).then_some((variable.value_reference, values))
     };
-    description.variables.iter().filter_map(items).collect()
+    description.variables.iter().filter_map(values).collect()
 }
 
 /// Runs a function for the type of an integer.

@@ -48,8 +48,21 @@ fn declared<'a>(types: &HashMap<&str, &'a TypeKind>, name: Option<&str>) -> Opti
     types.get(name?).copied()
 }
 
-/// The items of an enumeration.
-pub(super) fn items(kind: Option<&TypeKind>) -> &[EnumerationItem] {
+/// The items of an enumeration; empty for other variables and where the type lists none.
+pub(super) fn items_of<'a>(
+    types: &HashMap<&str, &'a TypeKind>,
+    variable: &ScalarVariable,
+) -> &'a [EnumerationItem] {
+    match &variable.kind {
+        VariableKind::Enumeration { declared_type, .. } => {
+            items(declared(types, Some(declared_type)))
+        }
+        _ => &[],
+    }
+}
+
+/// The items of a type.
+fn items(kind: Option<&TypeKind>) -> &[EnumerationItem] {
     match kind {
         Some(TypeKind::Enumeration { items, .. }) => items,
         _ => &[],

@@ -1,7 +1,7 @@
 //! Conversion of an FMU's variables to the master's.
 
 use super::arrays::Arrays;
-use super::ranges::ranges_of;
+use super::ranges::{items_of, ranges_of, types_of};
 use crate::component::{Role, Unit, ValueKind, Variable};
 use pilotage_fmi::description::{
     BaseType, Causality, Initial, ModelDescription, ScalarVariable, Unknown, Variability,
@@ -41,6 +41,7 @@ pub(super) fn variables(description: &ModelDescription, arrays: &Arrays) -> Vec<
         by_index(&structure.initial_unknowns),
     );
     let (units, ranges) = (description.units_of_variables(), ranges_of(description));
+    let types = types_of(description);
     let see = |(index, kind, end, handle): &Seen| {
         let (index, kind, handle) = (*index, *kind, *handle);
         let variable = &description.variables[index];
@@ -67,6 +68,9 @@ pub(super) fn variables(description: &ModelDescription, arrays: &Arrays) -> Vec<
             unit: (units(variable).filter(|name| !name.is_empty()))
                 .map(|name| unit(description, name)),
             range: ranges(variable),
+            items: (items_of(&types, variable).iter())
+                .map(|item| (item.name.clone(), item.value))
+                .collect(),
             nominal: nominal(variable),
             feedthrough,
             initial_feedthrough,

@@ -162,6 +162,8 @@ pub enum SystemError {
         kind: ValueKind,
         /// The given text.
         text: String,
+        /// The names and values of an enumeration.
+        items: Vec<(String, i64)>,
     },
     /// A start value that is not a number.
     #[error("`{name}` cannot be NaN")]

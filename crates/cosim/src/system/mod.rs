@@ -190,10 +190,11 @@ impl System {
         if self.settings.iter().any(|(other, _)| *other == port) {
             return Err(SystemError::SetTwice { name });
         }
-        let parsed = Value::parse(value, kind).ok_or_else(|| SystemError::BadValue {
+        let parsed = variable.parse(value).ok_or_else(|| SystemError::BadValue {
             name,
             kind,
             text: value.to_owned(),
+            items: variable.items.clone(),
         })?;
         self.check_range(port, &parsed, value)?;
         self.settings.push((port, parsed));
