@@ -495,11 +495,25 @@ fn behaviour() -> Vec<Case> {
         let content = with_enumeration(fault);
         (fault, content, expected)
     });
+    // `y` decays from 1 to 0.37.
+    let mut files = files();
+    files[0].1 = described_as(
+        "min",
+        "<Real start=\"1\"/></ScalarVariable>\n    <ScalarVariable name=\"k\"",
+        "<Real start=\"1\" min=\"0.5\"/></ScalarVariable>\n    <ScalarVariable name=\"k\"",
+    )
+    .into();
+    let below_its_min = (
+        "min",
+        packed(&files),
+        "warning: co-simulation: `y` is 0.496585303791409",
+    );
     static FAULTS: LazyLock<Vec<(String, String)>> =
         LazyLock::new(|| pairs(include_str!("behaviour.toml")));
     (FAULTS.iter())
         .map(|(fault, expected)| (&**fault, behaving(fault), &**expected))
         .chain(of_enumeration)
+        .chain([below_its_min])
         .collect()
 }
 
@@ -518,7 +532,15 @@ fn what_is_no_fault_is_not_told() {
         files[0].1 = text.into();
         folder.write(&format!("{name}.fmu"), packed(&files));
     };
-    with("strict-stop", &[("stepSize=\"0.1\"", "stepSize=\"0.5\"")]);
+    let decaying = "<Real start=\"1\"/></ScalarVariable>\n    <ScalarVariable name=\"k\"";
+    let bounded = decaying.replace("/>", " min=\"0.3\" max=\"1\"/>");
+    with(
+        "strict-stop",
+        &[
+            ("stepSize=\"0.1\"", "stepSize=\"0.5\""),
+            (decaying, &bounded),
+        ],
+    );
     let input = "causality=\"input\"><Real start=\"0\"";
     let bounded = format!("{input} min=\"0\"");
     with("discards-below", &[(input, &bounded)]);

@@ -389,6 +389,7 @@ impl Reporter<'_> {
         let mut goes_on = true;
         for _ in 0..subject.plan.steps {
             goes_on = subject.step(self)?;
+            subject.check_limits(self)?;
             if !goes_on {
                 break;
             }

@@ -3,7 +3,8 @@
 use super::exchange::Solver;
 use super::{Facts, Reporter, Stop};
 use pilotage_fmi::description::{
-    BaseType, Causality, ModelDescription, Precision, ScalarVariable, Severity,
+    BaseType, Causality, ModelDescription, Precision, RealAttributes, ScalarVariable, Severity,
+    TypeKind, VariableKind,
 };
 use pilotage_fmi::fmu::Library;
 use pilotage_fmi::instance::{Saved, Serialized};
@@ -71,8 +72,10 @@ pub(super) struct Subject {
     /// Value references and names of the real outputs.
     outputs: Vec<u32>,
     pub(super) names: Vec<String>,
-    /// Names of those that were reported as not finite.
-    not_finite: BTreeSet<String>,
+    /// Their limits and nominal values by the description.
+    limits: Vec<RealAttributes>,
+    /// Names of those that were reported as not finite or beyond these.
+    reported: BTreeSet<String>,
     /// Whether it was reported that a step ends elsewhere.
     is_elsewhere: bool,
 }
@@ -123,7 +126,8 @@ impl Subject {
         Ok(Self {
             outputs: outputs().map(|v| v.value_reference).collect(),
             names: outputs().map(|v| v.name.clone()).collect(),
-            not_finite: BTreeSet::new(),
+            limits: outputs().map(|v| limits(&description, v)).collect(),
+            reported: BTreeSet::new(),
             is_elsewhere: false,
             name: name.to_owned(),
             facts,
@@ -291,8 +295,32 @@ impl Subject {
     fn check_outputs(&mut self, reporter: &mut Reporter) -> Result<(), Stop> {
         let values = self.outputs()?;
         for (name, value) in self.names.iter().zip(values) {
-            if !value.is_finite() && self.not_finite.insert(name.clone()) {
+            if !value.is_finite() && self.reported.insert(name.clone()) {
                 let what = format!("`{name}` is {value} at {} s", self.time);
+                reporter.find(what, Severity::Warning, Some(name));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the real outputs are within their limits.
+    pub(super) fn check_limits(&mut self, reporter: &mut Reporter) -> Result<(), Stop> {
+        // What rounding does to values at a limit.
+        const ROUNDING: f64 = 1e-6;
+        let values = self.outputs()?;
+        let all = self.names.iter().zip(&self.limits).zip(values);
+        for ((name, limits), value) in all {
+            let nominal = limits.nominal.unwrap_or(1.0).abs();
+            let slack = |limit: &f64| ROUNDING * limit.abs().max(nominal);
+            let below = limits.min.filter(|min| value < min - slack(min));
+            let above = limits.max.filter(|max| value > max + slack(max));
+            let limit = match (below, above) {
+                (Some(min), _) => format!("below its min of {min}"),
+                (_, Some(max)) => format!("above its max of {max}"),
+                _ => continue,
+            };
+            if self.reported.insert(name.clone()) {
+                let what = format!("`{name}` is {value} at {} s, {limit}", self.time);
                 reporter.find(what, Severity::Warning, Some(name));
             }
         }
@@ -375,4 +403,26 @@ fn needs_event_mode(description: &ModelDescription, kind: InterfaceType) -> bool
 pub(super) fn is_double(variable: &ScalarVariable) -> bool {
     let is_double = variable.kind.base_type() == BaseType::Real(Precision::Double);
     is_double && variable.dimensions.is_empty()
+}
+
+/// The limits and the nominal value of a real, its own or those of its type (FMI 2.0.5, section 2.2.7).
+fn limits(description: &ModelDescription, variable: &ScalarVariable) -> RealAttributes {
+    let VariableKind::Real(real) = &variable.kind else {
+        return RealAttributes::default();
+    };
+    let own = real.attributes.clone();
+    let name = real.declared_type.as_deref();
+    let declared = description
+        .types
+        .iter()
+        .find(|t| Some(t.name.as_str()) == name);
+    match declared.map(|t| &t.kind) {
+        Some(TypeKind::Real { attributes, .. }) => RealAttributes {
+            min: own.min.or(attributes.min),
+            max: own.max.or(attributes.max),
+            nominal: own.nominal.or(attributes.nominal),
+            ..own
+        },
+        _ => own,
+    }
 }
