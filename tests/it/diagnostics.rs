@@ -433,6 +433,25 @@ fn slow_sensors_and_square_targets_are_no_outliers() {
     assert!(!codes(&rounded).contains(&"target-outlier"));
 }
 
+/// A sensor whose range ends at half the motion.
+#[test]
+fn clipped_positions_are_named() {
+    let sine = |limit: f64| {
+        changed(|own| {
+            let at = |t: &f64| 4.0 * (0.7 * t).sin();
+            own.target = own.time.iter().map(at).collect();
+            let late = own.time.iter().map(|t| at(&(t - 0.4)));
+            own.position = late.map(|z| z.clamp(-limit, limit)).collect();
+        })
+    };
+    let codes = |limit| {
+        let found = recorded(&sine(limit));
+        found.iter().map(Diagnostic::code).collect::<Vec<_>>()
+    };
+    assert_eq!(codes(2.0), ["clipped"]);
+    assert_eq!(codes(5.0), [""; 0]);
+}
+
 /// A recording in steps of 0.25 m, and one of 0.01 m of a single flight.
 #[test]
 fn rounded_recordings_have_no_outliers() {

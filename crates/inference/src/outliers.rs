@@ -38,6 +38,15 @@ const MOVES: usize = 3;
 const SLOW: f64 = 3.0;
 const REGULAR: f64 = 0.1;
 const MOSTLY: f64 = 0.8;
+/// Part of the samples at the ends of their range from which on a recording is clipped, ...
+const CLIPPED: f64 = 0.05;
+/// ... of stretches of this many samples or more, ...
+const STAYS: usize = 5;
+/// ... if its range has this many steps of its resolution (a coarser recording is constant anywhere), ...
+const LEVELS: f64 = 20.0;
+/// ... and this many steps of it are passed within this number of samples before and after a stretch.
+const ABRUPT: f64 = 4.0;
+const ARRIVAL: usize = 2;
 /// Number of samples from which on a run of one value can be judged.
 const ALWAYS: usize = 20;
 /// Values of which more than one in this number breaks away have no usual change. Recorded values that break away more
@@ -388,6 +397,42 @@ pub fn error_of_repeats(time: &[f64], values: &[f64]) -> f64 {
     if all.is_empty() { 0.0 } else { rms(&all) }
 }
 
+/// The part of a recording that stays at an end of its range, and that end; `None` if it is small or the recording too coarse
+/// to tell. What comes to rest at an end arrives slowly, and does not count; nor do the start and the end of a recording.
+pub fn clipped(values: &[f64]) -> Option<(f64, f64)> {
+    let all: Vec<f64> = values.iter().copied().filter(|y| y.is_finite()).collect();
+    let ([lowest, highest], step) = (range(&all), resolution(&all));
+    if all.is_empty() || highest - lowest < LEVELS * step {
+        return None;
+    }
+    // Rows for each value of a slow sensor.
+    let rows = rows_per_value(&all).unwrap_or(1);
+    let [low, high] = [lowest, highest].map(|end| stays(&all, end, ABRUPT * step, rows));
+    let part = (low + high) as f64 / all.len() as f64;
+    let end = if high >= low { highest } else { lowest };
+    (part >= CLIPPED).then_some((part, end))
+}
+
+/// Number of samples in long stretches at a value that are reached and left by more than that change.
+fn stays(values: &[f64], value: f64, change: f64, rows: usize) -> usize {
+    let mut first = 0;
+    let stretches = values.chunk_by(|a, b| (*a == value) == (*b == value));
+    let placed = stretches.map(|own| {
+        first += own.len();
+        first - own.len()..first
+    });
+    let last = values.len() - 1;
+    let is_abrupt = |near: usize| (values[near] - value).abs() > change;
+    let is_cut = |own: &Range<usize>| {
+        values[own.start] == value
+            && own.len() >= STAYS * rows
+            && (own.start > 0 && own.end <= last)
+            && is_abrupt(own.start.saturating_sub(ARRIVAL * rows))
+            && is_abrupt((own.end - 1 + ARRIVAL * rows).min(last))
+    };
+    placed.filter(is_cut).map(|own| own.len()).sum()
+}
+
 /// Step in which values were recorded: the smallest distance between two of them, apart from a few exceptions.
 pub fn resolution(values: &[f64]) -> f64 {
     let mut values: Vec<f64> = values.iter().copied().filter(|z| z.is_finite()).collect();
@@ -594,6 +639,28 @@ mod tests {
         let error = error_of_repeats(&time, &stairs);
         assert!((error - 0.285_f64.sqrt()).abs() < 1e-9, "{error}");
         assert_eq!(error_of_repeats(&[], &[]), 0.0);
+    }
+
+    /// A sine of 200 samples, in steps of 0.001, that is cut at 0.8, and one that is not; a response that comes to rest at an
+    /// end of its range.
+    #[test]
+    fn cut_recordings_are_clipped_and_resting_ones_are_not() {
+        let sine = |limit: f64| -> Vec<f64> {
+            let at = |k: usize| (0.05 * k as f64).sin().clamp(-limit, limit);
+            (0..200)
+                .map(|k| (1000.0 * at(k)).round() / 1000.0)
+                .collect()
+        };
+        let (part, end) = clipped(&sine(0.8)).unwrap();
+        // asin(0.8) = 0.927: of a half wave, 0.410 is beyond, and of 200 samples 3.2 half waves are there.
+        assert!((0.35..0.45).contains(&part) && end == 0.8, "{part} {end}");
+        assert_eq!(clipped(&sine(1.0)), None);
+        let resting: Vec<f64> = (0..400)
+            .map(|k| (if k < 200 { k } else { 400 - k }) as f64)
+            .map(|k| ((1.0 - (-0.05 * k).exp()) * 1000.0).round() / 1000.0)
+            .collect();
+        assert_eq!(clipped(&resting), None);
+        assert_eq!(clipped(&[]), None);
     }
 
     #[test]

@@ -5,18 +5,11 @@ use crate::problem::file::Noise;
 use crate::result::diagnostic::Diagnostic;
 use crate::result::{Fit, RunFit};
 use pilotage_inference::outliers::{
-    Breaks, Frozen, Kind, Values, error_of_repeats, frozen, misfit, of_fresh, resolution,
+    Breaks, Frozen, Kind, Values, clipped, error_of_repeats, frozen, misfit, of_fresh, resolution,
     rows_per_value,
 };
 use pilotage_inference::statistics::{range, rms};
 use pilotage_inference::timing::{Response, late};
-
-/// Fraction of a signal's samples at the ends of its range from which clipping is reported.
-const CLIPPED: f64 = 0.05;
-/// Minimum number of consecutive samples that stay at a value.
-const STAYS: usize = 5;
-/// Minimum number of quantisation steps in the range: a coarser recording stays constant anywhere.
-const LEVELS: f64 = 20.0;
 
 /// Repeated values matter if they are off by this part of the residuals.
 const SEEN: f64 = 0.2;
@@ -174,37 +167,18 @@ pub fn of_times(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
     })
 }
 
-/// A measured signal that stays at the ends of its range within a run. At the start and end of a run it may be at rest.
+/// A measured signal that stays at the ends of its range within a run.
 pub fn of_ends(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
-    let of_run = |run: &RunFit| {
-        let known = run.recorded[k].iter().copied();
-        let all: Vec<f64> = known.filter(|y| y.is_finite()).collect();
-        let [lowest, highest] = range(&all);
-        if highest - lowest < LEVELS * resolution(&all) {
-            return None;
-        }
-        let [low, high] = [lowest, highest].map(|end| stays(&run.recorded[k], end));
-        let part = (low + high) as f64 / all.len() as f64;
-        Some((part, if high >= low { highest } else { lowest }))
-    };
+    let of_run = |run: &'_ RunFit| clipped(&run.recorded[k]);
     let most = fit.runs.iter().filter_map(|run| Some((run, of_run(run)?)));
     let (run, (part, value)) = most.max_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
-    (part >= CLIPPED).then(|| Diagnostic::Clipped {
+    Some(Diagnostic::Clipped {
         measured: posed.file.measured[k].column.value.clone(),
         run: run.name.clone(),
         value,
         unit: posed.unit_of(k).map(str::to_owned),
         part,
     })
-}
-
-/// Number of samples at a value in long stretches of a run, without those at its start and end.
-fn stays(run: &[f64], value: f64) -> usize {
-    let mut stretches = run.chunk_by(|a, b| (*a == value) == (*b == value));
-    let is_long = |own: &&[f64]| own[0] == value && own.len() >= STAYS;
-    stretches.next();
-    stretches.next_back();
-    stretches.filter(is_long).map(<[f64]>::len).sum()
 }
 
 /// Runs of different files with the same samples. The same file with other settings is intended.

@@ -190,6 +190,22 @@ pub enum Diagnostic {
         /// Number of such stretches, of which this is the longest.
         count: usize,
     },
+    /// The position stays at an end of its range.
+    #[error(
+        "{:.0} % of the positions of {run} stay at the ends of what was recorded, such as {} m, which the vehicle reaches and \
+         leaves at speed: the sensor measures no further, or there is a stop, which the vehicle of the fit has not; empty \
+         these cells",
+        100.0 * part,
+        short(*.value, 6)
+    )]
+    Clipped {
+        /// Name of the run with the largest part.
+        run: String,
+        /// The end \[m\].
+        value: f64,
+        /// The part, 0 to 1.
+        part: f64,
+    },
     /// The position is that of a sensor that is slower than the recording.
     #[error(
         "the position of {run} is new in one of {rows} rows alone, and repeated in the others: a fit takes every row for a \
@@ -465,6 +481,7 @@ impl Diagnostic {
             Self::SteppedTarget { .. } => "stepped-target",
             Self::Jump { .. } => "jump",
             Self::Frozen { .. } => "frozen",
+            Self::Clipped { .. } => "clipped",
             Self::SlowSensor { .. } => "slow-sensor",
             Self::MeshError { .. } => "mesh-error",
             Self::Leaves { .. } => "leaves-target",

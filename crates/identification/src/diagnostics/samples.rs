@@ -51,6 +51,7 @@ pub fn recorded(trials: &[Trial]) -> Vec<Diagnostic> {
         jump(&breaks, trials, "m"),
         frozen,
         trials.iter().find_map(frozen_target),
+        clipped(trials),
         trials.iter().find_map(slow_sensor),
         trials.iter().find_map(target_outlier),
     ];
@@ -77,6 +78,7 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
         jump(&breaks, trials, unit),
         frozen,
         trials.iter().find_map(frozen_target),
+        clipped(trials),
         trials.iter().find_map(slow_sensor),
         trials.iter().find_map(target_outlier),
         moving(&looked_at, options, trials),
@@ -197,6 +199,17 @@ fn frozen_target(trial: &Trial) -> Option<Diagnostic> {
         to: trial.time[own.samples.end - 1],
         size: own.next.map(|next| trial.target[next] - value),
         count,
+    })
+}
+
+/// The run most of whose positions stay at an end of their range.
+fn clipped(trials: &[Trial]) -> Option<Diagnostic> {
+    let all = (trials.iter()).filter_map(|own| Some((own, outliers::clipped(&own.position)?)));
+    let (trial, (part, value)) = all.max_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
+    Some(Diagnostic::Clipped {
+        run: trial.name.clone(),
+        value,
+        part,
     })
 }
 
