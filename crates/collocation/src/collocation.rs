@@ -10,7 +10,7 @@ use super::node::{Differentiated, NodeModel, Scales};
 use super::parallel;
 use super::simd::{self, LANES, Lanes, Task};
 use super::tableau::Scheme;
-use num_dual::HyperDual64;
+use num_dual::{Dual64, HyperDual64};
 use pilotage_sqp::Problem;
 use std::sync::Arc;
 
@@ -75,9 +75,24 @@ impl Collocation {
             .map(|run| Grid::new(scheme, run, inputs))
             .collect();
         let layout = Layout::new(&runs, &grids, n, bounds.len());
+        let input: Vec<f64> = match runs.first() {
+            Some(run) => run.inputs[0]
+                .iter()
+                .chain(run.time.first())
+                .copied()
+                .collect(),
+            None => vec![0.0; inputs + 1],
+        };
+        let model = model.with_scaled_outputs(measured, &input);
         let of_run = |run: &Run| {
             let samples = run.time.len();
-            bounds.iter().flat_map(move |bound| bound.limits(samples))
+            let bounds = bounds.iter().enumerate();
+            let factor = |k: usize| model.output_factor(measured + k);
+            let scaled = bounds.map(move |(k, own)| (factor(k), own));
+            scaled.flat_map(move |(factor, own)| {
+                let limits = own.limits(samples);
+                limits.map(move |(lower, upper)| (factor * lower, factor * upper))
+            })
         };
         let (mut lower, mut upper): (Vec<f64>, Vec<f64>) = runs.iter().flat_map(of_run).unzip();
         lower.extend(vec![CLEARANCE; constraints.count()]);
@@ -89,9 +104,8 @@ impl Collocation {
             }
         }
         damping_weights.extend(vec![1.0; p]);
-        let reference = constraints.values(&model.scales.parameters);
         Self {
-            constraint_scales: reference.iter().map(|v| v.abs().max(1e-3)).collect(),
+            constraint_scales: magnitudes(&constraints, &model.scales.parameters),
             limits: (lower, upper),
             damping_weights,
             bounds: bounds.to_vec(),
@@ -163,7 +177,7 @@ impl Collocation {
         all
     }
 
-    /// Outputs of run `j` at its samples, one vector per output.
+    /// Outputs of run `j` at its samples, one vector per output, in their units.
     pub fn outputs_at_samples(&self, z: &[f64], j: usize) -> Vec<Vec<f64>> {
         let count = self.runs[j].time.len();
         let mut all = vec![vec![f64::NAN; count]; self.model.n_outputs()];
@@ -172,6 +186,10 @@ impl Collocation {
                 write_samples(samples, *output, own);
             }
         });
+        for (k, own) in all.iter_mut().enumerate() {
+            let factor = self.model.output_factor(k);
+            own.iter_mut().for_each(|value| *value /= factor);
+        }
         all
     }
 
@@ -281,6 +299,27 @@ impl Collocation {
             .map(|(v, s)| *v / *s)
             .collect()
     }
+}
+
+/// The magnitudes of the constraints: their values for parameters of the magnitudes of the scales, or by how much they change
+/// with these, if that is more.
+fn magnitudes(constraints: &ParameterConstraints, scales: &[f64]) -> Vec<f64> {
+    let mut all = constraints.values(scales);
+    let mut changes = vec![0.0; all.len()];
+    for (k, scale) in scales.iter().enumerate() {
+        let mut theta: Vec<Dual64> = scales.iter().map(|s| Dual64::from(*s)).collect();
+        theta[k].eps = *scale;
+        let values = constraints.values(&theta);
+        let own = changes.iter_mut().zip(values);
+        own.for_each(|(change, value)| *change += value.eps.abs());
+    }
+    for (value, change) in all.iter_mut().zip(changes) {
+        *value = value.abs().max(change);
+        if !(value.is_finite() && *value > 0.0) {
+            *value = 1.0;
+        }
+    }
+    all
 }
 
 /// Writes the values of a group of points to the positions of their samples.

@@ -56,6 +56,8 @@ pub struct NodeModel {
     entry_scales: Vec<f64>,
     gradient_scales: Vec<Vec<f64>>,
     pair_scales: Vec<f64>,
+    /// Factors of the outputs: 1 for measured ones.
+    output_factors: Vec<f64>,
 }
 
 /// The model's values at one θ.
@@ -225,10 +227,49 @@ impl NodeModel {
                 .count(),
             shared: tapes.derivatives.is_early(0)[first..first + tapes.entries.len()].to_vec(),
             pairs: tapes.pairs.clone(),
+            output_factors: vec![1.0; first],
             inverse,
             scales,
             tapes,
         }
+    }
+
+    /// The model with the outputs from `first` on divided by their magnitudes: by how much they change with states and
+    /// parameters of the magnitudes of their scales, at these inputs (the last is the time). The magnitudes are powers of
+    /// two, so that no value is rounded.
+    pub(super) fn with_scaled_outputs(mut self, first: usize, input: &[f64]) -> Self {
+        let count = self.n_outputs();
+        if first == count {
+            return self;
+        }
+        let mut derivatives = self.derivatives(&vec![1.0; self.n_parameters()]);
+        let x = [1.0, -1.0, 0.5, -0.5].map(|part| vec![part; self.n_states()]);
+        let mut outputs = vec![[0.0; LANES]; count];
+        derivatives.evaluate(
+            x.each_ref().map(Vec::as_slice),
+            [input; LANES],
+            &mut outputs,
+        );
+        let magnitude = |output: usize| {
+            let mut gradient = vec![[0.0; LANES]; self.columns(output).len()];
+            derivatives.gradient(output, &mut gradient);
+            let sums = (0..LANES).map(|l| gradient.iter().map(|own| own[l].abs()).sum::<f64>());
+            let largest = sums.filter(|sum| sum.is_finite()).fold(0.0, f64::max);
+            if largest > 0.0 { largest } else { 1.0 }
+        };
+        let factor = |output| (-magnitude(output).log2().round()).exp2();
+        let factors: Vec<f64> = (first..count).map(factor).collect();
+        for (output, factor) in (first..).zip(factors) {
+            self.output_factors[output] = factor;
+            let scales = &mut self.gradient_scales[output];
+            scales.iter_mut().for_each(|scale| *scale *= factor);
+        }
+        self
+    }
+
+    /// The factor by which an output's values are multiplied.
+    pub(super) fn output_factor(&self, output: usize) -> f64 {
+        self.output_factors[output]
     }
 
     /// Number of states.
@@ -318,8 +359,9 @@ impl Values<'_> {
         for ((f, register), inverse) in f.iter_mut().zip(rates).zip(&model.inverse) {
             *f = scaled(*inverse, self.registers.get(*register));
         }
-        for (output, register) in outputs.iter_mut().zip(own) {
-            *output = self.registers.get(*register);
+        let own = own.iter().zip(&model.output_factors);
+        for (output, (register, factor)) in outputs.iter_mut().zip(own) {
+            *output = scaled(*factor, self.registers.get(*register));
         }
     }
 }
@@ -332,8 +374,9 @@ impl Derivatives<'_> {
         let tape = &self.model.tapes.derivatives;
         self.model.set(&mut self.registers, x, input);
         tape.run(1, &mut self.registers);
-        for (output, register) in outputs.iter_mut().zip(tape.outputs(0)) {
-            *output = self.registers.get(*register);
+        let own = tape.outputs(0).iter().zip(&self.model.output_factors);
+        for (output, (register, factor)) in outputs.iter_mut().zip(own) {
+            *output = scaled(*factor, self.registers.get(*register));
         }
     }
 
@@ -371,8 +414,9 @@ impl Derivatives<'_> {
             self.registers
                 .set(first + k, times(*weight, [*inverse; LANES]));
         }
-        for (k, weight) in outputs.iter().enumerate() {
-            self.registers.set(first + n + k, *weight);
+        for (k, (weight, factor)) in outputs.iter().zip(&model.output_factors).enumerate() {
+            let weight = scaled(*factor, *weight);
+            self.registers.set(first + n + k, weight);
         }
         tape.run(2, &mut self.registers);
         let own = out.iter_mut().zip(tape.outputs(1));

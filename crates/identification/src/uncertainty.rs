@@ -192,6 +192,7 @@ fn run(
     let residuals = DVector::from_iterator(rows.len(), rows.iter().map(|(_, row)| row.location));
     Run {
         own: all.columns(p, width - p).into_owned(),
+        own_scales: own.scales.clone().into(),
         active: own.active.clone(),
         time: rows.iter().map(|(k, _)| problem.runs[j].time[*k]).collect(),
         ..Run::of(all.columns(0, p).into_owned(), residuals)

@@ -3,7 +3,7 @@
 
 use crate::autoregression::Autoregression;
 use crate::residuals::{centred, is_even};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
 /// Maximum number of lags on either side, as in Matlab's `resid`.
@@ -112,11 +112,17 @@ impl Crossed {
     }
 }
 
-/// Gram matrix of the columns before `first`, with the columns from `first` on projected out.
+/// Gram matrix of the columns before `first`, with the columns from `first` on projected out. Their directions are judged in
+/// units in which all have the same length, since those of parameters differ by many orders of magnitude.
 fn without(gram: DMatrix<f64>, first: usize) -> DMatrix<f64> {
     let count = gram.ncols() - first;
-    let others = gram.view((first, first), (count, count)).into_owned();
-    let shares = gram.view((first, 0), (count, first)).into_owned();
+    let unit = |i: usize| match gram[(first + i, first + i)].sqrt() {
+        size if size > 0.0 => 1.0 / size,
+        _ => 0.0,
+    };
+    let units = DMatrix::from_diagonal(&DVector::from_fn(count, |i, _| unit(i)));
+    let others = &units * gram.view((first, first), (count, count)) * &units;
+    let shares = &units * gram.view((first, 0), (count, first));
     let mut left = gram.view((0, 0), (first, first)).into_owned();
     if count == 0 {
         return left;

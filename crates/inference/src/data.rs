@@ -11,6 +11,8 @@ pub struct Run {
     pub shared: DMatrix<f64>,
     /// The same with respect to the run's own unknowns.
     pub own: DMatrix<f64>,
+    /// Typical magnitudes of the run's own unknowns, as [`Data::scales`].
+    pub own_scales: DVector<f64>,
     /// Observed minus predicted, in standard deviations, times the square root of the weight.
     pub residuals: DVector<f64>,
     /// Time of each residual \[s\].
@@ -33,6 +35,7 @@ impl Run {
         assert_eq!(residuals.len(), n, "a residual for each row");
         Self {
             own: DMatrix::zeros(n, 0),
+            own_scales: DVector::zeros(0),
             time: (0..n).map(|t| t as f64).collect(),
             signals: std::iter::once(0..n).collect(),
             prior: n..n,

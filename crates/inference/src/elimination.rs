@@ -7,6 +7,9 @@ use pilotage_linear::svd::svd;
 /// A vector whose remainder is shorter than this part of its length is within the span of the others.
 const DEPENDENT: f64 = 1e-8;
 
+/// An unknown that changes all residuals by less than this, relative to the others, has no effect.
+const NO_EFFECT: f64 = 1e-9;
+
 /// Effect of a run's own unknowns on a constraint, relative to that of the shared parameters, below which they are
 /// ignored. Unknowns are scaled so that they change the residuals by one.
 const FADED: f64 = 1e-3;
@@ -91,8 +94,11 @@ impl Eliminated {
 struct Held {
     shared: DMatrix<f64>,
     own: DMatrix<f64>,
+    /// `N` in own unknowns that change the residuals by one.
     null: DMatrix<f64>,
     follows: DMatrix<f64>,
+    /// These own unknowns in their units.
+    own_units: DVector<f64>,
     /// Remaining constraints on θ' alone.
     rest: Vec<DVector<f64>>,
 }
@@ -101,13 +107,17 @@ impl Held {
     fn new(run: &Run, units: &DVector<f64>) -> Self {
         let (p, m) = (units.len(), run.own.ncols());
         let scaled = DMatrix::from_diagonal(units);
+        let effects: Vec<f64> = run.own.column_iter().map(|column| column.norm()).collect();
+        let own_units = change_by_one(&effects, &run.own_scales);
+        let own_scaled = DMatrix::from_diagonal(&own_units);
         let shared = &run.shared * &scaled;
         let by_shared = run.active.columns(0, p) * &scaled;
-        let mut by_own = run.active.columns(p, m).into_owned();
+        let own = &run.own * &own_scaled;
+        let mut by_own = run.active.columns(p, m) * &own_scaled;
         // An initial state that has decayed before the constraint holds cannot compensate anything: it would have to
         // change by more than the residuals allow.
         for (mut row, all) in by_own.row_iter_mut().zip(by_shared.row_iter()) {
-            let effects = run.own.column_iter().zip(row.iter());
+            let effects = own.column_iter().zip(row.iter());
             let sizes = effects.map(|(column, own)| match column.norm() {
                 size if size > 0.0 => own.abs() / size,
                 _ => own.abs(),
@@ -126,10 +136,11 @@ impl Held {
         let pairs = rest.row_iter().zip(by_shared.row_iter());
         let pairs = pairs.map(|(row, all)| (row.transpose(), all.transpose()));
         Self {
-            shared: shared + &run.own * &follows,
-            own: &run.own * &null,
+            shared: shared + &own * &follows,
+            own: own * &null,
             null,
-            follows,
+            follows: &own_scaled * follows,
+            own_units,
             rest: pairs
                 .filter(|(row, all)| is_left(row, all))
                 .map(|(row, _)| row)
@@ -148,13 +159,28 @@ impl Held {
         let is_flat = |i: usize| free[(i, i)] - seen[(i, i)] > 1e-6;
         Eliminated {
             projected: &shared - inside,
-            inverse: &self.null * within * basis.transpose(),
+            inverse: DMatrix::from_diagonal(&self.own_units)
+                * (&self.null * within * basis.transpose()),
             follows: &self.follows * z,
             flat: (0..run.own.ncols()).map(is_flat).collect(),
             basis,
             shared,
         }
     }
+}
+
+/// The change of each unknown that changes the residuals by one, given by how much they change with it; the scale of an unknown
+/// without effect.
+pub fn change_by_one(effects: &[f64], scales: &DVector<f64>) -> DVector<f64> {
+    let of_scales = effects
+        .iter()
+        .zip(scales.iter())
+        .map(|(by, scale)| by * scale);
+    let least = NO_EFFECT * of_scales.fold(0.0, f64::max);
+    DVector::from_fn(effects.len(), |i, _| match effects[i] * scales[i] > least {
+        true => 1.0 / effects[i],
+        false => scales[i],
+    })
 }
 
 /// Orthonormal basis of a matrix's column space: Gram–Schmidt, applied twice (Giraud, Langou & Rozložník, *The loss of

@@ -1,7 +1,7 @@
 //! Information of the data about the parameters, and the directions that they leave undetermined.
 
 use crate::data::{Data, Run};
-use crate::elimination::Elimination;
+use crate::elimination::{Elimination, change_by_one};
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 use std::ops::Range;
 
@@ -29,8 +29,6 @@ pub enum Obstacle {
 
 /// Eigenvalue of the information, scaled to a unit diagonal, below which a direction is undetermined.
 const OPEN: f64 = 1e-11;
-/// A parameter that changes all residuals by less than this, relative to the other parameters, has no effect.
-const NO_EFFECT: f64 = 1e-9;
 /// Minimum component of an undetermined direction for a parameter to be undetermined.
 const TAKES_PART: f64 = 1e-3;
 
@@ -216,12 +214,8 @@ fn is_finite(run: &Run) -> bool {
 /// Change of each parameter that changes all residuals together by one; the scale of a parameter without effect.
 fn units(data: &Data) -> DVector<f64> {
     let squares = sums(data, |run| &run.shared);
-    let effects = squares.map(f64::sqrt).component_mul(&data.scales);
-    let least = NO_EFFECT * effects.iter().copied().fold(0.0, f64::max);
-    DVector::from_fn(squares.len(), |i, _| match effects[i] > least {
-        true => 1.0 / squares[i].sqrt(),
-        false => data.scales[i],
-    })
+    let effects: Vec<f64> = squares.iter().map(|own| own.sqrt()).collect();
+    change_by_one(&effects, &data.scales)
 }
 
 /// Sum of squares of each column, including priors.

@@ -67,6 +67,7 @@ impl Toy {
             let e = y - &shared * found.rows(0, self.p) - j.columns(self.p, self.own) * own;
             Run {
                 own: j.columns(self.p, self.own).into_owned(),
+                own_scales: DVector::from_element(self.own, 1.0),
                 active: DMatrix::zeros(0, self.p + self.own),
                 ..Run::of(shared, e)
             }

@@ -13,6 +13,8 @@ use pilotage_sqp::{Iterate, QpSolver};
 pub struct Sensitivity {
     /// The states with free initial values.
     pub free: Vec<usize>,
+    /// Their scales.
+    pub scales: Vec<f64>,
     /// For each measured output, `∂y(t_k)/∂[θ; x(0)]` with the states determined by the collocation equations; samples
     /// × (parameters and free initial states).
     pub outputs: Vec<DMatrix<f64>>,
@@ -74,6 +76,7 @@ impl Condensed {
             Sensitivity {
                 outputs: outputs.collect(),
                 free: own.free.clone(),
+                scales: units[p..].to_vec(),
                 active,
             }
         };

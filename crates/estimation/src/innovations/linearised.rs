@@ -34,7 +34,7 @@ pub(crate) fn linearised(posed: &Posed<'_>, at: &Predicted<'_>) -> Linearised {
             }
         }
         let prior = first..all.residuals.len();
-        runs.push(all.run(posed.shared, signals, prior, active.runs[j].active.clone()));
+        runs.push(all.run(posed.shared, signals, prior, &active.runs[j]));
     }
     let prior = match shared_priors.is_empty() {
         true => DMatrix::zeros(0, posed.shared),
@@ -82,10 +82,11 @@ fn active(
     };
     let shared: Vec<usize> = (0..posed.shared).collect();
     let run = |(j, range): (usize, Range<usize>)| {
-        let places: Vec<usize> = shared.iter().copied().chain(range).collect();
+        let places: Vec<usize> = shared.iter().copied().chain(range.clone()).collect();
         let first = count + j * of_run;
         Sensitivity {
             free: likelihood.free(j),
+            scales: at.program.scales[range].to_vec(),
             outputs: Vec::new(),
             active: rows(&places, &mut (first..first + of_run)),
         }
@@ -143,7 +144,7 @@ impl Rows {
         shared: usize,
         signals: Vec<Range<usize>>,
         prior: Range<usize>,
-        active: DMatrix<f64>,
+        of: &Sensitivity,
     ) -> Run {
         let all = match self.derivatives.is_empty() {
             true => DMatrix::zeros(0, self.width),
@@ -152,12 +153,13 @@ impl Rows {
         Run {
             shared: all.columns(0, shared).into_owned(),
             own: all.columns(shared, self.width - shared).into_owned(),
+            own_scales: of.scales.clone().into(),
             // Successive innovations are white for any spacing.
             time: (0..self.residuals.len()).map(|k| k as f64).collect(),
             residuals: DVector::from_vec(self.residuals),
             signals,
             prior,
-            active,
+            active: of.active.clone(),
         }
     }
 }

@@ -13,9 +13,6 @@ use std::sync::{Arc, Mutex};
 /// Step of the differences, in scaled unknowns: central differences of a gradient that is exact up to rounding.
 const STEP: f64 = 1e-5;
 
-/// Smallest derivative by which a constraint is scaled.
-const LEAST: f64 = 1e-12;
-
 /// Derivatives at a point, in scaled unknowns.
 struct Linear {
     at: Vec<f64>,
@@ -67,7 +64,7 @@ impl<'p> Program<'p> {
                 .zip(&scales)
                 .map(|(own, s)| (own[i] * s).abs());
             let most = effects.fold(0.0, f64::max);
-            if most > LEAST && most.is_finite() {
+            if most > 0.0 && most.is_finite() {
                 most
             } else {
                 1.0

@@ -481,7 +481,7 @@ fn reached(
     [start, nominal]: [f64; 2],
 ) -> Option<f64> {
     let size = if start == 0.0 { nominal } else { start.abs() };
-    let is_near = |value: f64, end: f64| (value - end).abs() <= 1e-6 * (1e-6 + end.abs().max(size));
+    let is_near = |value: f64, end: f64| (value - end).abs() <= 1e-6 * end.abs().max(size);
     let is_reached = |end: &f64| values.iter().any(|(_, value)| is_near(*value, *end));
     range.into_iter().flatten().find(is_reached)
 }

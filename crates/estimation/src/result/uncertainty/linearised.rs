@@ -306,6 +306,7 @@ impl Rows {
         Run {
             shared: all.columns(0, shared).into_owned(),
             own: all.columns(shared, width - shared).into_owned(),
+            own_scales: of.scales.clone().into(),
             residuals: DVector::from_vec(self.residuals),
             time: self.time,
             signals,
