@@ -301,9 +301,11 @@ impl Collocation {
     }
 }
 
-/// The magnitudes of the constraints: their values for parameters of the magnitudes of the scales, or by how much they change
-/// with these, if that is more.
+/// The magnitudes of the constraints: their values for parameters of the magnitudes of the scales, or a part of how much they
+/// change with these, where that is more.
 fn magnitudes(constraints: &ParameterConstraints, scales: &[f64]) -> Vec<f64> {
+    // A value may be near zero there by chance.
+    const PART: f64 = 1e-3;
     let mut all = constraints.values(scales);
     let mut changes = vec![0.0; all.len()];
     for (k, scale) in scales.iter().enumerate() {
@@ -314,7 +316,7 @@ fn magnitudes(constraints: &ParameterConstraints, scales: &[f64]) -> Vec<f64> {
         own.for_each(|(change, value)| *change += value.eps.abs());
     }
     for (value, change) in all.iter_mut().zip(changes) {
-        *value = value.abs().max(change);
+        *value = value.abs().max(PART * change);
         if !(value.is_finite() && *value > 0.0) {
             *value = 1.0;
         }

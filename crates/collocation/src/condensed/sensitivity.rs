@@ -128,10 +128,14 @@ impl RunSweep {
     }
 }
 
-/// Sign of the changes of its value that an active bound permits.
+/// Sign of the changes of its value that an active bound permits, over the factor of the value.
 fn inward(problem: &Collocation, at: &Iterate, row: RowAt) -> f64 {
     match row {
-        RowAt::Bounded { run, row } => -at.eta[problem.layout.runs[run].g + row].signum(),
+        RowAt::Bounded { run, row } => {
+            let layout = &problem.layout.runs[run];
+            let output = problem.measured + row / layout.samples;
+            -at.eta[layout.g + row].signum() / problem.model.output_factor(output)
+        }
         // Constraints on the parameters have only lower limits.
         RowAt::Parameter(_) => 1.0,
     }
