@@ -31,6 +31,7 @@ mod fmu_binary;
 mod fmu_commands;
 mod foreign;
 mod init;
+mod invariance;
 mod isolated;
 mod joint_ode;
 mod kinks;

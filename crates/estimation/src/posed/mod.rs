@@ -26,7 +26,7 @@ use crate::system::part::{Part, with_locals};
 use nalgebra::{Complex, DMatrix};
 use pilotage_collocation::{Bound, Differentiated, Loss, ParameterConstraints, Run};
 use pilotage_cosim::description::InstanceDescription;
-use pilotage_expression::{Function, Graph, Operation};
+use pilotage_expression::{Function, Graph, Operation, System};
 use pilotage_filter::Filter;
 use pilotage_linear::eigenvalues;
 use std::sync::Arc;
@@ -69,6 +69,8 @@ pub struct Posed<'f> {
     pub followed: Option<Followed>,
     /// Data of each fitted run, as read.
     pub data: Vec<RunData<'f>>,
+    /// What is added to the times of each run to have those of its file \[s\].
+    pub origins: Vec<f64>,
 }
 
 /// Whether expressions of these variables are selected between, or have magnitudes.
@@ -190,7 +192,7 @@ impl<'f> Posed<'f> {
         let runs = file.runs.iter().filter(|run| run.fits);
         let data: Vec<RunData<'f>> = runs.map(RunData::read).collect::<Result<_, _>>()?;
         check_times(file, &joint, &data)?;
-        let made = Assembly::new(
+        let mut made = Assembly::new(
             file,
             (&joint, unlimited.as_ref()),
             &parameters,
@@ -198,6 +200,7 @@ impl<'f> Posed<'f> {
             &data,
         )?
         .finish()?;
+        let origins = begin_near_zero(&made.system, &mut made.runs);
         let recorded = made.followed.iter();
         let recorded = recorded.map(|(state, k)| (*state, &made.quantities.recorded[*k][..]));
         let recorded: Vec<Recorded<'_>> = recorded.collect();
@@ -218,8 +221,34 @@ impl<'f> Posed<'f> {
             joint,
             unlimited,
             data,
+            origins,
         })
     }
+}
+
+/// Times of a clock that began long before a run, such as seconds since 1970, are rounded to more than a solver's tolerance.
+/// Where no equation depends on time, such runs begin at 0 instead. Returns what was subtracted from the times of each.
+fn begin_near_zero(system: &System, runs: &mut [Run]) -> Vec<f64> {
+    const LONG_BEFORE: f64 = 100.0;
+    let depends = system.graph.dependants(|variable| variable == 0);
+    let time = system.graph.known_variable(0);
+    let mut depending = (0..depends.len()).filter(|k| depends[*k]);
+    let mut rows = system.derivatives.iter().chain(&system.outputs);
+    if depending.any(|k| time.is_none_or(|time| time.index() != k))
+        || rows.any(|row| Some(*row) == time)
+    {
+        return vec![0.0; runs.len()];
+    }
+    let origin = |run: &mut Run| {
+        let (first, last) = (run.time[0], run.time[run.time.len() - 1]);
+        if first.abs() <= LONG_BEFORE * (last - first) {
+            return 0.0;
+        }
+        let times = run.time.iter_mut().chain(&mut run.mesh);
+        times.for_each(|time| *time -= first);
+        first
+    };
+    runs.iter_mut().map(origin).collect()
 }
 
 /// All variables of the graph at a sample.

@@ -85,7 +85,7 @@ pub(crate) fn beside_inputs(
                         .map(|own| filled(&series.time, &own.values));
                     let own = data.and_then(|data| data.runs.get(j));
                     let (left, gradients) = own
-                        .and_then(|own| linearised(own, signal_of(posed, k)?))
+                        .and_then(|own| linearised(own, signal_of(posed, k)?, posed.origins[j]))
                         .unwrap_or_else(|| (known(run, k, measured.noise), Default::default()));
                     Pair {
                         gradients,
@@ -106,12 +106,14 @@ pub(crate) fn beside_inputs(
 /// Values and their times \[s\].
 type Timed = (Vec<f64>, Vec<f64>);
 
-/// Residuals of a signal in a run, and their derivatives with respect to the shared unknowns and the run's own.
-fn linearised(run: &Run, signal: usize) -> Option<(Timed, [DMatrix<f64>; 2])> {
+/// Residuals of a signal in a run whose times begin at this origin in its file, and their derivatives with respect to the shared
+/// unknowns and the run's own.
+fn linearised(run: &Run, signal: usize, origin: f64) -> Option<(Timed, [DMatrix<f64>; 2])> {
     let rows = run.signals.get(signal)?.clone();
     let left = run.residuals.rows(rows.start, rows.len());
     let gradients = [&run.shared, &run.own].map(|of| of.rows(rows.start, rows.len()).into_owned());
-    let timed = (left.iter().copied().collect(), run.time[rows].to_vec());
+    let time = run.time[rows].iter().map(|time| time + origin).collect();
+    let timed = (left.iter().copied().collect(), time);
     Some((timed, gradients))
 }
 

@@ -369,7 +369,9 @@ fn run_fit(
     let count = posed.joint.model.states.len();
     let mut run = RunFit {
         name: posed.data[j].name(),
-        time: problem.runs[j].time.clone(),
+        time: (problem.runs[j].time.iter())
+            .map(|time| time + posed.origins[j])
+            .collect(),
         begin: Vec::new(),
         states: vec![Vec::new(); count],
         predicted: vec![Vec::new(); quantities.predicted.len()],

@@ -20,7 +20,7 @@ pub fn at_start(posed: &Posed<'_>, start: &Start) -> Option<String> {
         samples.find_map(|(sample, x)| {
             let at = variables(posed, j, sample, x, &theta);
             let found = at_sample(posed, &at).or_else(|| of_residuals(posed, (j, sample), &at))?;
-            let time = posed.runs[j].time[sample];
+            let time = posed.runs[j].time[sample] + posed.origins[j];
             Some(format!("{} at {time} s: {found}", posed.data[j].name()))
         })
     })
