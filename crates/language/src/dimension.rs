@@ -165,18 +165,19 @@ impl Quantity {
         let is_reversed = conversions.iter().any(is_inverse) && !close(ratio, 1.0);
         match (is_converted, is_reversed) {
             (true, false) => Ok(()),
-            (false, false) => Err(format!(
-                "{left} is {ratio} times {right}; multiply by {}{}, or use one unit for both",
-                Conversion(ratio),
-                match self.is_rate() {
-                    true => format!(
-                        " (by {} from radians to turns, by {} from turns to radians)",
-                        Conversion(ratio / turn),
-                        Conversion(ratio * turn)
-                    ),
-                    false => String::new(),
-                }
-            )),
+            (false, false) => {
+                // A hertz is a turn per second, though its base unit is that of rad/s.
+                let is_hertz = |name: &str| name.contains("Hz");
+                let ratio = match (is_hertz(&left), is_hertz(&right)) {
+                    (true, false) if self.is_rate() => ratio * turn,
+                    (false, true) if self.is_rate() => ratio / turn,
+                    _ => ratio,
+                };
+                Err(format!(
+                    "{left} is {ratio} times {right}; multiply by {}, or use one unit for both",
+                    Conversion(ratio),
+                ))
+            }
             (_, true) => Err(format!(
                 "{left} is {ratio} times {right}, and {} converts the other way; multiply by {} in its place, or use one \
                  unit for both",

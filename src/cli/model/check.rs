@@ -49,6 +49,15 @@ impl Checked {
             Err(error) if trouble.is_none() => return Err(Failure::new(error.to_string())),
             _ => StateSpace::empty(),
         };
+        let matrices = [&linear.a, &linear.b, &linear.c, &linear.d];
+        let slopes = || matrices.iter().flat_map(|matrix| matrix.iter().copied());
+        let odd = slopes().find(|slope| !slope.is_finite());
+        let odd = odd.map(|slope| format!("a derivative of the equations is {slope}"));
+        let linear = match odd {
+            Some(_) => StateSpace::empty(),
+            None => linear,
+        };
+        let trouble = trouble.or(odd);
         Ok(Self {
             modes: Mode::of_poles(&linear.poles()),
             linear,

@@ -33,6 +33,8 @@ const TIME_CONSTANTS: f64 = 6.0;
 
 /// A mode whose rate is smaller than this fraction of the fastest one's does not decay.
 const ROUNDING: f64 = 1e-12;
+/// The same for several poles at 0, of which rounding makes the root.
+const MULTIPLE: f64 = 1e-6;
 
 /// Duration of a step response if no mode determines it \[s\].
 const SHOWN: f64 = 10.0;
@@ -270,7 +272,19 @@ fn modes(model: &TextModel, args: &StepArgs) -> Result<Vec<Mode>, Failure> {
 /// Duration of the responses \[s\]: until the slowest decaying mode has decayed.
 fn shown(modes: &[Mode]) -> f64 {
     let fastest = modes.iter().map(|mode| mode.pole.norm());
-    let zero = ROUNDING * fastest.fold(0.0, f64::max);
+    let fastest = fastest.fold(0.0, f64::max);
+    // Several poles at 0 are computed as poles around 0, whose sum is as small as rounding.
+    let near = modes
+        .iter()
+        .filter(|mode| mode.pole.norm() < MULTIPLE * fastest);
+    let near: Vec<f64> = near.map(|mode| mode.pole.re).collect();
+    let farthest = near.iter().fold(0.0_f64, |most, re| most.max(re.abs()));
+    let is_multiple = near.len() > 1 && near.iter().sum::<f64>().abs() < 0.1 * farthest;
+    let zero = if is_multiple {
+        farthest
+    } else {
+        ROUNDING * fastest
+    };
     let decays = modes.iter().map(|mode| -mode.pole.re);
     let slowest = decays
         .filter(|rate| *rate > zero)

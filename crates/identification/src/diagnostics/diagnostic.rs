@@ -314,10 +314,11 @@ pub enum Diagnostic {
     /// The solution does not follow the equations between the nodes of the mesh.
     #[error(
         "the mesh is too coarse: solved with short steps, the equations are {} m rms from the solution, whose \
-         residual is {} m rms; {run} is the worst, with an interval of {interval:.3} s; take a shorter --mesh-step, or \
+         residual is {} m rms{}; {run} is the worst, with an interval of {interval:.3} s; take a shorter --mesh-step, or \
          a --scheme of higher order",
         short(*.error, 3),
-        short(*.residual, 3)
+        short(*.residual, 3),
+        if *.is_another { ", and so they fly otherwise: the parameters mean nothing" } else { "" }
     )]
     MeshError {
         /// Name of the worst run.
@@ -328,6 +329,8 @@ pub enum Diagnostic {
         residual: f64,
         /// Longest interval of the worst run's mesh \[s\].
         interval: f64,
+        /// Whether the distance is a large part of the motion.
+        is_another: bool,
     },
     /// The closed loop is stable about hover but leaves the target, since the stick reaches its stops.
     #[error(
@@ -527,6 +530,7 @@ impl Diagnostic {
             Self::UnstableLoop { allowed, .. } | Self::Leaves { allowed, .. } => !allowed,
             Self::Outlier { share, .. } => share.is_some_and(|share| share > GOVERNS),
             Self::LoopOnBound { contradicted, .. } => *contradicted,
+            Self::MeshError { is_another, .. } => *is_another,
             _ => false,
         }
     }

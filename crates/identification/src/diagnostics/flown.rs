@@ -11,6 +11,8 @@ use rayon::prelude::*;
 const COARSE: f64 = 0.2;
 /// ... and this part of the vehicle's motion.
 const VISIBLE: f64 = 1e-3;
+/// A solution this part of the vehicle's motion away from the equations is another motion.
+const ANOTHER: f64 = 0.3;
 
 /// The diagnostics of the simulations.
 pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Diagnostic> {
@@ -62,6 +64,7 @@ fn mesh_error(
         error,
         residual,
         interval: intervals.fold(0.0, f64::max),
+        is_another: error > ANOTHER * moved,
     })
 }
 
