@@ -32,9 +32,12 @@ pub fn mixed<'c>(flights: impl IntoIterator<Item = (&'c str, &'c [String])>) -> 
             comment_value(comments, "valid").and_then(|valid| valid.strip_prefix("no"))
         {
             let why = why.trim_start_matches(':').trim();
-            notes.push(format!(
-                "{name} says of itself that it does not count: {why}"
-            ));
+            let why = if why.is_empty() {
+                String::new()
+            } else {
+                format!(": {why}")
+            };
+            notes.push(format!("{name} says of itself that it does not count{why}"));
         }
         if comment_value(comments, "unfinished").is_some() {
             notes.push(format!(
@@ -46,7 +49,11 @@ pub fn mixed<'c>(flights: impl IntoIterator<Item = (&'c str, &'c [String])>) -> 
             comment_value(comments, "device").and_then(|text| text.split_whitespace().next());
         for (all, value) in [
             (&mut sticks, device),
-            (&mut vehicles, vehicle(comments)),
+            // By its name where a file has no hash.
+            (
+                &mut vehicles,
+                vehicle(comments).or_else(|| comment_value(comments, "vehicle")),
+            ),
             (&mut people, comment_value(comments, "subject")),
         ] {
             let of: &mut Vec<&str> = all.entry(value.unwrap_or("")).or_default();
@@ -70,7 +77,7 @@ pub fn mixed<'c>(flights: impl IntoIterator<Item = (&'c str, &'c [String])>) -> 
     }));
     notes.extend(kinds(&vehicles).map(|kinds| {
         format!(
-            "the runs were flown with different vehicles (SHA-256 {kinds}): one of them is not that of the fit"
+            "the runs were flown with different vehicles, {kinds}: one of them is not that of the fit"
         )
     }));
     notes.extend(kinds(&people).map(|kinds| {

@@ -63,13 +63,13 @@ Examples:
   pilotage fit run*.csv --objective both --report both.html
 
   # Another pilot, another vehicle, other signals: a problem file.
-  pilotage init run*.csv --pilot crossover -o problem.toml
+  pilotage init run*.csv -o problem.toml     # then --pilot and --vehicle, or edit it
   pilotage fit problem.toml
 
   # Intervals that do not rely on the covariance: profiles of the objective, and 200 replicates of the runs, stored in a
   # file from which an interrupted command continues.
   pilotage fit run*.csv --profile
-  pilotage fit problem.toml --profile pilot.gain,pilot.delay
+  pilotage fit problem.toml --profile pilot.theta2,pilot.theta4
   pilotage fit run*.csv --bootstrap 200 --seed 1 --resume refits.csv
 
   # How well is each run predicted by a fit to the others? Do all runs have the same parameters?
@@ -341,7 +341,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         log.close(&found.fit)?;
     }
     let is_whole = refitted.as_ref().is_none_or(Refitted::is_whole);
-    let is_whole = is_whole && is_compared.unwrap_or(true);
+    let is_whole = is_whole && is_compared.unwrap_or(true) && found.fit.skipped == 0;
     Ok(match found.fit.is_answer() && is_whole {
         true => Outcome::Done,
         false => Outcome::No,

@@ -29,7 +29,8 @@ pub struct Wiring {
     connect: Vec<(String, String)>,
     /// Table of inputs (CSV: `time [s]`, then columns with units). A column with the name of an input drives it (for
     /// a single FMU also without the instance); connect others by --connect NAME.COLUMN=INSTANCE.INPUT. Values
-    /// between samples are interpolated (held for inputs that are not real); a repeated time is a jump.
+    /// between samples are interpolated (held for inputs that are not real); a repeated time is a jump. Within a step
+    /// inputs are held, unless --algorithm or --extrapolation lets them change.
     #[arg(long, value_name = "[NAME=]CSV")]
     input: Vec<OsString>,
     /// Set a parameter or an unconnected input (of a single FMU also without the instance); an enumeration by number or

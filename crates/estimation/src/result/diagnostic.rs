@@ -588,7 +588,7 @@ impl fmt::Display for Diagnostic {
             } => write!(
                 f,
                 "{:.0} % of the samples of {measured} in {run} stay at the ends of what was recorded, such as {value}{}: if that is a \
-                 stop, let the model saturate with `sat`; if a sensor's range, empty those cells",
+                 stop, the model saturates there (`sat`, or a limit with limits = \"saturate\"); if a sensor's range, empty those cells",
                 100.0 * part,
                 spaced(unit.as_deref()),
             ),

@@ -40,7 +40,7 @@ pub enum Diagnostic {
         "{}the vehicle moves {factor:.3} times as far as its targets: position or target has {}",
         run.as_ref().map_or(String::new(), |run| format!("in {run}, unlike in other runs, ")),
         match *.factor < 0.0 {
-            true => "the wrong sign",
+            true => "the wrong sign, or another origin than the other",
             false => "the wrong unit; give the column its unit, as in `position [cm]`",
         }
     )]

@@ -95,7 +95,9 @@ pub fn cells(interval: Option<&Interval>) -> [String; 4] {
         Class::OneSided => "one-sided: the data do not exclude the end of its range",
         Class::Flat => "flat: the data do not determine it",
         Class::OnBound => "one-sided, on its bound",
-        Class::Held => "held: by active constraints, or nothing that is sought changes it",
+        Class::Held => {
+            "held: by active constraints, nothing that is sought changes it, or residuals are rounding errors"
+        }
         Class::Undefined => "no finite number with what was found",
     };
     let [low, high] = [own.low, own.high].map(|end| cell(end, 5));
