@@ -132,6 +132,7 @@ fn deviations(
         inference::Run {
             shared: DMatrix::from_fn(rows, p, column),
             own: DMatrix::from_fn(rows, own.free.len(), |row, c| column(row, p + c)),
+            own_scales: own.scales.clone().into(),
             residuals: DVector::from_fn(rows, residual),
             time: (0..rows).map(|row| run.time[of(row).1]).collect(),
             signals: (0..NOISE.len())
