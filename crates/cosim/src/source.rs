@@ -363,6 +363,7 @@ mod tests {
     #[test]
     fn columns_that_do_not_fit() {
         let series = Series {
+            texts: Vec::new(),
             time: vec![0.0, 2.0],
             columns: vec![
                 Column {

@@ -52,11 +52,41 @@ pub struct Series {
     pub time_unit: String,
     /// The signals, each with `time.len()` values.
     pub columns: Vec<Column>,
+    /// Columns of words, such as the names of flight modes, which are no signals.
+    pub texts: Vec<TextColumn>,
+}
+
+/// A column without numbers.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TextColumn {
+    /// Its name.
+    pub name: String,
+    /// Line of its first word.
+    pub line: usize,
+    /// The word.
+    pub found: String,
+}
+
+impl TextColumn {
+    /// The error of a file in which this column should have numbers.
+    pub fn error(&self, file: &str) -> SeriesError {
+        SeriesError::Number {
+            file: file.to_owned(),
+            line: self.line,
+            column: self.name.clone(),
+            found: self.found.clone(),
+        }
+    }
 }
 
 impl Series {
     /// The column of that name.
     pub fn column(&self, name: &str) -> Option<&Column> {
         self.columns.iter().find(|c| c.name == name)
+    }
+
+    /// The column of that name if it has words.
+    pub fn text(&self, name: &str) -> Option<&TextColumn> {
+        self.texts.iter().find(|own| own.name == name)
     }
 }

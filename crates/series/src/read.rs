@@ -1,7 +1,7 @@
 //! Reading of CSV files.
 
 use super::lines::Lines;
-use super::{Column, Series, SeriesError};
+use super::{Column, Series, SeriesError, TextColumn};
 use pilotage_units::Unit;
 use std::fs::File;
 use std::io::{BufRead, BufReader};
@@ -86,6 +86,9 @@ impl Series {
         while rows.next()? {
             series.push_row(&rows, &header, form)?;
         }
+        let texts = &series.texts;
+        let is_text = |column: &Column| texts.iter().any(|own| own.name == column.name);
+        series.columns.retain(|column| !is_text(column));
         series.comments = std::mem::take(&mut rows.reader.get_mut().comments);
         match series.time.is_empty() {
             true => Err(SeriesError::NoSamples { file: file.into() }),
@@ -109,16 +112,16 @@ impl Series {
                 expected: header.cells.len(),
             });
         }
+        let wrong = |column: usize| TextColumn {
+            name: header.cells[column].0.clone(),
+            line: rows.line(),
+            found: row[column].trim().into(),
+        };
         let number = |column: usize, form: Form| match row[column].trim() {
             "" => Ok(f64::NAN),
             cell => match cell.parse::<f64>() {
                 Ok(value) if value.is_finite() || form == Form::Table => Ok(value),
-                _ => Err(SeriesError::Number {
-                    file: file(),
-                    line: rows.line(),
-                    column: header.cells[column].0.clone(),
-                    found: cell.into(),
-                }),
+                _ => Err(wrong(column).error(rows.file)),
             },
         };
         let time = number(0, Form::Recording)? * header.seconds;
@@ -136,10 +139,35 @@ impl Series {
             });
         }
         for (i, column) in self.columns.iter_mut().enumerate() {
-            column.values.push(number(i + 1, form)?);
+            let value = match number(i + 1, form) {
+                Ok(value) if self.texts.is_empty() => value,
+                found => number_or_word(found, wrong(i + 1), column, &mut self.texts, rows.file)?,
+            };
+            column.values.push(value);
         }
         self.time.push(time);
         Ok(())
+    }
+}
+
+/// The value of a cell: NaN for a word in a column without numbers, which is then one of words. Words among numbers are mistakes.
+fn number_or_word(
+    found: Result<f64, SeriesError>,
+    cell: TextColumn,
+    column: &Column,
+    texts: &mut Vec<TextColumn>,
+    file: &str,
+) -> Result<f64, SeriesError> {
+    let text = texts.iter().find(|own| own.name == column.name);
+    let is_word = !cell.found.is_empty() && cell.found.parse::<f64>().is_err();
+    match text {
+        Some(_) if is_word => Ok(f64::NAN),
+        Some(text) if !cell.found.is_empty() => Err(text.error(file)),
+        None if is_word && column.values.iter().all(|value| value.is_nan()) => {
+            texts.push(cell);
+            Ok(f64::NAN)
+        }
+        _ => found,
     }
 }
 
@@ -319,6 +347,30 @@ mod tests {
         for wrong in ["", " ", "[m]", "position [m", "position m]"] {
             assert_eq!(name_and_unit(wrong), None, "{wrong:?}");
         }
+    }
+
+    /// A column of words is none of numbers, whatever is empty in it; one of both has a mistake, on the line of the first word.
+    #[test]
+    fn columns_of_words_are_kept_apart() {
+        let parse = |text: &str| Series::parse(text.as_bytes(), "f.csv");
+        let found = parse("time,mode,a\n0,,1\n1,AUTO,2\n2,LAND,\n").unwrap();
+        assert_eq!(found.columns.len(), 1);
+        assert_eq!(found.column("a").unwrap().values[..2], [1.0, 2.0]);
+        let text = found.text("mode").unwrap();
+        assert_eq!((text.line, text.found.as_str()), (3, "AUTO"));
+        for wrong in [
+            "time,mode,a\n0,,1\n1,AUTO,2\n2,3,4\n",
+            "time,mode,a\n0,1,1\n1,AUTO,2\n",
+        ] {
+            let error = parse(wrong).unwrap_err().to_string();
+            assert!(
+                error.starts_with("f.csv:3: column `mode`: `AUTO`"),
+                "{error}"
+            );
+        }
+        let error = parse("time,a\n0,inf\n").unwrap_err().to_string();
+        assert!(error.contains("`inf` is not a finite number"), "{error}");
+        assert!(parse("time,a\nx,1\n").is_err());
     }
 
     /// Part of an endless device is read.

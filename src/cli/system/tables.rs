@@ -55,6 +55,15 @@ pub fn add(
         holds.extend(held.map(|kind| (series.columns.len(), kind)));
         series.columns.push(column);
     }
+    for text in &series.texts {
+        let own = own_input(system, &full_name(system, &text.name, only));
+        let port = format!("{name}.{}", text.name);
+        let is_wired = connections.iter().any(|wire| wire.from.value == port);
+        if is_wired || !matches!(own, Ok(None)) {
+            return Err(text.error(&file.display().to_string()).into());
+        }
+        unused.push(text.name.clone());
+    }
     if !is_used {
         let message = format!("{}: no column is named like an input", file.display());
         return Err(Failure::new(message).hint(format!(

@@ -11,6 +11,7 @@ use pilotage::series::{Column, Series};
 /// `ẏ = u` from 0, with `u` from a table: `y(1)` and the steps that it took.
 fn integral(times: &[f64], values: &[f64], h: f64, coupling: Coupling) -> (f64, Steps) {
     let table = Series {
+        texts: Vec::new(),
         comments: Vec::new(),
         time_unit: "s".into(),
         time: times.to_vec(),
@@ -109,6 +110,7 @@ fn steps_are_cut_at_jumps() {
 #[test]
 fn components_of_fixed_steps_make_ramps_of_jumps() {
     let table = Series {
+        texts: Vec::new(),
         comments: Vec::new(),
         time_unit: "s".into(),
         time: vec![0.0, 0.5, 0.5, 1.0],

@@ -456,6 +456,7 @@ fn derivatives_of_outputs_that_are_nan_are_none() {
             values: vec![0.0, 1.0, -1.0],
         }];
         let series = Series {
+            texts: Vec::new(),
             comments: Vec::new(),
             time_unit: "s".into(),
             time: vec![0.0, 0.5, 1.0],

@@ -191,6 +191,9 @@ impl<'f> RunData<'f> {
     ) -> Result<Vec<f64>, ProblemError> {
         let fault = |text: String| ProblemError::maybe_at(name.place.as_ref(), text);
         let file = self.line.file.display();
+        if let Some(text) = self.series.text(&name.value) {
+            return Err(text.error(&file.to_string()).into());
+        }
         let column = self.series.column(&name.value).ok_or_else(|| {
             let known: Vec<String> = self
                 .series

@@ -39,6 +39,7 @@ impl Recording {
             columns.push(column(name, &unit, each(&self.others, k, finest)));
         }
         Series {
+            texts: Vec::new(),
             comments: Vec::new(),
             time_unit: "s".into(),
             time,

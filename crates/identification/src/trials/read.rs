@@ -88,7 +88,10 @@ impl Trial {
         let recorded = |column: &&Column| column.values.iter().any(|value| !value.is_nan());
         let stick = match columns.given("stick") {
             Some(name) => Some(required(&series, name, origin)?),
-            None => named(&series, "stick"),
+            None => {
+                check_text(&series, "stick", origin)?;
+                named(&series, "stick")
+            }
         };
         let mut stick = (stick.filter(recorded))
             .map(|column| values(column, "stick", STICK, origin))
@@ -210,8 +213,18 @@ fn named<'a>(series: &'a Series, column: &str) -> Option<&'a Column> {
         .or_else(|| series.columns.iter().find(alike))
 }
 
-/// The column, or an error if it is missing.
+/// Rejects a column of words.
+fn check_text(series: &Series, column: &str, file: &str) -> Result<(), TrialError> {
+    let mut texts = series.texts.iter();
+    match texts.find(|own| own.name.eq_ignore_ascii_case(column)) {
+        Some(text) => Err(text.error(file).into()),
+        None => Ok(()),
+    }
+}
+
+/// The column, or an error if it is missing or has words.
 fn required<'a>(series: &'a Series, column: &str, file: &str) -> Result<&'a Column, TrialError> {
+    check_text(series, column, file)?;
     named(series, column).ok_or_else(|| {
         let names = || series.columns.iter().map(|c| c.name.as_str());
         TrialError::NoColumn {
