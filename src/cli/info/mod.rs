@@ -44,7 +44,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             FileKind::System,
             FileKind::Model,
         ],
-        "an FMU or a system file",
+        "an FMU, a system file or a model file",
     )?;
     if recognise::is_model(&args.fmu) {
         return check::run(open::read(&args.fmu)?, args.json);
