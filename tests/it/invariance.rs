@@ -109,3 +109,46 @@ fn the_origin_of_the_clock_changes_no_fit() {
         assert_eq!(found, expected, "{origin}");
     }
 }
+
+/// A limit of an output whose slope is 15 at the start and 1e-6 at the limit: x may reach ln(5e5)/15 = 0.8748, and the optimum
+/// has a steady state there, but for what it still lacks at the end.
+#[test]
+fn a_limit_holds_where_its_slope_has_decayed() {
+    let folder = Folder::new();
+    let mut random = ChaCha8Rng::seed_from_u64(2);
+    let row = |k: i32| {
+        let (t, noise): (f64, f64) = (0.1 * f64::from(k), StandardNormal.sample(&mut random));
+        format!("{t:.1},{:.9}\n", 1.0 - (-t).exp() + 0.02 * noise)
+    };
+    let rows: String = (0..51).map(row).collect();
+    folder.write("r.csv", format!("time,y\n{rows}"));
+    folder.write(
+        "problem.toml",
+        "[system.m]\nmodel = \"m.toml\"\n[[measured]]\nsignal = \"m.x\"\ncolumn = \"y\"\nsd = 0.02\n[parameters]\n\"m.k\" = {}\n\
+         \"m.T\" = { min = 0.01 }\n[[run]]\nfile = \"r.csv\"\n",
+    );
+    let fit = |limit: &str| {
+        folder.write(
+            "m.toml",
+            format!(
+                "[model]\nname = \"m\"\n[parameters]\nk = {{ start = 0.5 }}\nT = 0.7\n[states]\nx = {{ der = \"(k - x)/T\" }}\n\
+                 [outputs]\ny = {{ value = \"exp(-15*x)\"{limit} }}\n"
+            ),
+        );
+        let ended = folder.pilotage(&["fit", "problem.toml", "--json", "--force"]);
+        assert_eq!(ended.code, 0, "{ended:?}");
+        ended.json()
+    };
+    let of = |found: &Value, what: &str| found["parameters"]["m.k"][what].as_f64().unwrap();
+    let held = fit(", limit = [2e-6, 2]");
+    let last = of(&held, "value")
+        * (1.0 - (-5.0 / held["parameters"]["m.T"]["value"].as_f64().unwrap()).exp());
+    assert!((last - 5e5_f64.ln() / 15.0).abs() < 1e-5, "{last}");
+    assert!(held["diagnostics"].to_string().contains("on-limit"));
+    // A limit that is never reached holds nothing.
+    let (far, free) = (fit(", limit = [-1, 2]"), fit(""));
+    for what in ["value", "sd"] {
+        let [far, free] = [&far, &free].map(|found| of(found, what));
+        assert!((far - free).abs() < 1e-6 * free, "{what}: {far}, {free}");
+    }
+}

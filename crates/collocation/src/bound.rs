@@ -11,6 +11,9 @@ pub struct Bound {
     pub upper: f64,
     /// Samples at which the limits hold.
     pub at: BoundAt,
+    /// Magnitude of the output, by which it is divided: the solver's tolerances are relative to it. A power of two rounds
+    /// nothing.
+    pub size: f64,
 }
 
 /// Samples of each run at which a [`Bound`] holds.
@@ -25,12 +28,13 @@ pub enum BoundAt {
 }
 
 impl Bound {
-    /// Limits at all samples.
+    /// Limits at all samples of an output of the order of one.
     pub fn at_samples(lower: f64, upper: f64) -> Self {
         Self {
             lower,
             upper,
             at: BoundAt::Samples,
+            size: 1.0,
         }
     }
 

@@ -50,7 +50,7 @@ impl Collocation {
     ///
     /// # Panics
     /// If a run violates the requirements of [`Run`], or its numbers of inputs, recordings or initial states differ
-    /// from those of the model; if lower and upper bounds are not in order; if the scales are not those of the model's
+    /// from those of the model; if lower and upper bounds are not in order, or a size is not above 0; if the scales are not those of the model's
     /// states and parameters.
     pub fn new(
         tapes: Arc<Differentiated>,
@@ -67,29 +67,23 @@ impl Collocation {
         let measured = model.n_outputs().checked_sub(bounds.len());
         let measured = measured.expect("no more bounds than outputs");
         assert!(n > 0, "a model with states: others need no collocation");
-        let is_ordered = |bound: &Bound| bound.lower <= bound.upper;
-        assert!(bounds.iter().all(is_ordered), "lower and upper bounds");
+        let is_ordered = |bound: &Bound| bound.lower <= bound.upper && bound.size > 0.0;
+        assert!(
+            bounds.iter().all(is_ordered),
+            "lower and upper bounds, and sizes"
+        );
         runs.iter().for_each(|run| run.check([n, inputs, measured]));
         let grids: Vec<Grid> = runs
             .iter()
             .map(|run| Grid::new(scheme, run, inputs))
             .collect();
         let layout = Layout::new(&runs, &grids, n, bounds.len());
-        let input: Vec<f64> = match runs.first() {
-            Some(run) => run.inputs[0]
-                .iter()
-                .chain(run.time.first())
-                .copied()
-                .collect(),
-            None => vec![0.0; inputs + 1],
-        };
-        let model = model.with_scaled_outputs(measured, &input);
+        let factors: Vec<f64> = bounds.iter().map(|bound| 1.0 / bound.size).collect();
+        let model = model.with_factors(measured, &factors);
         let of_run = |run: &Run| {
             let samples = run.time.len();
-            let bounds = bounds.iter().enumerate();
-            let factor = |k: usize| model.output_factor(measured + k);
-            let scaled = bounds.map(move |(k, own)| (factor(k), own));
-            scaled.flat_map(move |(factor, own)| {
+            let scaled = bounds.iter().zip(&factors);
+            scaled.flat_map(move |(own, factor)| {
                 let limits = own.limits(samples);
                 limits.map(move |(lower, upper)| (factor * lower, factor * upper))
             })
@@ -301,27 +295,34 @@ impl Collocation {
     }
 }
 
-/// The magnitudes of the constraints: their values for parameters of the magnitudes of the scales, or a part of how much they
-/// change with these, where that is more.
+/// The magnitudes of the constraints: their values for parameters of the magnitudes of the scales. Where these may be near zero by
+/// chance, those of linear constraints, such as ranges, are a part of how much they change with such parameters.
 fn magnitudes(constraints: &ParameterConstraints, scales: &[f64]) -> Vec<f64> {
-    // A value may be near zero there by chance.
     const PART: f64 = 1e-3;
-    let mut all = constraints.values(scales);
-    let mut changes = vec![0.0; all.len()];
-    for (k, scale) in scales.iter().enumerate() {
-        let mut theta: Vec<Dual64> = scales.iter().map(|s| Dual64::from(*s)).collect();
-        theta[k].eps = *scale;
-        let values = constraints.values(&theta);
-        let own = changes.iter_mut().zip(values);
-        own.for_each(|(change, value)| *change += value.eps.abs());
-    }
-    for (value, change) in all.iter_mut().zip(changes) {
-        *value = value.abs().max(PART * change);
-        if !(value.is_finite() && *value > 0.0) {
-            *value = 1.0;
+    let changes = |part: f64| {
+        let mut all = vec![0.0; constraints.count()];
+        for (k, scale) in scales.iter().enumerate() {
+            let mut theta: Vec<Dual64> = scales.iter().map(|s| Dual64::from(part * s)).collect();
+            theta[k].eps = *scale;
+            let own = all.iter_mut().zip(constraints.values(&theta));
+            own.for_each(|(change, value)| *change += value.eps.abs());
         }
-    }
-    all
+        all
+    };
+    let changes = changes(1.0).into_iter().zip(changes(0.5));
+    let magnitude = |(value, (change, elsewhere)): (f64, (f64, f64))| {
+        let is_linear = change > 0.0 && (change - elsewhere).abs() <= 1e-9 * change;
+        match is_linear {
+            true => value.abs().max(PART * change),
+            false => value.abs().max(PART),
+        }
+    };
+    constraints
+        .values(scales)
+        .into_iter()
+        .zip(changes)
+        .map(magnitude)
+        .collect()
 }
 
 /// Writes the values of a group of points to the positions of their samples.

@@ -234,33 +234,10 @@ impl NodeModel {
         }
     }
 
-    /// The model with the outputs from `first` on divided by their magnitudes: by how much they change with states and
-    /// parameters of the magnitudes of their scales, at these inputs (the last is the time). The magnitudes are powers of
-    /// two, so that no value is rounded.
-    pub(super) fn with_scaled_outputs(mut self, first: usize, input: &[f64]) -> Self {
-        let count = self.n_outputs();
-        if first == count {
-            return self;
-        }
-        let mut derivatives = self.derivatives(&vec![1.0; self.n_parameters()]);
-        let x = [1.0, -1.0, 0.5, -0.5].map(|part| vec![part; self.n_states()]);
-        let mut outputs = vec![[0.0; LANES]; count];
-        derivatives.evaluate(
-            x.each_ref().map(Vec::as_slice),
-            [input; LANES],
-            &mut outputs,
-        );
-        let magnitude = |output: usize| {
-            let mut gradient = vec![[0.0; LANES]; self.columns(output).len()];
-            derivatives.gradient(output, &mut gradient);
-            let sums = (0..LANES).map(|l| gradient.iter().map(|own| own[l].abs()).sum::<f64>());
-            let largest = sums.filter(|sum| sum.is_finite()).fold(0.0, f64::max);
-            if largest > 0.0 { largest } else { 1.0 }
-        };
-        let factor = |output| (-magnitude(output).log2().round()).exp2();
-        let factors: Vec<f64> = (first..count).map(factor).collect();
+    /// The model with the outputs from `first` on multiplied by these factors.
+    pub(super) fn with_factors(mut self, first: usize, factors: &[f64]) -> Self {
         for (output, factor) in (first..).zip(factors) {
-            self.output_factors[output] = factor;
+            self.output_factors[output] = *factor;
             let scales = &mut self.gradient_scales[output];
             scales.iter_mut().for_each(|scale| *scale *= factor);
         }

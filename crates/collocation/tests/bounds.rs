@@ -10,7 +10,12 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 fn bound(at: BoundAt, lower: f64, upper: f64) -> Bound {
-    Bound { lower, upper, at }
+    Bound {
+        lower,
+        upper,
+        at,
+        size: 1.0,
+    }
 }
 
 fn run(initial: &[Option<f64>], recorded: Option<&dyn Fn(f64) -> f64>) -> Run {

@@ -244,7 +244,12 @@ impl Variable {
             let (_, value) = items.find(|(name, _)| name.trim() == text.trim())?;
             Some(Value::Integer(*value))
         };
-        Value::parse(text, self.kind).or_else(item)
+        let number = Value::parse(text, self.kind);
+        let is_one = |(_, value): &(String, i64)| number == Some(Value::Integer(*value));
+        match self.items.iter().any(is_one) {
+            true => number,
+            false => item().or(number),
+        }
     }
 
     /// Its name and its aliases.

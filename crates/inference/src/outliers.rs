@@ -44,7 +44,9 @@ const CLIPPED: f64 = 0.05;
 const STAYS: usize = 5;
 /// ... if its range has this many steps of its resolution (a coarser recording is constant anywhere), ...
 const LEVELS: f64 = 20.0;
-/// ... and this many steps of it are passed within this number of samples before and after a stretch.
+/// ... if a model moves by this part of the range meanwhile, ...
+const GOES_ON: f64 = 0.05;
+/// ... or, without a model, this many steps of the resolution are passed within this number of samples before and after.
 const ABRUPT: f64 = 4.0;
 const ARRIVAL: usize = 2;
 /// Number of samples from which on a run of one value can be judged.
@@ -398,39 +400,50 @@ pub fn error_of_repeats(time: &[f64], values: &[f64]) -> f64 {
 }
 
 /// The part of a recording that stays at an end of its range, and that end; `None` if it is small or the recording too coarse
-/// to tell. What comes to rest at an end arrives slowly, and does not count; nor do the start and the end of a recording.
-pub fn clipped(values: &[f64]) -> Option<(f64, f64)> {
-    let all: Vec<f64> = values.iter().copied().filter(|y| y.is_finite()).collect();
+/// to tell. What is at rest there does not count, nor do the start and the end of a recording: with the values of a model,
+/// which does not move meanwhile; without, it arrives and leaves slowly.
+pub fn clipped(values: &[f64], modelled: Option<&[f64]>) -> Option<(f64, f64)> {
+    let known = |k: &usize| values[*k].is_finite();
+    let known: Vec<usize> = (0..values.len()).filter(known).collect();
+    let of = |all: &[f64]| -> Vec<f64> { known.iter().map(|k| all[*k]).collect() };
+    let (all, modelled) = (of(values), modelled.map(of));
     let ([lowest, highest], step) = (range(&all), resolution(&all));
     if all.is_empty() || highest - lowest < LEVELS * step {
         return None;
     }
     // Rows for each value of a slow sensor.
     let rows = rows_per_value(&all).unwrap_or(1);
-    let [low, high] = [lowest, highest].map(|end| stays(&all, end, ABRUPT * step, rows));
+    let is_cut = |own: &Range<usize>| {
+        let (value, last) = (all[own.start], all.len() - 1);
+        let is_far = |near: usize| (all[near] - value).abs() > ABRUPT * step;
+        if own.len() < STAYS * rows || own.start == 0 || own.end > last {
+            return false;
+        }
+        match &modelled {
+            Some(modelled) => {
+                let [low, high] = range(&modelled[own.clone()]);
+                high - low > GOES_ON * (highest - lowest)
+            }
+            None => {
+                is_far(own.start.saturating_sub(ARRIVAL * rows))
+                    && is_far((own.end - 1 + ARRIVAL * rows).min(last))
+            }
+        }
+    };
+    let stays = |end: f64| -> usize {
+        let mut first = 0;
+        let stretches = all.chunk_by(|a, b| (*a == end) == (*b == end));
+        let placed = stretches.map(|own| {
+            first += own.len();
+            first - own.len()..first
+        });
+        let cut = placed.filter(|own| all[own.start] == end && is_cut(own));
+        cut.map(|own| own.len()).sum()
+    };
+    let [low, high] = [lowest, highest].map(stays);
     let part = (low + high) as f64 / all.len() as f64;
     let end = if high >= low { highest } else { lowest };
     (part >= CLIPPED).then_some((part, end))
-}
-
-/// Number of samples in long stretches at a value that are reached and left by more than that change.
-fn stays(values: &[f64], value: f64, change: f64, rows: usize) -> usize {
-    let mut first = 0;
-    let stretches = values.chunk_by(|a, b| (*a == value) == (*b == value));
-    let placed = stretches.map(|own| {
-        first += own.len();
-        first - own.len()..first
-    });
-    let last = values.len() - 1;
-    let is_abrupt = |near: usize| (values[near] - value).abs() > change;
-    let is_cut = |own: &Range<usize>| {
-        values[own.start] == value
-            && own.len() >= STAYS * rows
-            && (own.start > 0 && own.end <= last)
-            && is_abrupt(own.start.saturating_sub(ARRIVAL * rows))
-            && is_abrupt((own.end - 1 + ARRIVAL * rows).min(last))
-    };
-    placed.filter(is_cut).map(|own| own.len()).sum()
 }
 
 /// Step in which values were recorded: the smallest distance between two of them, apart from a few exceptions.
@@ -651,16 +664,24 @@ mod tests {
                 .map(|k| (1000.0 * at(k)).round() / 1000.0)
                 .collect()
         };
-        let (part, end) = clipped(&sine(0.8)).unwrap();
+        let (part, end) = clipped(&sine(0.8), None).unwrap();
         // asin(0.8) = 0.927: of a half wave, 0.410 is beyond, and of 200 samples 3.2 half waves are there.
         assert!((0.35..0.45).contains(&part) && end == 0.8, "{part} {end}");
-        assert_eq!(clipped(&sine(1.0)), None);
+        assert_eq!(clipped(&sine(1.0), None), None);
         let resting: Vec<f64> = (0..400)
             .map(|k| (if k < 200 { k } else { 400 - k }) as f64)
             .map(|k| ((1.0 - (-0.05 * k).exp()) * 1000.0).round() / 1000.0)
             .collect();
-        assert_eq!(clipped(&resting), None);
-        assert_eq!(clipped(&[]), None);
+        assert_eq!(clipped(&resting, None), None);
+        assert_eq!(clipped(&[], None), None);
+        // In steps of its resolution: only a model tells a stop of the vehicle from the end of what is measured.
+        let ramps = |limit: f64| -> Vec<f64> {
+            let at = |k: usize| f64::min(limit, (k % 120).min(120 - k % 120).min(40) as f64);
+            (0..480).map(at).collect()
+        };
+        let (cut, whole) = (ramps(25.0), ramps(50.0));
+        assert!(clipped(&cut, Some(&whole)).is_some());
+        assert_eq!(clipped(&whole, Some(&whole)), None);
     }
 
     #[test]

@@ -5,6 +5,7 @@ use super::super::{Failure, Outcome, format, terminal};
 use crate::cosim::native_component;
 use crate::linear::{Mode, StateSpace};
 use crate::models::{AnyModel, Role, TextModel, Variable};
+use nalgebra::DMatrix;
 use pilotage_sdk::Simulation;
 use pilotage_text::number::significant;
 use serde_json::{Value, json};
@@ -49,17 +50,13 @@ impl Checked {
             Err(error) if trouble.is_none() => return Err(Failure::new(error.to_string())),
             _ => StateSpace::empty(),
         };
-        let matrices = [&linear.a, &linear.b, &linear.c, &linear.d];
-        let slopes = || matrices.iter().flat_map(|matrix| matrix.iter().copied());
-        let odd = slopes().find(|slope| !slope.is_finite());
-        let odd = odd.map(|slope| format!("a derivative of the equations is {slope}"));
-        let linear = match odd {
-            Some(_) => StateSpace::empty(),
-            None => linear,
-        };
-        let trouble = trouble.or(odd);
+        let trouble = trouble.or_else(|| infinite(&linear));
+        let is_known = linear.a.iter().all(|slope| slope.is_finite());
         Ok(Self {
-            modes: Mode::of_poles(&linear.poles()),
+            modes: match is_known {
+                true => Mode::of_poles(&linear.poles()),
+                false => Vec::new(),
+            },
             linear,
             rates,
             trouble,
@@ -224,4 +221,19 @@ impl Checked {
             },
         })
     }
+}
+
+/// What an infinite slope of the equations is, if one is.
+fn infinite(linear: &StateSpace) -> Option<String> {
+    let matrices = [
+        ("der of states with states", &linear.a),
+        ("der of states with inputs", &linear.b),
+        ("outputs with states", &linear.c),
+        ("outputs with inputs", &linear.d),
+    ];
+    let odd = |(what, matrix): (&str, &DMatrix<f64>)| {
+        let slope = matrix.iter().find(|slope| !slope.is_finite())?;
+        Some(format!("a slope of {what} is {slope}"))
+    };
+    matrices.into_iter().find_map(odd)
 }

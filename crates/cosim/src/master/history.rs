@@ -178,30 +178,6 @@ impl History {
         self.noise[p] = self.noise[p].max(NOISIER * error / tolerance);
     }
 
-    /// Corrects the magnitudes of outputs without a nominal value that so far were 0 and, as their last three points say, grow
-    /// steadily beyond the magnitude assumed of them: by what they change within a step of the clock. Returns whether there
-    /// are any. Steadily, since values that jump with every step do not settle, whatever their magnitude. To be called after
-    /// many short steps.
-    pub(super) fn widen(&mut self) -> bool {
-        const STEADY: f64 = 0.01;
-        let mut has_widened = false;
-        for p in 0..self.nominals.len() {
-            let is_open = self.nominals[p].is_none() && self.magnitudes[p] < NOMINAL;
-            if !is_open {
-                continue;
-            }
-            let slope = self.first_difference(p);
-            let span = self.times[0] - self.times[2];
-            let expected = slope.abs() * self.clock_step;
-            let is_steady = (self.second_difference(p) * span).abs() <= STEADY * slope.abs();
-            if is_steady && expected > NOMINAL {
-                self.magnitudes[p] = expected;
-                has_widened = true;
-            }
-        }
-        has_widened
-    }
-
     /// Goes on without the slopes of an output.
     pub(super) fn forget_slopes(&mut self, p: usize) {
         self.traits[p].has_slope = false;

@@ -380,18 +380,13 @@ impl Stepper {
                 true => self.shortest + 1,
                 false => 0,
             };
+            if self.shortest == MOST_SHORTEST {
+                return Err(self.exchange.wired[0].uncontrolled(next, h));
+            }
             controller.accept(h, error);
             if error > 1.0 {
                 self.steps.over_tolerance += 1;
                 self.exchange.history.restart();
-            }
-            if self.shortest == MOST_SHORTEST {
-                if !self.exchange.history.widen() {
-                    return Err(self.exchange.wired[0].uncontrolled(next, h));
-                }
-                // Their errors were small for these magnitudes.
-                let judged = u64::from(std::mem::take(&mut self.shortest));
-                self.steps.over_tolerance = self.steps.over_tolerance.saturating_sub(judged);
             }
             (t, rejections) = (next, 0);
         }

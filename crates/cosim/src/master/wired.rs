@@ -155,8 +155,8 @@ impl Wired {
     pub(super) fn uncontrolled(&self, t: f64, h: f64) -> Ending {
         let source = format!(
             "errors stay as large as the tolerance, even in steps of {h:.1e} s: a loop of outputs that depend on inputs at once \
-             does not settle so; take --algorithm strong, no --extrapolation, a larger --tolerance, or a --min-step to go on \
-             with a warning"
+             does not settle so, or values without a nominal value grow far beyond 1 within the first step of the clock; take \
+             --algorithm strong, no --extrapolation, a larger --tolerance, or a --min-step to go on with a warning"
         );
         self.failure(Stage::SetInputs, source.into()).at(t)
     }

@@ -71,7 +71,13 @@ pub(super) fn free_run(
     }
     // With the samples as mesh, the states there are those of the simulation for any scheme.
     let scales = scales(posed, &courses, theta);
-    let problem = discretised(posed, posed.runs.clone(), scales, Scheme::Trapezoid);
+    let problem = discretised(
+        posed,
+        posed.runs.clone(),
+        scales,
+        &posed.bounds,
+        Scheme::Trapezoid,
+    );
     let paths = courses.iter().map(|own| (&own.time[..], &own.states[..]));
     let z = problem.variables_along(paths, theta);
     Some((problem, z))

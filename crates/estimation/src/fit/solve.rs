@@ -107,7 +107,7 @@ pub(super) fn rescaled(posed: &Posed<'_>, solved: &Solved) -> (Collocation, Vec<
         problem.scheme,
         problem.runs.clone(),
         scales,
-        &posed.bounds,
+        &problem.bounds,
     );
     let z = problem.carried(z, &again);
     (again, z)

@@ -193,25 +193,15 @@ fn add_all(
             check_prediction(file, formula)?;
             builder.add(file, Of::Measured(k), unit.as_deref(), formula, None)?;
         }
-        // Beside a gain with a unit of its own, such as V/m, it is not that of the signal.
-        let unit = match &measured.gain {
-            Calibration::Formula(formula) if formula.number().is_none() => None,
-            _ => measured.unit(joint),
-        };
         if let Deviation::Formula(formula) = &measured.sd {
-            builder.add(file, Of::Deviation(k), unit, formula, None)?;
+            builder.add(file, Of::Deviation(k), None, formula, None)?;
         }
-        for (of, unit, calibrated, what) in [
-            (Of::Gain(k), None, &measured.gain, "the gain of a sensor"),
-            (
-                Of::Offset(k),
-                unit,
-                &measured.offset,
-                "the offset of a sensor",
-            ),
+        for (of, calibrated, what) in [
+            (Of::Gain(k), &measured.gain, "the gain of a sensor"),
+            (Of::Offset(k), &measured.offset, "the offset of a sensor"),
         ] {
             if let Calibration::Formula(formula) = calibrated {
-                builder.add(file, of, unit, formula, Some(what))?;
+                builder.add(file, of, None, formula, Some(what))?;
             }
         }
     }

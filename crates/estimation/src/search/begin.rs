@@ -1,10 +1,10 @@
 //! The beginning of a search: the nonlinear program of a start, its mesh, scheme and scales.
 
-use crate::posed::{MOST_INTERVALS, Posed, Stands, poles_at};
+use crate::posed::{MOST_INTERVALS, Posed, Stands, poles_at, variables};
 use crate::problem::file::{Mesh, Options};
 use crate::search::solved::STIFF_SCHEME;
 use crate::search::starts::{Start, starts};
-use pilotage_collocation::{Collocation, Course, Quality, Run, Scales, Scheme, Stop};
+use pilotage_collocation::{Bound, Collocation, Course, Quality, Run, Scales, Scheme, Stop};
 use rayon::prelude::*;
 
 /// Approximate maximum number of nodes added to the samples on initial meshes.
@@ -124,7 +124,9 @@ fn along(
         let is_wild = tame(posed, own);
         is_whole &= own.is_whole && !is_wild;
     }
-    let problem = discretised(posed, runs, scales(posed, &paths, point.theta), scheme);
+    let scales = scales(posed, &paths, point.theta);
+    let bounds = bounds(posed, &paths, point.theta);
+    let problem = discretised(posed, runs, scales, &bounds, scheme);
     let paths = paths.iter().map(|own| (&own.time[..], &own.states[..]));
     let z = problem.variables_along(paths, point.theta);
     (problem, z, is_whole)
@@ -248,6 +250,53 @@ pub(crate) fn scales(posed: &Posed<'_>, courses: &[Course], theta: &[f64]) -> Sc
     }
 }
 
+/// The bounds with the sizes of their outputs: the largest magnitudes along these courses, but not below all limits nor far above
+/// them, since a start may say little.
+fn bounds(posed: &Posed<'_>, courses: &[Course], theta: &[f64]) -> Vec<Bound> {
+    const FAR: f64 = 1e3;
+    const MOST: usize = 64;
+    let system = &posed.model.system;
+    let first = system.outputs.len() - posed.bounds.len();
+    let mut largest = vec![0.0_f64; posed.bounds.len()];
+    let courses = if largest.is_empty() { &[] } else { courses };
+    for (j, course) in courses.iter().enumerate() {
+        let step = course.samples.len().div_ceil(MOST).max(1);
+        for (sample, at) in course.samples.iter().enumerate().step_by(step) {
+            let at = variables(posed, j, sample, &course.states[*at], theta);
+            let values = system.graph.values(&at);
+            for (most, output) in largest.iter_mut().zip(&system.outputs[first..]) {
+                let value = values[output.index()].abs();
+                *most = if value.is_finite() {
+                    most.max(value)
+                } else {
+                    *most
+                };
+            }
+        }
+    }
+    let sized = |(bound, most): (&Bound, f64)| {
+        let limits = [bound.lower, bound.upper].map(f64::abs);
+        let limits = || {
+            limits
+                .into_iter()
+                .filter(|end| *end > 0.0 && end.is_finite())
+        };
+        let (least, far) = (
+            limits().fold(f64::INFINITY, f64::min),
+            limits().fold(0.0, f64::max),
+        );
+        let size = match (least.is_finite(), most > 0.0) {
+            (true, _) => most.clamp(least, FAR * far),
+            (false, true) => most,
+            (false, false) => 1.0,
+        };
+        // Powers of two round nothing.
+        let size = size.log2().round().exp2();
+        Bound { size, ..*bound }
+    };
+    posed.bounds.iter().zip(largest).map(sized).collect()
+}
+
 /// A run on the requested mesh. If the mesh is adaptive, nodes are added to the samples where the simulation needs
 /// them.
 fn meshed(run: &Run, course: &Course, options: &Options) -> Run {
@@ -285,6 +334,7 @@ pub(crate) fn discretised(
     posed: &Posed<'_>,
     mut runs: Vec<Run>,
     scales: Scales,
+    bounds: &[Bound],
     scheme: Scheme,
 ) -> Collocation {
     for recording in runs.iter_mut().flat_map(|run| &mut run.measured) {
@@ -296,6 +346,6 @@ pub(crate) fn discretised(
         scheme,
         runs,
         scales,
-        &posed.bounds,
+        bounds,
     )
 }

@@ -204,7 +204,8 @@ fn frozen_target(trial: &Trial) -> Option<Diagnostic> {
 
 /// The run most of whose positions stay at an end of their range.
 fn clipped(trials: &[Trial]) -> Option<Diagnostic> {
-    let all = (trials.iter()).filter_map(|own| Some((own, outliers::clipped(&own.position)?)));
+    let all =
+        (trials.iter()).filter_map(|own| Some((own, outliers::clipped(&own.position, None)?)));
     let (trial, (part, value)) = all.max_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
     Some(Diagnostic::Clipped {
         run: trial.name.clone(),

@@ -283,11 +283,11 @@ fn steps_and_multipliers_are_those_of_the_dense_kkt_system() {
     }
     insta::assert_debug_snapshot!(met, @"
     Met {
-        solved: 299,
-        corrected: 205,
+        solved: 294,
+        corrected: 200,
         with_active: 80,
-        not_convex: 54,
-        inconsistent: 47,
+        not_convex: 60,
+        inconsistent: 46,
         dependent_rows: 0,
     }
     ");

@@ -18,7 +18,13 @@ impl Assembly<'_> {
     fn bound(&mut self, name: &str, node: Node, [lower, upper]: Interval, at: BoundAt) {
         let is_open = !(lower > f64::NEG_INFINITY || upper < f64::INFINITY);
         if !is_open && self.graph.value(node).is_none() {
-            self.bounded.push((node, Bound { lower, upper, at }));
+            let bound = Bound {
+                lower,
+                upper,
+                at,
+                size: 1.0,
+            };
+            self.bounded.push((node, bound));
             self.names.bounds.push(name.to_owned());
         }
     }
