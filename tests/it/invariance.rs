@@ -71,7 +71,7 @@ fn told(found: &Value, unit: f64) -> (Vec<f64>, Vec<String>) {
         }
         words.extend(of(parameter, "class").iter().map(Value::to_string));
     }
-    let codes = found["diagnostics"].as_array().into_iter().flatten();
+    let codes = found["doubts"].as_array().into_iter().flatten();
     words.extend(codes.map(|own| own["code"].to_string()));
     words.push(found["status"].to_string());
     (numbers, words)
@@ -144,7 +144,7 @@ fn a_limit_holds_where_its_slope_has_decayed() {
     let last = of(&held, "value")
         * (1.0 - (-5.0 / held["parameters"]["m.T"]["value"].as_f64().unwrap()).exp());
     assert!((last - 5e5_f64.ln() / 15.0).abs() < 1e-5, "{last}");
-    assert!(held["diagnostics"].to_string().contains("on-limit"));
+    assert!(held["doubts"].to_string().contains("on-limit"));
     // A limit that is never reached holds nothing.
     let (far, free) = (fit(", limit = [-1, 2]"), fit(""));
     for what in ["value", "sd"] {
