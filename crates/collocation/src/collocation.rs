@@ -50,8 +50,8 @@ impl Collocation {
     ///
     /// # Panics
     /// If a run violates the requirements of [`Run`], or its numbers of inputs, recordings or initial states differ
-    /// from those of the model; if lower and upper bounds are not in order, or a size is not above 0; if the scales are not those of the model's
-    /// states and parameters.
+    /// from those of the model; if lower and upper bounds are not in order, or a size is not above 0; if the scales are not
+    /// those of the model's states and parameters.
     pub fn new(
         tapes: Arc<Differentiated>,
         constraints: ParameterConstraints,

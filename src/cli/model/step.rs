@@ -137,7 +137,14 @@ pub fn run(model: &ModelArgs, args: &StepArgs) -> Result<Outcome, Failure> {
     let stop = args.stop_time.unwrap_or_else(|| shown(&modes));
     let mut time = times(stop, &modes);
     let progress = Counter::new("points of time", 0);
-    let mut responses = stepped(&model, args, &steps, &time, &progress)?;
+    // The duration may be that of a mode which is rounding, or of no interest.
+    let too_long = |failure: Failure| match args.stop_time {
+        Some(_) => failure,
+        None => failure.hint(format!(
+            "the slowest mode asks for {stop} s; give a shorter --stop-time"
+        )),
+    };
+    let mut responses = stepped(&model, args, &steps, &time, &progress).map_err(too_long)?;
     for _ in 0..ROUNDS {
         let are_coarse = coarse(&responses, time.len() - 1);
         let Some(last) = are_coarse.iter().rposition(|is_coarse| *is_coarse) else {
@@ -146,7 +153,7 @@ pub fn run(model: &ModelArgs, args: &StepArgs) -> Result<Outcome, Failure> {
         // What comes later stays as it is.
         let (begin, later) = time.split_at(last + 2);
         let begin = finer(begin, &are_coarse);
-        let mut again = stepped(&model, args, &steps, &begin, &progress)?;
+        let mut again = stepped(&model, args, &steps, &begin, &progress).map_err(too_long)?;
         for (own, before) in again.iter_mut().zip(&responses) {
             own.values.extend_from_slice(&before.values[last + 2..]);
         }

@@ -169,7 +169,7 @@ pub fn of_times(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
 
 /// A measured signal that stays at the ends of its range within a run.
 pub fn of_ends(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
-    let of_run = |run: &'_ RunFit| clipped(&run.recorded[k], Some(&run.predicted[k]));
+    let of_run = |run: &RunFit| clipped(&run.recorded[k], Some(&run.predicted[k]));
     let most = fit.runs.iter().filter_map(|run| Some((run, of_run(run)?)));
     let (run, (part, value)) = most.max_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
     Some(Diagnostic::Clipped {
