@@ -11,10 +11,8 @@ use std::sync::Arc;
 
 fn bound(at: BoundAt, lower: f64, upper: f64) -> Bound {
     Bound {
-        lower,
-        upper,
         at,
-        size: 1.0,
+        ..Bound::at_samples(lower, upper)
     }
 }
 

@@ -139,35 +139,24 @@ impl Series {
             });
         }
         for (i, column) in self.columns.iter_mut().enumerate() {
-            let value = match number(i + 1, form) {
-                Ok(value) if self.texts.is_empty() => value,
-                found => number_or_word(found, wrong(i + 1), column, &mut self.texts, rows.file)?,
+            let cell = row[i + 1].trim();
+            let is_word = || cell.parse::<f64>().is_err();
+            let value = match self.texts.iter().find(|own| own.name == column.name) {
+                Some(_) if cell.is_empty() || is_word() => f64::NAN,
+                // Words among numbers are mistakes.
+                Some(text) => return Err(text.error(rows.file)),
+                None => match number(i + 1, form) {
+                    Err(_) if is_word() && column.values.iter().all(|value| value.is_nan()) => {
+                        self.texts.push(wrong(i + 1));
+                        f64::NAN
+                    }
+                    found => found?,
+                },
             };
             column.values.push(value);
         }
         self.time.push(time);
         Ok(())
-    }
-}
-
-/// The value of a cell: NaN for a word in a column without numbers, which is then one of words. Words among numbers are mistakes.
-fn number_or_word(
-    found: Result<f64, SeriesError>,
-    cell: TextColumn,
-    column: &Column,
-    texts: &mut Vec<TextColumn>,
-    file: &str,
-) -> Result<f64, SeriesError> {
-    let text = texts.iter().find(|own| own.name == column.name);
-    let is_word = !cell.found.is_empty() && cell.found.parse::<f64>().is_err();
-    match text {
-        Some(_) if is_word => Ok(f64::NAN),
-        Some(text) if !cell.found.is_empty() => Err(text.error(file)),
-        None if is_word && column.values.iter().all(|value| value.is_nan()) => {
-            texts.push(cell);
-            Ok(f64::NAN)
-        }
-        _ => found,
     }
 }
 

@@ -61,28 +61,28 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-            #![proptest_config(ProptestConfig {
-                cases: 512,
-                rng_seed: proptest::test_runner::RngSeed::Fixed(3),
-                ..ProptestConfig::default()
-            })]
-            #[test]
-            fn what_is_written_reads_back_to_the_same_bits(
-                values in prop::collection::vec(prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL | prop::num::f64::ZERO, 1..20),
-                name in "[^\\s\\pC]([^\\pC]{0,8}[^\\s\\pC])?|[a-z]{1,2} ?\\[[0-9,m\\]]{0,3}",
-                unit in "|1|m|rad/s|µs/rad|\"|m,s|°",
-            ) {
-                let series = Series {
-    texts: Vec::new(),
-                    time_unit: "s".into(),
-                    comments: vec!["pilot: A".into(), String::new()],
-                    time: (0..values.len()).map(|k| k as f64 * 0.05).collect(),
-                    columns: vec![Column { name, unit, values }],
-                };
-                let read = Series::parse(series.to_csv().as_bytes(), "f.csv").unwrap();
-                prop_assert_eq!(&read, &series);
-            }
+        #![proptest_config(ProptestConfig {
+            cases: 512,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(3),
+            ..ProptestConfig::default()
+        })]
+        #[test]
+        fn what_is_written_reads_back_to_the_same_bits(
+            values in prop::collection::vec(prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL | prop::num::f64::ZERO, 1..20),
+            name in "[^\\s\\pC]([^\\pC]{0,8}[^\\s\\pC])?|[a-z]{1,2} ?\\[[0-9,m\\]]{0,3}",
+            unit in "|1|m|rad/s|µs/rad|\"|m,s|°",
+        ) {
+            let series = Series {
+                texts: Vec::new(),
+                time_unit: "s".into(),
+                comments: vec!["pilot: A".into(), String::new()],
+                time: (0..values.len()).map(|k| k as f64 * 0.05).collect(),
+                columns: vec![Column { name, unit, values }],
+            };
+            let read = Series::parse(series.to_csv().as_bytes(), "f.csv").unwrap();
+            prop_assert_eq!(&read, &series);
         }
+    }
 
     #[test]
     fn missing_samples_are_empty_cells() {

@@ -231,12 +231,11 @@ impl<'f> Posed<'f> {
 fn begin_near_zero(system: &System, runs: &mut [Run]) -> Vec<f64> {
     const LONG_BEFORE: f64 = 100.0;
     let depends = system.graph.dependants(|variable| variable == 0);
-    let time = system.graph.known_variable(0);
-    let mut depending = (0..depends.len()).filter(|k| depends[*k]);
+    let mut operations = system.graph.operations().iter().zip(&depends);
+    let is_taken =
+        |(own, depends): (&Operation, &bool)| *depends && !matches!(own, Operation::Variable(_));
     let mut rows = system.derivatives.iter().chain(&system.outputs);
-    if depending.any(|k| time.is_none_or(|time| time.index() != k))
-        || rows.any(|row| Some(*row) == time)
-    {
+    if operations.any(is_taken) || rows.any(|row| depends[row.index()]) {
         return vec![0.0; runs.len()];
     }
     let origin = |run: &mut Run| {

@@ -384,12 +384,13 @@ impl Reporter<'_> {
         take_stray_messages();
         let mut subject = Subject::start(library, "check", self)?;
         let held = self.held(&mut subject)?;
+        let limits = subject.limits();
         self.stage("stepping");
         let mut slopes = Slopes::of(&subject, self.kind);
         let mut goes_on = true;
         for _ in 0..subject.plan.steps {
             goes_on = subject.step(self)?;
-            subject.check_limits(self)?;
+            subject.check_limits(&limits, self)?;
             if !goes_on {
                 break;
             }

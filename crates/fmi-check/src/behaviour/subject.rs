@@ -72,8 +72,6 @@ pub(super) struct Subject {
     /// Value references and names of the real outputs.
     outputs: Vec<u32>,
     pub(super) names: Vec<String>,
-    /// Their limits and nominal values by the description.
-    limits: Vec<RealAttributes>,
     /// Names of those that were reported as not finite or beyond these.
     reported: BTreeSet<String>,
     /// Whether it was reported that a step ends elsewhere.
@@ -120,13 +118,11 @@ impl Subject {
         let facts = Facts::of(&description, reporter.kind).ok_or(CallError::OtherKind {
             kind: reporter.kind,
         })?;
-        let is_real = |v: &&ScalarVariable| v.causality == Causality::Output && is_double(v);
-        let outputs = || description.variables.iter().filter(is_real);
+        let outputs = || description.variables.iter().filter(is_real_output);
         let plan = Plan::of(&description);
         Ok(Self {
             outputs: outputs().map(|v| v.value_reference).collect(),
             names: outputs().map(|v| v.name.clone()).collect(),
-            limits: outputs().map(|v| limits(&description, v)).collect(),
             reported: BTreeSet::new(),
             is_elsewhere: false,
             name: name.to_owned(),
@@ -303,12 +299,22 @@ impl Subject {
         Ok(())
     }
 
-    /// Whether the real outputs are within their limits.
-    pub(super) fn check_limits(&mut self, reporter: &mut Reporter) -> Result<(), Stop> {
+    /// The limits and nominal values of the real outputs by the description.
+    pub(super) fn limits(&self) -> Vec<RealAttributes> {
+        let variables = self.description.variables.iter().filter(is_real_output);
+        variables.map(|v| limits(&self.description, v)).collect()
+    }
+
+    /// Whether the real outputs are within these limits.
+    pub(super) fn check_limits(
+        &mut self,
+        limits: &[RealAttributes],
+        reporter: &mut Reporter,
+    ) -> Result<(), Stop> {
         // What rounding does to values at a limit.
         const ROUNDING: f64 = 1e-6;
         let values = self.outputs()?;
-        let all = self.names.iter().zip(&self.limits).zip(values);
+        let all = self.names.iter().zip(limits).zip(values);
         for ((name, limits), value) in all {
             let nominal = limits.nominal.unwrap_or(1.0).abs();
             let slack = |limit: &f64| ROUNDING * limit.abs().max(nominal);
@@ -403,6 +409,10 @@ fn needs_event_mode(description: &ModelDescription, kind: InterfaceType) -> bool
 pub(super) fn is_double(variable: &ScalarVariable) -> bool {
     let is_double = variable.kind.base_type() == BaseType::Real(Precision::Double);
     is_double && variable.dimensions.is_empty()
+}
+
+fn is_real_output(variable: &&ScalarVariable) -> bool {
+    variable.causality == Causality::Output && is_double(variable)
 }
 
 /// The limits and the nominal value of a real, its own or those of its type (FMI 2.0.5, section 2.2.7).

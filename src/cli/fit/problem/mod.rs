@@ -139,7 +139,7 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         false => summary::to_text(&outcome) + &next(args, &fit, &fitted),
     })?;
     let is_whole = refitted.as_ref().is_none_or(Refitted::is_whole) && checked.is_whole;
-    let is_cut = |own: &Diagnostic| own.code() == "cut";
+    let is_cut = |own: &Diagnostic| matches!(own, Diagnostic::Cut { .. });
     let is_whole = is_whole && is_compared.unwrap_or(true) && !fit.diagnostics.iter().any(is_cut);
     let outcome = match fit.is_answer() && is_whole {
         true => Outcome::Done,

@@ -18,12 +18,8 @@ impl Assembly<'_> {
     fn bound(&mut self, name: &str, node: Node, [lower, upper]: Interval, at: BoundAt) {
         let is_open = !(lower > f64::NEG_INFINITY || upper < f64::INFINITY);
         if !is_open && self.graph.value(node).is_none() {
-            let bound = Bound {
-                lower,
-                upper,
-                at,
-                size: 1.0,
-            };
+            let everywhere = Bound::at_samples(lower, upper);
+            let bound = Bound { at, ..everywhere };
             self.bounded.push((node, bound));
             self.names.bounds.push(name.to_owned());
         }
