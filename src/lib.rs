@@ -72,7 +72,7 @@ pub use {
     pilotage_identification::{synthetic, vehicle},
     pilotage_inference as inference, pilotage_linear as linear, pilotage_models as models,
     pilotage_ode as ode, pilotage_refits as refits, pilotage_series as series, pilotage_sqp as sqp,
-    pilotage_text::{document, error_chain, suggestion},
+    pilotage_text::{document, error_chain, file, suggestion},
 };
 
 /// Compiles the examples of the guide as doctests.

@@ -1,9 +1,10 @@
 //! A file that is written next to its final path and renamed when it is complete.
 
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{self, Write};
+use pilotage_process::lock;
+use pilotage_text::file;
+use std::fs::{File, Metadata, OpenOptions};
+use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 /// A result file that is written incrementally into `FILE.part`, which is renamed to `FILE` at the end.
 ///
@@ -27,8 +28,8 @@ impl GrowingFile {
     /// Opens the part of `path`.
     ///
     /// # Errors
-    /// If the folder does not exist or is not writable, `path` is a folder ([`io::ErrorKind::IsADirectory`]), or
-    /// another process is writing the same file ([`io::ErrorKind::ResourceBusy`]).
+    /// If the folder does not exist or is not writable, `path` is a folder ([`ErrorKind::IsADirectory`]), or
+    /// another process is writing the same file ([`ErrorKind::ResourceBusy`]).
     pub fn create(path: &Path) -> io::Result<Self> {
         let is_relative = path.is_relative();
         let path = &super::anchored(path);
@@ -41,16 +42,18 @@ impl GrowingFile {
         let file = loop {
             // Append mode: `finish` detects writes or truncation by other code from the length.
             match OpenOptions::new().append(true).create_new(true).open(&part) {
-                Ok(file) => break file,
-                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
-                    left_behind = Some(put_aside(&path, &part)?);
+                // The lock, held until the file is closed, distinguishes a part being written from an abandoned one. Until
+                // it is taken, another process may take the part for one of the latter, and remove it.
+                Ok(file) if lock::take(&file).is_ok() && is_at(identity(&file), &part) => {
+                    break file;
+                }
+                Ok(_) => {}
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => {
+                    left_behind = clear(&path, &part)?.or(left_behind);
                 }
                 Err(error) => return Err(error),
             }
         };
-        // Held until the file is closed: the lock distinguishes a part being written from an abandoned one. On file
-        // systems without locks they cannot be distinguished.
-        let _ = file.try_lock();
         Ok(Self {
             path,
             part,
@@ -95,40 +98,37 @@ impl GrowingFile {
     /// Renames the part to the final path.
     ///
     /// # Errors
-    /// If it cannot be renamed, or other code in this process has written into it or truncated it
-    /// ([`io::ErrorKind::InvalidData`]). The part is kept.
+    /// If it cannot be renamed, another process has removed or replaced it, or other code in this process has written
+    /// into it or truncated it ([`ErrorKind::InvalidData`]). The part is kept.
     pub fn finish(self) -> io::Result<()> {
-        let length = std::fs::metadata(&self.part).map_or(self.written, |metadata| metadata.len());
-        if self.part != self.path && length != self.written {
+        if self.part == self.path {
+            return Ok(());
+        }
+        if !is_at(self.identity, &self.part) {
+            let shown = self.part().display();
+            return Err(io::Error::other(format!(
+                "{shown} has been removed or replaced by another process"
+            )));
+        }
+        let length = std::fs::metadata(&self.part)?.len();
+        if length != self.written {
             let why = format!(
                 "{} has {length} bytes where {} were written: other code in this process has written into it, or cut it",
                 self.part().display(),
                 self.written
             );
-            return Err(io::Error::new(io::ErrorKind::InvalidData, why));
+            return Err(io::Error::new(ErrorKind::InvalidData, why));
         }
-        match self.part == self.path {
-            true => Ok(()),
-            false => std::fs::rename(&self.part, &self.path).map_err(|error| match error.kind() {
-                io::ErrorKind::NotFound => {
-                    let why = format!(
-                        "{} has been removed by another process",
-                        self.part().display()
-                    );
-                    io::Error::new(error.kind(), why)
-                }
-                _ => error,
-            }),
-        }
+        // Locked until it has its name: until then nobody else touches the part.
+        std::fs::rename(&self.part, &self.path)
     }
 
     /// Removes the part when nothing worth keeping was written.
     pub fn discard(self) {
-        if self.part == self.path {
-            return;
+        if self.part != self.path && is_at(self.identity, &self.part) {
+            // If this fails, an empty part remains, which the next run removes.
+            let _ = std::fs::remove_file(&self.part);
         }
-        // If this fails, an empty part remains, which the next run renames.
-        let _ = std::fs::remove_file(&self.part);
     }
 }
 
@@ -142,7 +142,7 @@ impl GrowingFile {
         if identity(&self.file) == Some(before) {
             return Ok(());
         }
-        let again = OpenOptions::new().append(true).open(&self.part)?;
+        let again = file::found(OpenOptions::new().append(true), &self.part)?;
         if identity(&again) != Some(before) {
             let why =
                 "other code in this process has closed it and opened another file in its place";
@@ -158,16 +158,25 @@ impl GrowingFile {
 /// Device and inode number of a file.
 type Identity = (u64, u64);
 
-#[cfg(unix)]
 fn identity(file: &File) -> Option<Identity> {
+    file.metadata().ok().and_then(|about| identity_of(&about))
+}
+
+#[cfg(unix)]
+fn identity_of(about: &Metadata) -> Option<Identity> {
     use std::os::unix::fs::MetadataExt;
-    let metadata = file.metadata().ok()?;
-    Some((metadata.dev(), metadata.ino()))
+    Some((about.dev(), about.ino()))
 }
 
 #[cfg(not(unix))]
-fn identity(_: &File) -> Option<Identity> {
+fn identity_of(_: &Metadata) -> Option<Identity> {
     None
+}
+
+/// Whether a file is still the one at a path.
+fn is_at(file: Option<Identity>, path: &Path) -> bool {
+    let there = path.symlink_metadata();
+    there.is_ok_and(|about| identity_of(&about) == file)
 }
 
 impl Write for GrowingFile {
@@ -198,32 +207,41 @@ fn with_ending(path: &Path, ending: &str) -> PathBuf {
     PathBuf::from(name)
 }
 
-/// How often a part is asked for, and the time between: a process that another thread has just started holds the files of this one
-/// until it runs its own program.
-const LOCK_ASKED: u32 = 20;
-const LOCK_WAIT: Duration = Duration::from_millis(10);
-
-/// Renames a part that no process is writing to the first free `FILE.interrupted-N`.
-fn put_aside(path: &Path, part: &Path) -> io::Result<PathBuf> {
-    let open = File::open(part)?;
-    let mut asked = 0;
-    while let Err(TryLockError::WouldBlock) = open.try_lock() {
-        asked += 1;
-        if asked == LOCK_ASKED {
-            return Err(io::ErrorKind::ResourceBusy.into());
-        }
-        std::thread::sleep(LOCK_WAIT);
+/// Renames a part that no process is writing to the first free `FILE.interrupted-N`, and removes one without content.
+/// Returns the new name, if any: the process that was writing it may have completed it.
+fn clear(path: &Path, part: &Path) -> io::Result<Option<PathBuf>> {
+    let named = |error: io::Error| {
+        let why = format!(
+            "{}, left there or being written: {error}",
+            super::as_given(part).display()
+        );
+        io::Error::new(error.kind(), why)
+    };
+    // Opened to be written, since some file systems lock no others.
+    let open = match file::found(OpenOptions::new().read(true).write(true), part) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        opened => opened.map_err(named)?,
+    };
+    lock::take(&open)?;
+    if !is_at(identity(&open), part) {
+        return Ok(None);
+    }
+    // From here on the lock keeps all other processes from this part.
+    if open.metadata()?.len() == 0 {
+        return std::fs::remove_file(part).map(|()| None);
     }
     let mut number = 1;
     let aside = loop {
         let aside = with_ending(path, &format!(".interrupted-{number}"));
-        match aside.try_exists()? {
-            true => number += 1,
-            false => break aside,
+        // A link that leads nowhere is there, too.
+        match aside.symlink_metadata() {
+            Err(error) if error.kind() == ErrorKind::NotFound => break aside,
+            there => drop(there?),
         }
+        number += 1;
     };
     std::fs::rename(part, &aside)?;
-    Ok(aside)
+    Ok(Some(aside))
 }
 
 #[cfg(test)]
@@ -297,7 +315,7 @@ mod tests {
             other.set_len(length).unwrap();
             file.write_all(b"two\n").unwrap();
             let error = file.finish().unwrap_err();
-            assert_eq!(error.kind(), io::ErrorKind::InvalidData);
+            assert_eq!(error.kind(), ErrorKind::InvalidData);
             let found = format!("has {} bytes where 8 were written", length + 4);
             assert!(error.to_string().contains(&found), "{error}");
             assert!(!path.exists());
@@ -323,9 +341,9 @@ mod tests {
         let path = folder.path().join("r.csv");
         let first = GrowingFile::create(&path).unwrap();
         let error = GrowingFile::create(&path).unwrap_err();
-        assert_eq!(error.kind(), io::ErrorKind::ResourceBusy);
+        assert_eq!(error.kind(), ErrorKind::ResourceBusy);
         drop(first);
         let error = GrowingFile::create(folder.path()).unwrap_err();
-        assert_eq!(error.kind(), io::ErrorKind::IsADirectory);
+        assert_eq!(error.kind(), ErrorKind::IsADirectory);
     }
 }

@@ -8,6 +8,7 @@ pub use growing::GrowingFile;
 pub use guard::{Planned, Refusal, check};
 
 use pilotage_process::leftovers::{self, Kind, Leftover};
+use pilotage_text::file;
 use std::collections::BTreeSet;
 use std::fs::{DirEntry, File, OpenOptions};
 use std::io::{self, Write};
@@ -121,10 +122,10 @@ fn remove_left_behind(folder: &Path) {
 }
 
 fn is_left_behind(path: &Path) -> io::Result<bool> {
-    let metadata = path.symlink_metadata()?;
-    let age = SystemTime::now().duration_since(metadata.modified()?);
+    let file = file::found(OpenOptions::new().read(true).write(true), path)?;
+    let age = SystemTime::now().duration_since(file.metadata()?.modified()?);
     let is_old = age.is_ok_and(|age| age > GRACE);
-    Ok(metadata.is_file() && is_old && File::open(path)?.try_lock().is_ok())
+    Ok(is_old && file.try_lock().is_ok())
 }
 
 /// Opens a device or a pipe such as `/dev/stdout`, if the path is one: it holds no earlier file that a partial result

@@ -7,6 +7,7 @@ use super::{Failure, Outcome, recognise, terminal};
 use crate::date;
 use crate::document;
 use crate::export::{Export, ExportOptions, Provenance, platform};
+use crate::file;
 use crate::fmi::description::FmiVersion;
 use crate::fmi_check::is_date_and_time;
 use crate::identification::PilotFile;
@@ -150,7 +151,7 @@ impl FmuArgs {
                 let message = format!("--binary {argument} has no file");
                 return Err(Failure::new(message).hint("write --binary win64=model.dll"));
             };
-            let bytes = std::fs::read(file)
+            let bytes = file::bytes(Path::new(file))
                 .map_err(|error| Failure::new(format!("cannot read {file}: {error}")))?;
             Ok((platform::named(platform)?, bytes))
         };

@@ -187,9 +187,7 @@ fn names_fmu(path: &Path, deep: usize) -> bool {
     if deep == 0 || !is("toml") {
         return false;
     }
-    let Ok(text) = std::fs::read_to_string(path) else {
-        return false;
-    };
+    let text = recognise::text(path);
     let folder = path.parent().unwrap_or(Path::new(""));
     let named = text.split(['"', '\'']).skip(1).step_by(2);
     let named = named.filter(|name| !name.is_empty() && !name.contains('\n'));

@@ -1,6 +1,7 @@
 //! The origin of a page, and commands as the user can type them.
 
 use crate::date;
+use crate::file;
 use crate::identification::trials::sha256;
 use crate::report::Made;
 use std::path::{Path, PathBuf};
@@ -46,7 +47,7 @@ pub fn quoted(word: &str) -> String {
 /// The files with their SHA-256; folders have none, nor have pipes, which can be read only once.
 pub fn with_sums(files: &[PathBuf]) -> Vec<(String, String)> {
     let sum = |path: &Path| {
-        let bytes = path.is_file().then(|| std::fs::read(path).ok()).flatten();
+        let bytes = path.is_file().then(|| file::bytes(path).ok()).flatten();
         bytes.map_or_else(|| "\u{2013}".to_owned(), |bytes| sha256(&bytes))
     };
     (files.iter())

@@ -153,7 +153,33 @@ fn writes_json(matches: &ArgMatches) -> bool {
 
 /// Runs a command and returns its exit code.
 fn run(command: Command) -> u8 {
-    let outcome = match command {
+    let ready = match command.is_parallel() {
+        true => start_threads(),
+        false => Ok(()),
+    };
+    let outcome = ready.and_then(|()| done(command));
+    match outcome {
+        Ok(outcome) => outcome.code(),
+        Err(failure) => {
+            // An error due to files removed by the signal handler is not reported.
+            pilotage_process::leftovers::stay_if_ending();
+            terminal::eprint(&format!("{failure}\n"));
+            failure.code()
+        }
+    }
+}
+
+/// Starts the threads for parallel work.
+fn start_threads() -> Result<(), Failure> {
+    crate::collocation::start_threads().map_err(|error| {
+        Failure::new(format!("cannot start threads: {error}")).hint(
+            "RAYON_NUM_THREADS=1 asks for one only; limits of memory and of processes (`ulimit -v`, `ulimit -u`) may forbid it",
+        )
+    })
+}
+
+fn done(command: Command) -> Result<Outcome, Failure> {
+    match command {
         Command::Demo(args) => demo::run(args),
         Command::Trials(args) => trials::run(args),
         Command::Fly(args) => fly::run(args),
@@ -180,15 +206,6 @@ fn run(command: Command) -> u8 {
                 ))),
             }
         }
-    };
-    match outcome {
-        Ok(outcome) => outcome.code(),
-        Err(failure) => {
-            // An error due to files removed by the signal handler is not reported.
-            pilotage_process::leftovers::stay_if_ending();
-            terminal::eprint(&format!("{failure}\n"));
-            failure.code()
-        }
     }
 }
 
@@ -198,6 +215,19 @@ fn failed(failure: &Failure) -> ExitCode {
 }
 
 impl Command {
+    /// Whether the command computes in parallel whatever its options are.
+    fn is_parallel(&self) -> bool {
+        matches!(
+            self,
+            Self::Demo(_)
+                | Self::Trials(_)
+                | Self::Init(_)
+                | Self::Fit(_)
+                | Self::Compare(_)
+                | Self::Plot(_)
+        )
+    }
+
     /// Whether the command may run code of FMUs in its own process.
     fn may_call_fmus(&self) -> bool {
         match self {

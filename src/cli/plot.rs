@@ -4,6 +4,7 @@ use super::number::positive;
 use super::overwrite::{self, OutputKind, Overwrite};
 use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, fit, terminal};
+use crate::file;
 use crate::identification::PilotFile;
 use crate::models::Pilot;
 use crate::report::figure::Figure;
@@ -240,7 +241,7 @@ fn content(inputs: &[PathBuf]) -> Result<Content, Failure> {
 }
 
 fn page(path: &Path) -> Result<Content, Failure> {
-    let text = std::fs::read_to_string(path);
+    let text = file::text(path);
     let text =
         text.map_err(|error| Failure::new(format!("cannot read {}: {error}", path.display())))?;
     let content = of_page(&text);

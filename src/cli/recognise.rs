@@ -5,8 +5,10 @@ use super::overwrite::head;
 use crate::cosim::description::KEYS;
 use crate::document::Document;
 use crate::estimation::OWN_KEYS;
+use crate::file::{self, Input};
 use crate::models::COEFFICIENTS;
 use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use zip::ZipArchive;
 
@@ -103,7 +105,9 @@ pub fn of(path: &Path) -> Option<FileKind> {
     }
     // TOML must be read as a whole: its beginning alone may be invalid.
     let text = match is_toml(path) {
-        true => std::fs::read_to_string(path).unwrap_or_else(|_| head(path)),
+        true => Some(text(path))
+            .filter(|text| !text.is_empty())
+            .unwrap_or_else(|| head(path)),
         false => head(path),
     };
     if text.starts_with("PK\u{3}\u{4}") {
@@ -119,9 +123,16 @@ pub fn of(path: &Path) -> Option<FileKind> {
     toml(&text).or_else(|| table(&text))
 }
 
+/// The text of a file that will be read again; empty if it cannot be read, or only once (a pipe).
+pub fn text(path: &Path) -> String {
+    let mut text = String::new();
+    let read = file::regular(path).and_then(|file| Input::of(file).read_to_string(&mut text));
+    read.map_or_else(|_| String::new(), |_| text)
+}
+
 /// The kind of a zip archive, by its entries. An unreadable one counts as an FMU, so that opening it reports the error.
 fn archive(path: &Path) -> FileKind {
-    let entries = File::open(path)
+    let entries = file::regular(path)
         .ok()
         .and_then(|file| ZipArchive::new(file).ok());
     let is_fmu = |archive: ZipArchive<File>| {

@@ -194,7 +194,7 @@ pub fn pack<E: From<ExportError>>(
     options: &super::ExportOptions,
     path: impl FnOnce(&Interface) -> Result<PathBuf, E>,
 ) -> Result<PathBuf, E> {
-    let bytes = std::fs::read(library).map_err(|source| ExportError::Read {
+    let bytes = pilotage_text::file::bytes(library).map_err(|source| ExportError::Read {
         path: library.to_owned(),
         source,
     })?;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// workspace crates that it may name; between crates, cargo holds the arrows.
 const ARROWS: &[(&str, &[&str])] = &[
     ("src/date", &[]),
-    ("src/atomic_file", &["process"]),
+    ("src/atomic_file", &["process", "text"]),
     (
         "src/export",
         &["abi", "sdk", "models", "language", "fmi", "atomic_file"],

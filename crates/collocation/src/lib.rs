@@ -109,6 +109,7 @@ pub use course::{Course, Quality};
 pub use loss::Loss;
 pub use mesh::{Recording, Run};
 pub use node::{Differentiated, Scales};
+pub use parallel::start_threads;
 pub use reference::Stop;
 pub use refinement::{Refined, refined, solve_refined};
 pub use simulate::rk4;

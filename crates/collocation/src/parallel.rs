@@ -2,7 +2,18 @@
 //! order, so results are bitwise identical for any number of threads.
 
 use rayon::prelude::*;
+use std::io;
 use std::ops::Range;
+
+/// Starts the threads for parallel work, of which there are as many as `RAYON_NUM_THREADS` says. Otherwise the first
+/// parallel work starts them, and panics where it cannot.
+///
+/// # Errors
+/// If the system gives no thread.
+pub fn start_threads() -> io::Result<()> {
+    let started = rayon::ThreadPoolBuilder::new().build_global();
+    started.map_err(io::Error::other)
+}
 
 /// Calls `work(index, item)` for every item, in parallel if there is more than one thread.
 pub fn each<T: Send>(items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {

@@ -116,10 +116,18 @@ impl Growing {
             text += &line(&table.row(k));
         }
         let whole = with_ending(path, ".whole");
-        std::fs::write(&whole, text)?;
+        fresh(&whole)?.write_all(text.as_bytes())?;
         std::fs::rename(&whole, path)?;
         std::fs::remove_file(&self.part)?;
         Ok(path.to_owned())
+    }
+}
+
+/// A new file in the place of one that a killed process left, whatever that is.
+fn fresh(path: &Path) -> io::Result<File> {
+    match std::fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+        _ => OpenOptions::new().write(true).create_new(true).open(path),
     }
 }
 
@@ -260,7 +268,7 @@ fn parquet(path: &Path, header: &Header, table: &Table) -> Result<(), ParquetErr
         .set_key_value_metadata(Some(metadata.collect()))
         .build();
     let part = with_ending(path, PART);
-    let mut writer = SerializedFileWriter::new(File::create(&part)?, schema, Arc::new(properties))?;
+    let mut writer = SerializedFileWriter::new(fresh(&part)?, schema, Arc::new(properties))?;
     let mut rows = writer.next_row_group()?;
     for values in &table.columns {
         if let Some(mut column) = rows.next_column()? {

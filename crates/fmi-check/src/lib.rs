@@ -31,6 +31,7 @@ pub use validate::{is_date_and_time, validate};
 use pilotage_fmi::archive::{Archive, ArchiveError, DESCRIPTION, Limits, folder};
 use pilotage_fmi::description::{self, FmiVersion, ModelDescription, Severity};
 use pilotage_text::error_chain::error_chain;
+use pilotage_text::file::Input;
 use std::io::Read;
 use std::path::Path;
 
@@ -49,8 +50,9 @@ pub struct Checked {
 /// If the file cannot be opened: this is not a finding about an FMU.
 pub fn check(path: &Path) -> Result<Checked, ArchiveError> {
     let mut bytes = Vec::new();
-    let mut file = folder::open(path, Limits::default())?;
-    file.read_to_end(&mut bytes)
+    let file = folder::open(path, Limits::default())?;
+    Input::of(file)
+        .read_to_end(&mut bytes)
         .map_err(|source| ArchiveError::Open {
             path: path.to_owned(),
             source,

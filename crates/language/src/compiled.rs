@@ -9,6 +9,7 @@ use crate::tables::{ReadTable, TableFiles, Tables};
 use crate::units;
 use pilotage_expression::{Function, Graph, Model, Node, Operation, Operator, System};
 use pilotage_text::document::Position;
+use pilotage_text::file;
 use std::io::Read;
 use std::path::Path;
 
@@ -80,7 +81,7 @@ impl std::fmt::Display for Trouble {
 /// If a file cannot be read or contains a mistake. The message contains file, line and column.
 pub fn read(path: &Path) -> Result<Compiled, ModelFileError> {
     let mut bytes = Vec::new();
-    let file = std::fs::File::open(path).map_err(|source| unread(path.to_owned(), source))?;
+    let file = file::open(path).map_err(|source| unread(path.to_owned(), source))?;
     // One byte more than permitted, to detect a file that is too long without reading all of it.
     file.take(LONGEST as u64 + 1)
         .read_to_end(&mut bytes)
@@ -98,7 +99,7 @@ pub fn read(path: &Path) -> Result<Compiled, ModelFileError> {
     };
     let folder = path.parent().unwrap_or(Path::new(""));
     parse(&text, &path.display().to_string(), &|table| {
-        std::fs::read_to_string(folder.join(table))
+        file::text(&folder.join(table))
     })
 }
 

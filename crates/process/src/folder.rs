@@ -5,6 +5,7 @@
 
 use crate::child::is_alive;
 use crate::leftovers::{self, Kind, Leftover};
+use pilotage_text::file;
 use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io;
@@ -81,12 +82,12 @@ fn sweep_if(is_dead: impl Fn(u32) -> bool) -> bool {
     let mut is_clean = true;
     for entry in entries.flatten() {
         let is_meant = process_of(&entry.file_name()).is_some_and(&is_dead);
-        if !is_meant {
+        // Anybody may create anything in the temporary folder.
+        if !is_meant || !entry.metadata().is_ok_and(|about| is_own_folder(&about)) {
             continue;
         }
         let folder = entry.path();
         match is_free(&folder) {
-            // A folder of another user cannot be removed and need not be.
             true => drop(fs::remove_dir_all(folder)),
             false => is_clean = false,
         }
@@ -100,9 +101,22 @@ fn process_of(name: &OsStr) -> Option<u32> {
     number.parse().ok()
 }
 
+/// Whether it is a folder, and no link to one, of the user of this process.
+#[cfg(unix)]
+fn is_own_folder(about: &fs::Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    about.is_dir() && about.uid() == rustix::process::geteuid().as_raw()
+}
+
+/// The temporary folder of other systems is that of one user.
+#[cfg(not(unix))]
+fn is_own_folder(about: &fs::Metadata) -> bool {
+    about.is_dir()
+}
+
 /// Whether the lock is free: another process with the same ID and temporary folder (in a container) may hold it.
 fn is_free(folder: &Path) -> bool {
-    match File::open(folder.join("lock")) {
+    match file::found(File::options().read(true), &folder.join("lock")) {
         Ok(lock) => lock.try_lock().is_ok(),
         // The process was killed while creating or removing the folder.
         Err(error) => error.kind() == io::ErrorKind::NotFound,

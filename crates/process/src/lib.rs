@@ -13,6 +13,8 @@
 //! | [`channel`] | requests and replies between two processes |
 //! | [`folder`] | temporary folders, and removal of those that dead processes left |
 //! | [`leftovers`] | what is removed when a signal ends this process |
+//! | [`lock`] | locks on files that one process at a time writes |
+//! | [`memory`] | an allocator that ends the process with a message |
 //! | [`own`] | restores stdout, stderr and the umask |
 //! | `signals` | signals, handled by a thread |
 
@@ -20,6 +22,8 @@ pub mod channel;
 pub mod child;
 pub mod folder;
 pub mod leftovers;
+pub mod lock;
+pub mod memory;
 pub mod own;
 pub mod page;
 #[cfg(unix)]

@@ -2,8 +2,8 @@
 
 use super::lines::Lines;
 use super::{Column, Series, SeriesError, TextColumn};
+use pilotage_text::file;
 use pilotage_units::Unit;
-use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
@@ -54,7 +54,7 @@ impl Series {
     }
 
     fn read_as(path: &Path, form: Form) -> Result<Self, SeriesError> {
-        let opened = File::open(path).map_err(|source| SeriesError::Read {
+        let opened = file::open(path).map_err(|source| SeriesError::Read {
             file: path.to_owned(),
             source,
         })?;

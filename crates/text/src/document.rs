@@ -87,7 +87,7 @@ pub enum DocumentError {
 /// # Errors
 /// If the file cannot be read or is not UTF-8.
 pub fn read(path: &Path) -> Result<String, DocumentError> {
-    std::fs::read_to_string(path).map_err(|source| DocumentError::Read {
+    crate::file::text(path).map_err(|source| DocumentError::Read {
         file: path.to_owned(),
         source,
     })

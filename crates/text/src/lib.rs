@@ -3,12 +3,14 @@
 //! | module | content |
 //! | --- | --- |
 //! | [`document`](mod@document) | TOML with the places of its values |
+//! | [`file`](mod@file) | files that are read to a limit, and opened without waiting |
 //! | [`error_chain`](mod@error_chain) | an error and its causes as one line |
 //! | [`number`](mod@number) | numbers with a few significant digits |
 //! | [`suggestion`](mod@suggestion) | the name that was probably meant |
 
 pub mod document;
 pub mod error_chain;
+pub mod file;
 pub mod number;
 pub mod suggestion;
 

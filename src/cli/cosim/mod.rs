@@ -125,6 +125,9 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     };
     let mut coupling = args.coupling.coupling(&clock)?;
     coupling.measure |= args.report.is_some();
+    if coupling.parallel {
+        super::start_threads()?;
+    }
     args.coupling.apply_parts(&mut system)?;
     let selection = args.selection(&mut system, &tables)?;
     let notes = tables.iter().flat_map(|table| table.notes(&clock));
@@ -320,7 +323,7 @@ fn open(path: &Path) -> Result<GrowingFile, Failure> {
         let failure = Failure::cannot_write(path, &error);
         match error.kind() {
             io::ErrorKind::ResourceBusy => {
-                failure.hint("another run is writing it; give this one another --output")
+                failure.hint("wait for it, or give this run another --output")
             }
             _ => failure,
         }

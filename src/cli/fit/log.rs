@@ -5,8 +5,9 @@ use crate::cli::Failure;
 use crate::cli::terminal::Stdout;
 use crate::identification::result::StartReport;
 use crate::identification::{Fit, solve::Iterate};
+use pilotage_process::lock;
 use serde_json::{Value, json};
-use std::fs::File;
+use std::fs::OpenOptions;
 use std::io::{self, ErrorKind, LineWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -28,8 +29,18 @@ impl Log {
         let out: Box<dyn Write> = match is_stdout(path) {
             true => Box::new(LineWriter::new(Stdout)),
             false => {
-                let file = File::create(path);
-                Box::new(file.map_err(|error| Failure::cannot_write(path, &error))?)
+                let failed = |error: io::Error| Failure::cannot_write(path, &error);
+                let mut options = OpenOptions::new();
+                let options = options.write(true).create(true).truncate(false);
+                let file = options.open(path).map_err(failed)?;
+                // Devices and pipes are nobody's alone, and cannot be emptied.
+                if file.metadata().map_err(failed)?.is_file() {
+                    lock::take(&file).map_err(|error| {
+                        failed(error).hint("wait for it, or give --log another file")
+                    })?;
+                    file.set_len(0).map_err(failed)?;
+                }
+                Box::new(file)
             }
         };
         Ok(Self {

@@ -3,6 +3,7 @@
 use crate::cli::{system, terminal};
 use crate::cosim::Component;
 use crate::cosim::component::ComponentError;
+use crate::file;
 use crate::series::{Series, flown};
 use pilotage_fly::message::{JobKind, JobState, ToPage};
 use pilotage_fly::session::{Board, Works};
@@ -11,7 +12,6 @@ use pilotage_text::number::significant;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -291,7 +291,9 @@ fn is_of(path: &Path, subject: &str) -> bool {
 /// The files of a folder, sorted by name.
 fn entries(folder: &Path) -> Vec<PathBuf> {
     let all = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut all: Vec<PathBuf> = all.map(|entry| entry.path()).collect();
+    let all = all.map(|entry| entry.path());
+    // A pipe in the folder is no flight, and reading it would not end.
+    let mut all: Vec<PathBuf> = all.filter(|path| path.is_file()).collect();
     all.sort();
     all
 }
@@ -299,7 +301,7 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
 /// The comment lines at the top of a flight; none for other files.
 fn comments(path: &Path) -> Vec<String> {
     let is_flight = path.extension().is_some_and(|own| own == "csv");
-    let Some(file) = File::open(path).ok().filter(|_| is_flight) else {
+    let Some(file) = file::regular(path).ok().filter(|_| is_flight) else {
         return Vec::new();
     };
     let lines = BufReader::new(file).lines().map_while(Result::ok);
@@ -323,7 +325,7 @@ fn moves(path: &Path) -> bool {
 }
 
 fn is_disturbed(path: &Path) -> bool {
-    let Ok(file) = File::open(path) else {
+    let Ok(file) = file::regular(path) else {
         return true;
     };
     let mut lines = BufReader::new(file).lines().map_while(Result::ok);

@@ -6,6 +6,7 @@ use self::jobs::{Flown, Jobs};
 use super::number::number;
 use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, interrupt, made, system, terminal};
+use crate::file;
 use crate::identification::trials::sha256;
 use crate::series::flown;
 use clap::builder::NonEmptyStringValueParser;
@@ -458,7 +459,7 @@ fn open(address: &str) -> bool {
 
 /// Origin of the vehicle model for the record.
 fn origin(path: &Path) -> String {
-    match std::fs::read(path) {
+    match file::bytes(path) {
         Ok(bytes) => format!("{}, sha256 {}", path.display(), sha256(&bytes)),
         Err(_) => {
             let name = path.to_string_lossy();

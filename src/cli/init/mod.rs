@@ -82,8 +82,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         terminal::print(&text)?;
         return Ok(Outcome::Done);
     };
-    let is_written = std::fs::read_to_string(output).is_ok_and(|before| before == text);
-    let outputs: &[_] = match is_written {
+    let outputs: &[_] = match overwrite::holds(output, &text) {
         true => &[],
         false => &[(output.as_path(), OutputKind::Problem)],
     };

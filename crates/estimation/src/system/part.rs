@@ -10,6 +10,7 @@ use pilotage_models::{library, traced};
 use pilotage_sdk::{Equations, Table};
 use pilotage_text::document::DocumentError;
 use pilotage_text::error_chain::error_chain;
+use pilotage_text::file;
 use pilotage_text::suggestion::{did_you_mean, suggestion};
 use pilotage_units::Base;
 use std::collections::{HashMap, HashSet};
@@ -354,7 +355,7 @@ fn is_fmu(path: &Path) -> bool {
     let mut first = [0; 4];
     let is_archive =
         |mut file: File| file.read_exact(&mut first).is_ok() && &first == b"PK\x03\x04";
-    path.join("modelDescription.xml").is_file() || File::open(path).is_ok_and(is_archive)
+    path.join("modelDescription.xml").is_file() || file::regular(path).is_ok_and(is_archive)
 }
 
 /// Message for a file that has the extension of an FMU but is not one.

@@ -1,8 +1,9 @@
 //! Reads a folder with an unpacked FMU as the equivalent archive, so that all checks and operations are the same.
 
 use super::{ArchiveError, Limits};
+use pilotage_text::file;
 use std::fs::{self, File, Metadata};
-use std::io::{self, Seek};
+use std::io::{self, Read, Seek};
 use std::path::{Path, PathBuf};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
@@ -19,7 +20,7 @@ pub fn open(path: &Path, limits: Limits) -> Result<File, ArchiveError> {
     let metadata = fs::metadata(path).map_err(failed)?;
     match (metadata.is_dir(), metadata.is_file()) {
         (true, _) => packed(path, &listed(path, limits)?).map_err(failed),
-        (false, true) => File::open(path).map_err(failed),
+        (false, true) => file::regular(path).map_err(failed),
         // Opening a pipe would block, and it cannot be read at random offsets.
         (false, false) => Err(failed(io::Error::other("a pipe or a device is no archive"))),
     }
@@ -73,7 +74,9 @@ fn packed(folder: &Path, files: &[(PathBuf, Metadata)]) -> io::Result<File> {
             .compression_method(CompressionMethod::Stored)
             .unix_permissions(mode(metadata));
         zip.start_file(name(folder, file), options)?;
-        io::copy(&mut File::open(file)?, &mut zip)?;
+        // It may have become another one since it was listed, or be growing.
+        let file = file::found(File::options().read(true), file)?;
+        io::copy(&mut file.take(metadata.len()), &mut zip)?;
     }
     let mut archive = zip.finish()?;
     archive.rewind()?;

@@ -3,6 +3,7 @@
 use super::summary::median_step;
 use super::{ColumnNames, Trial, TrialError};
 use pilotage_series::{Column, Series};
+use pilotage_text::file;
 use pilotage_text::suggestion::suggestion;
 use pilotage_units::Unit;
 use sha2::{Digest, Sha256};
@@ -55,7 +56,7 @@ impl Trial {
 
     /// The same, with notes on possible mistakes.
     pub(super) fn read_with_notes(path: &Path, columns: &ColumnNames) -> Result<Read, TrialError> {
-        let bytes = std::fs::read(path).map_err(|source| TrialError::Read {
+        let bytes = file::bytes(path).map_err(|source| TrialError::Read {
             file: path.to_owned(),
             source,
         })?;

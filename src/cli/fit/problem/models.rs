@@ -112,10 +112,10 @@ impl Fitted {
         overwrite::save(&self.path, head + &text)?;
         for (name, table) in &compiled.tables {
             let beside = self.path.with_file_name(name);
-            let is_there = std::fs::read_to_string(&beside).is_ok_and(|text| text == table.text);
-            if !is_there {
-                refuse_other(&beside)?;
-                overwrite::save(&beside, &table.text)?;
+            // Another run may write the same table at this moment.
+            match beside.exists() && !overwrite::holds(&beside, &table.text) {
+                true => refuse_other(&beside)?,
+                false => overwrite::save(&beside, &table.text)?,
             }
         }
         Ok(())

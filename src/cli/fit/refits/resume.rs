@@ -1,8 +1,10 @@
 //! The file of a bootstrap: a line for each completed refit, so that a killed command can be resumed.
 
 use crate::cli::Failure;
+use crate::file::Input;
 use crate::identification::trials::sha256;
 use crate::refits::{Kind, Replicate, Study};
+use pilotage_process::lock;
 use std::collections::HashSet;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -37,12 +39,11 @@ impl Kept {
         let mut options = OpenOptions::new();
         let options = options.read(true).write(true).create(true).truncate(false);
         let mut file = options.open(path).map_err(fail)?;
-        if let Err(std::fs::TryLockError::WouldBlock) = file.try_lock() {
-            let message = format!("{} is being written by another process", path.display());
-            return Err(Failure::new(message).hint("wait for it, or give --resume another file"));
-        }
+        lock::take(&file)
+            .map_err(|error| fail(error).hint("wait for it, or give --resume another file"))?;
         let mut text = String::new();
-        file.read_to_string(&mut text).map_err(fail)?;
+        let read = Input::of(&mut file).read_to_string(&mut text);
+        read.map_err(|error| Failure::new(format!("cannot read {}: {error}", path.display())))?;
         let head = head(study, kind, seed);
         let whole = text.rfind('\n').map_or(0, |end| end + 1);
         let found = match text[..whole].strip_prefix(&head) {
