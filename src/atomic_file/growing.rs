@@ -335,6 +335,84 @@ mod tests {
         assert!(!Path::new("/dev/null.part").exists());
     }
 
+    /// Whoever succeeds has written a whole file, and nobody takes another's part for one left behind.
+    #[test]
+    fn many_at_a_time_leave_one_whole_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("r.csv");
+        let write = |writer: usize| {
+            let mut file = GrowingFile::create(&path)?;
+            assert_eq!(file.left_behind(), None);
+            for _ in 0..20 {
+                file.write_all(format!("{writer}\n").as_bytes())?;
+            }
+            file.finish()
+        };
+        let done = std::sync::atomic::AtomicUsize::new(0);
+        std::thread::scope(|scope| {
+            for writer in 10..18 {
+                let (write, done) = (&write, &done);
+                scope.spawn(move || {
+                    for _ in 0..30 {
+                        match write(writer) {
+                            Ok(()) => drop(done.fetch_add(1, std::sync::atomic::Ordering::Relaxed)),
+                            Err(error) => {
+                                assert_eq!(error.kind(), ErrorKind::ResourceBusy, "{error}")
+                            }
+                        }
+                    }
+                });
+            }
+        });
+        assert!(done.into_inner() > 0);
+        assert_eq!(names(folder.path()), ["r.csv"]);
+        let text = std::fs::read_to_string(&path).unwrap();
+        let first = text.lines().next().unwrap();
+        assert_eq!(text, format!("{first}\n").repeat(20));
+    }
+
+    /// What stands at the path of a part was found there: it is not waited for, followed or renamed.
+    #[cfg(unix)]
+    #[test]
+    fn a_part_that_is_no_file_is_refused_and_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, part) = (
+            folder.path().join("r.csv"),
+            folder.path().join("r.csv.part"),
+        );
+        let made = std::process::Command::new("mkfifo").arg(&part).status();
+        assert!(made.unwrap().success());
+        let refused = |what: &str| {
+            let error = GrowingFile::create(&path).unwrap_err().to_string();
+            assert!(error.ends_with(what), "{error}");
+            assert_eq!(names(folder.path())[..1], ["r.csv.part"]);
+        };
+        refused("r.csv.part, left there or being written: it is no regular file");
+        std::fs::remove_file(&part).unwrap();
+        std::fs::write(folder.path().join("theirs"), "rows").unwrap();
+        std::os::unix::fs::symlink("theirs", &part).unwrap();
+        refused("r.csv.part, left there or being written: it is a link");
+        assert!(part.is_symlink());
+    }
+
+    #[test]
+    fn a_part_that_is_replaced_is_no_result() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("r.csv");
+        for is_replaced in [false, true] {
+            let mut file = GrowingFile::create(&path).unwrap();
+            file.write_all(b"one\n").unwrap();
+            std::fs::remove_file(file.part()).unwrap();
+            if is_replaced {
+                std::fs::write(file.part(), "two\n").unwrap();
+            }
+            let error = file.finish().unwrap_err().to_string();
+            let expected = "r.csv.part has been removed or replaced by another process";
+            assert!(error.ends_with(expected), "{error}");
+        }
+        assert_eq!(names(folder.path()), ["r.csv.part"]);
+    }
+
     #[test]
     fn two_at_a_time_are_refused() {
         let folder = tempfile::tempdir().unwrap();

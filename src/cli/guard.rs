@@ -5,6 +5,7 @@
 //! success: only what the process itself [reports](pilotage_process::finished) counts.
 
 use super::{Failure, recognise, terminal};
+use crate::file;
 use crate::fmi::call_name;
 use pilotage_process::{Child, Ended, Going};
 use std::ffi::OsString;
@@ -187,7 +188,9 @@ fn names_fmu(path: &Path, deep: usize) -> bool {
     if deep == 0 || !is("toml") {
         return false;
     }
-    let text = recognise::text(path);
+    let Ok(text) = file::peek(path) else {
+        return false;
+    };
     let folder = path.parent().unwrap_or(Path::new(""));
     let named = text.split(['"', '\'']).skip(1).step_by(2);
     let named = named.filter(|name| !name.is_empty() && !name.contains('\n'));

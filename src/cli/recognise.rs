@@ -5,10 +5,9 @@ use super::overwrite::head;
 use crate::cosim::description::KEYS;
 use crate::document::Document;
 use crate::estimation::OWN_KEYS;
-use crate::file::{self, Input};
+use crate::file;
 use crate::models::COEFFICIENTS;
 use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use zip::ZipArchive;
 
@@ -105,9 +104,7 @@ pub fn of(path: &Path) -> Option<FileKind> {
     }
     // TOML must be read as a whole: its beginning alone may be invalid.
     let text = match is_toml(path) {
-        true => Some(text(path))
-            .filter(|text| !text.is_empty())
-            .unwrap_or_else(|| head(path)),
+        true => file::peek(path).unwrap_or_else(|_| head(path)),
         false => head(path),
     };
     if text.starts_with("PK\u{3}\u{4}") {
@@ -121,13 +118,6 @@ pub fn of(path: &Path) -> Option<FileKind> {
         return Some(FileKind::Page);
     }
     toml(&text).or_else(|| table(&text))
-}
-
-/// The text of a file that will be read again; empty if it cannot be read, or only once (a pipe).
-pub fn text(path: &Path) -> String {
-    let mut text = String::new();
-    let read = file::regular(path).and_then(|file| Input::of(file).read_to_string(&mut text));
-    read.map_or_else(|_| String::new(), |_| text)
 }
 
 /// The kind of a zip archive, by its entries. An unreadable one counts as an FMU, so that opening it reports the error.

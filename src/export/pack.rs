@@ -129,7 +129,7 @@ fn library(message: &Value, manifest: &Path) -> Option<PathBuf> {
 
 /// The licence in the manifest, if it is given there directly.
 fn license(manifest: &Path) -> Option<String> {
-    let text = std::fs::read_to_string(manifest).ok()?;
+    let text = pilotage_text::file::peek(manifest).ok()?;
     let document: toml::Table = text.parse().ok()?;
     let license = document.get("package")?.get("license")?;
     license.as_str().map(str::to_owned)

@@ -32,7 +32,7 @@ pub fn setting(manifest: &Path, workspace: Option<&Path>) -> Result<Option<Strin
 /// Whether a manifest refers to the SDK by version only.
 fn is_by_name(manifest: &Path) -> bool {
     let sdk = || {
-        let text = std::fs::read_to_string(manifest).ok()?;
+        let text = pilotage_text::file::peek(manifest).ok()?;
         let document: toml::Table = text.parse().ok()?;
         document.get("dependencies")?.get("pilotage-sdk").cloned()
     };

@@ -11,7 +11,15 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("src/atomic_file", &["process", "text"]),
     (
         "src/export",
-        &["abi", "sdk", "models", "language", "fmi", "atomic_file"],
+        &[
+            "abi",
+            "sdk",
+            "models",
+            "language",
+            "fmi",
+            "text",
+            "atomic_file",
+        ],
     ),
     (
         "src/report",

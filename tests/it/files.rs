@@ -313,6 +313,99 @@ fn a_command_replaces_what_it_wrote_before() {
     }
 }
 
+/// The process that holds the lock here is this test.
+#[test]
+fn who_else_is_writing_an_output_is_named() {
+    let folder = folder();
+    let simulate = "cosim good.fmu --stop-time 1 --step 0.5 -o r.csv";
+    for (command, locked, hint) in [
+        (
+            simulate,
+            "r.csv.part",
+            "wait for it, or give this run another --output",
+        ),
+        (
+            "fit run1.csv --scheme euler --max-iterations 1 --random-starts 0 -o p.toml --log l.jsonl",
+            "l.jsonl",
+            "wait for it, or give --log another file",
+        ),
+    ] {
+        let file = File::create(folder.path(locked)).unwrap();
+        file.lock().unwrap();
+        let ended = run(&folder, command);
+        let message = format!(
+            "error: cannot write {}: process {} is writing it\nhint: {hint}\n",
+            locked.trim_end_matches(".part"),
+            std::process::id()
+        );
+        assert_eq!((ended.code, ended.stderr), (2, message), "{command}");
+    }
+    // Nobody writes it any more, and nothing was in it.
+    let ended = run(&folder, simulate);
+    assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
+    assert!(
+        !folder
+            .files()
+            .iter()
+            .any(|name| name.contains("interrupted"))
+    );
+}
+
+/// Where a command looks at what an input or an earlier output is, a pipe is left as it is: it can be read once.
+#[test]
+fn a_pipe_is_not_read_to_look_at_it() {
+    let folder = folder();
+    let text = std::fs::read(example("models/car.toml")).unwrap();
+    let path = folder.path("pipe.toml");
+    let made = Command::new("mkfifo").arg(&path).status();
+    assert!(made.unwrap().success());
+    std::thread::scope(|scope| {
+        scope.spawn(|| std::fs::write(&path, &text).unwrap());
+        let ended = run(&folder, "model check pipe.toml");
+        assert_eq!(ended.code, 0, "{ended:?}");
+    });
+}
+
+/// Sparse files: they take no room, and nothing of them is read.
+#[test]
+fn no_file_is_read_without_end() {
+    let folder = folder();
+    let long = |name: &str| {
+        let file = File::create(folder.path(name)).unwrap();
+        file.set_len((1 << 30) + 1).unwrap();
+    };
+    ["long.csv", "long.toml", "tyre.csv"].map(long);
+    for (command, file) in [
+        ("trials check long.csv", "long.csv"),
+        ("trials check long.toml", "long.toml"),
+        ("fit long.csv -o new.toml", "long.csv"),
+        ("fit run1.csv --vehicle long.toml -o new.toml", "long.toml"),
+        ("vehicle check long.toml", "long.toml"),
+        ("model check car.toml", "tyre.csv"),
+        (
+            "cosim good.fmu --input long.csv --stop-time 1 --step 0.5",
+            "long.csv",
+        ),
+        (
+            "cosim good.fmu --parameters long.toml --stop-time 1 --step 0.5",
+            "long.toml",
+        ),
+        ("plot long.csv -o new.svg", "long.csv"),
+        (
+            "export pilot pilot.toml --binary win64=long.csv -o new.fmu",
+            "long.csv",
+        ),
+    ] {
+        let ended = run(&folder, command);
+        assert_eq!(ended.code, 2, "{command}: {ended:?}");
+        let is_said = ended.stderr.contains(file)
+            && ended
+                .stderr
+                .contains("more than 1 GiB, the most that is read of one file");
+        assert!(is_said, "{command}: {ended:?}");
+    }
+}
+
 /// Pipes, and a link such as `/dev/stdout`. Those of the system are left alone: a failure might replace them.
 #[test]
 fn pipes_are_written_straight() {

@@ -145,14 +145,20 @@ mod tests {
         child.wait().unwrap();
         let own = std::process::id();
         let (left, half) = (folder(dead, true), folder(dead, false));
+        // Whoever opens the lock for reading waits for ever.
+        let piped = folder(dead, false);
+        let made = std::process::Command::new("mkfifo")
+            .arg(piped.path().join("lock"))
+            .status();
+        assert!(made.unwrap().success());
         let held = folder(dead, true);
         let lock = File::open(held.path().join("lock")).unwrap();
         lock.try_lock().unwrap();
         let (new, unlocked) = (folder(own, false), folder(own, true));
         let mine = Folder::create().unwrap();
         sweep();
-        let there = [&left, &half, &held, &new, &unlocked].map(|own| own.path().exists());
-        assert_eq!(there, [false, false, true, true, true]);
+        let there = [&left, &half, &piped, &held, &new, &unlocked].map(|own| own.path().exists());
+        assert_eq!(there, [false, false, true, true, true, true]);
         assert!(mine.path().exists());
         #[cfg(unix)]
         {

@@ -3,7 +3,7 @@
 //! | who chose the path | function | what is opened |
 //! | --- | --- | --- |
 //! | the user, to be read | [`open`], [`bytes`], [`text`] | anything, at most [`LIMIT`] bytes of it |
-//! | the user, to be looked at first | [`regular`] | files alone, also through links |
+//! | the user, to be looked at first | [`regular`], [`peek`] | files alone, also through links |
 //! | nobody: it was found | [`found`] | files alone, through no link |
 //!
 //! A pipe that a user names, such as `<(...)`, is read as far as the limit; opening a named pipe waits until another
@@ -86,6 +86,16 @@ pub fn text(path: &Path) -> io::Result<String> {
 /// If it cannot be opened, or is no regular file.
 pub fn regular(path: &Path) -> io::Result<File> {
     at_once(OpenOptions::new().read(true), path, false)
+}
+
+/// The text of a regular file, without waiting.
+///
+/// # Errors
+/// If it cannot be read, is no regular file, is longer than [`LIMIT`], or is not UTF-8.
+pub fn peek(path: &Path) -> io::Result<String> {
+    let mut text = String::new();
+    Input::of(regular(path)?).read_to_string(&mut text)?;
+    Ok(text)
 }
 
 /// Opens a regular file at a path that nobody named, without waiting and without following a link.
