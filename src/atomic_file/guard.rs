@@ -104,7 +104,7 @@ pub fn check(inputs: &[PathBuf], outputs: &[Planned], force: bool) -> Result<(),
 
 /// Checks that the part of a growing file is neither an input nor another output.
 fn check_part(output: &Path, inputs: &[PathBuf], outputs: &[&Planned]) -> Result<(), Refusal> {
-    let part = super::growing::part_of(output);
+    let part = super::part::part_of(output);
     let is_part = |other: &Path| is_same_file(&part, other);
     let is_input = inputs.iter().any(|input| is_part(input));
     match is_input || outputs.iter().any(|planned| is_part(planned.path)) {

@@ -3,6 +3,7 @@
 
 mod growing;
 mod guard;
+mod part;
 
 pub use growing::GrowingFile;
 pub use guard::{Planned, Refusal, check};
