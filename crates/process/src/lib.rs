@@ -13,6 +13,7 @@
 //! | [`channel`] | requests and replies between two processes |
 //! | [`folder`] | temporary folders, and removal of those that dead processes left |
 //! | [`leftovers`] | what is removed when a signal ends this process |
+//! | [`shared`] | the memory that two processes share |
 //! | [`own`] | restores stdout, stderr and the umask |
 //! | `signals` | signals, handled by a thread |
 
@@ -22,6 +23,7 @@ pub mod folder;
 pub mod leftovers;
 pub mod own;
 pub mod page;
+pub mod shared;
 #[cfg(unix)]
 pub mod signals;
 
