@@ -50,10 +50,7 @@ fn sealed(length: usize) -> io::Result<(MmapRaw, Name)> {
     let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
     let mut file = File::from(memfd_create("pilotage-run-shared", flags)?);
     file.write_all(&vec![0; length])?;
-    fcntl_add_seals(
-        &file,
-        SealFlags::SHRINK | SealFlags::GROW | SealFlags::SEAL,
-    )?;
+    fcntl_add_seals(&file, SealFlags::SHRINK | SealFlags::GROW | SealFlags::SEAL)?;
     let path = format!("/proc/{}/fd/{}", std::process::id(), file.as_raw_fd());
     let path = PathBuf::from(path);
     // In a container, /proc may be that of other processes.
@@ -117,10 +114,7 @@ mod tests {
             // SAFETY: as above.
             assert_eq!(unsafe { other.as_ptr().add(8191).read_volatile() }, 7);
             let wrong = open(name.path(), 8191).unwrap_err().to_string();
-            assert!(
-                wrong.ends_with(": 8192 bytes, expected 8191"),
-                "{wrong}"
-            );
+            assert!(wrong.ends_with(": 8192 bytes, expected 8191"), "{wrong}");
             let path = name.path().to_owned();
             drop(name);
             assert!(open(&path, 8192).is_err());

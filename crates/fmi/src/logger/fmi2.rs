@@ -8,6 +8,7 @@
 use crate::binding::owned_message;
 use crate::environment;
 use crate::message::Message;
+use crate::misuse::{CATEGORY, INSTANCE_NAME, MESSAGE, Misuse, note, note_text};
 use pilotage_abi::fmi2::{Char, ComponentEnvironment, Status};
 use std::ffi::c_void;
 
@@ -17,6 +18,9 @@ mod format;
 /// Maximum length of a formatted message \[bytes\].
 #[cfg(all(target_arch = "x86_64", unix))]
 const LONGEST: usize = 4096;
+
+/// The standard's name of the callback.
+const CALLBACK: &str = "logger";
 
 /// Stores a message; `values` is NULL or the `va_list` of the values.
 ///
@@ -32,6 +36,9 @@ unsafe extern "C" fn receive(
 ) {
     // SAFETY: the obligation is passed on from the caller.
     let (instance_name, category, text) = unsafe {
+        note_text(instance_name, CALLBACK, INSTANCE_NAME);
+        note_text(category, CALLBACK, CATEGORY);
+        note_text(format, CALLBACK, MESSAGE);
         let category = owned_message(category).unwrap_or_default();
         (
             owned_message(instance_name),
@@ -39,8 +46,14 @@ unsafe extern "C" fn receive(
             expand(format, values),
         )
     };
+    if status.name().is_none() {
+        note(Misuse::Status {
+            callback: CALLBACK,
+            status: status.0,
+        });
+    }
     let message = Message::new(status, instance_name, category, &text);
-    environment::deliver(environment, message);
+    environment::deliver(environment, CALLBACK, message);
 }
 
 #[cfg(all(target_arch = "x86_64", unix))]
@@ -50,7 +63,12 @@ mod sys_v {
 
     unsafe extern "C" {
         /// C library: formats at most `size` bytes with the values of a `va_list`.
-        pub(super) fn vsnprintf(to: *mut Char, size: usize, format: *const Char, values: *mut c_void) -> i32;
+        pub(super) fn vsnprintf(
+            to: *mut Char,
+            size: usize,
+            format: *const Char,
+            values: *mut c_void,
+        ) -> i32;
     }
 
     /// The logger callback: saves the registers that may hold values, builds a `va_list` from them (System V ABI, AMD64

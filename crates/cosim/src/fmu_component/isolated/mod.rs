@@ -137,6 +137,9 @@ impl Isolated {
     /// Starts a process and instantiates an FMU in it: with the wanted interface, if available, otherwise co-simulation
     /// before model exchange.
     ///
+    /// # Foreign code
+    /// The FMU's code runs in that process, but with the rights of this one.
+    ///
     /// # Errors
     /// If the process does not start, or the FMU is invalid.
     pub fn open(

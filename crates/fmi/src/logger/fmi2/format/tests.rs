@@ -20,6 +20,12 @@ fn conversions_that_do_harm_are_seen() {
     }
 }
 
+#[test]
+fn there_are_not_too_many_conversions() {
+    assert!(is_harmless("%Lf".repeat(MOST_ARGUMENTS).as_bytes()));
+    assert!(!is_harmless("%Lf".repeat(MOST_ARGUMENTS + 1).as_bytes()));
+}
+
 /// Formats, most of which are harmful somewhere.
 fn formats() -> impl Strategy<Value = Vec<u8>> {
     let ascii = "%%%%%%nnndiouxXeEfFgGaAcCsSpm0123456789$*.-+ #'hljztLqZIw";
@@ -34,7 +40,8 @@ fn formats() -> impl Strategy<Value = Vec<u8>> {
 
 /// The sum of width and precision of a conversion that is cut into argument, flags, width, precision and size.
 fn sum(parts: [&[u8]; 5], kind: u8) -> Option<usize> {
-    let [argument, flags, width, precision, size] = parts.map(|part| str::from_utf8(part).unwrap_or("?"));
+    let [argument, flags, width, precision, size] =
+        parts.map(|part| str::from_utf8(part).unwrap_or("?"));
     let number = |text: &str| match text.bytes().all(|byte| byte.is_ascii_digit()) {
         true if text.is_empty() => Some(0),
         true => Some(text.parse().unwrap_or(usize::MAX / 4)),
@@ -42,7 +49,11 @@ fn sum(parts: [&[u8]; 5], kind: u8) -> Option<usize> {
     };
     let argument = match argument {
         "" => 1,
-        _ => number(argument.strip_suffix('$').filter(|digits| !digits.is_empty())?)?,
+        _ => number(
+            argument
+                .strip_suffix('$')
+                .filter(|digits| !digits.is_empty())?,
+        )?,
     };
     let precision = match precision {
         "" => 0,
@@ -65,14 +76,23 @@ fn can_be_cut(format: &[u8], room: usize) -> bool {
     let rest = &format[at + 1..];
     let cuts = (0..rest.len()).flat_map(|e| {
         (0..=e).flat_map(move |d| {
-            (0..=d).flat_map(move |c| (0..=c).flat_map(move |b| (0..=b).map(move |a| [a, b, c, d, e])))
+            (0..=d)
+                .flat_map(move |c| (0..=c).flat_map(move |b| (0..=b).map(move |a| [a, b, c, d, e])))
         })
     });
     let mut found = cuts.filter_map(|[a, b, c, d, e]| {
-        let parts = [&rest[..a], &rest[a..b], &rest[b..c], &rest[c..d], &rest[d..e]];
+        let parts = [
+            &rest[..a],
+            &rest[a..b],
+            &rest[b..c],
+            &rest[c..d],
+            &rest[d..e],
+        ];
         Some((sum(parts, rest[e])?, e))
     });
-    found.next().is_some_and(|(sum, e)| sum < room && can_be_cut(&rest[e + 1..], room - sum))
+    found
+        .next()
+        .is_some_and(|(sum, e)| sum < room && can_be_cut(&rest[e + 1..], room - sum))
 }
 
 /// What the C library writes for a format whose values are all addresses of the same eight bytes, and these bytes
@@ -89,13 +109,23 @@ fn written(format: &[u8]) -> (i32, u64) {
     let mut bytes = u64::from(b'a');
     // Each takes two words if it is a `long double`.
     let stack = vec![(&raw mut bytes).expose_provenance() as u64; 2 * MOST_ARGUMENTS + 2];
-    let mut values = Values { general: 48, floating: 176, stack: stack.as_ptr(), saved: stack.as_ptr() };
+    let mut values = Values {
+        general: 48,
+        floating: 176,
+        stack: stack.as_ptr(),
+        saved: stack.as_ptr(),
+    };
     let mut text = [0u8; 64];
     let format = CString::new(format).unwrap();
     // SAFETY: the buffer has that size; there are more values than a format of this test has conversions, each is an
     // address of a string, also of a wide one, that may be written to.
     let length = unsafe {
-        vsnprintf(text.as_mut_ptr().cast(), text.len(), format.as_ptr(), (&raw mut values).cast())
+        vsnprintf(
+            text.as_mut_ptr().cast(),
+            text.len(),
+            format.as_ptr(),
+            (&raw mut values).cast(),
+        )
     };
     (length, bytes)
 }
