@@ -47,18 +47,17 @@ pub const MESSAGE: &str = "message";
 
 /// Each once; those of all FMUs of this process.
 static SEEN: Mutex<BTreeSet<Misuse>> = Mutex::new(BTreeSet::new());
-/// Maximum number of different ones: an FMU may log with any number as status.
-const KEPT: usize = 100;
 
 fn seen() -> MutexGuard<'static, BTreeSet<Misuse>> {
     SEEN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Notes a misuse.
+/// Notes a misuse; of statuses only the first one, since there are as many as numbers.
 #[cold]
 pub(crate) fn note(misuse: Misuse) {
     let mut seen = seen();
-    if seen.len() < KEPT {
+    let is_status = |misuse: &Misuse| matches!(misuse, Misuse::Status { .. });
+    if !is_status(&misuse) || !seen.iter().any(is_status) {
         seen.insert(misuse);
     }
 }

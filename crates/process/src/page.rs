@@ -95,8 +95,10 @@ impl Page {
             let time = f64::from_bits(place.time.load(Ordering::Acquire));
             let length = (place.length.load(Ordering::Acquire) as usize).min(NAME);
             let name: Vec<u8> = place.name[..length].iter().map(load).collect();
+            // The code there may have written anything, and this is shown on terminals.
+            let name = String::from_utf8_lossy(&name).replace(char::is_control, "\u{fffd}");
             (call != 0).then(|| Going {
-                name: String::from_utf8_lossy(&name).into_owned(),
+                name,
                 call,
                 time: (!time.is_nan()).then_some(time),
             })

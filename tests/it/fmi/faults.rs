@@ -510,6 +510,23 @@ fn behaviour() -> Vec<Case> {
         let content = with_enumeration(fault);
         (fault, content, expected)
     });
+    let with_text = |fault: &str| {
+        let variable = r#"<ScalarVariable name="text" valueReference="9" variability="discrete"><String/></ScalarVariable></ModelVariables>"#;
+        let mut all = files();
+        all[0].1 = described_as(fault, "</ModelVariables>", variable).into();
+        packed(&all)
+    };
+    let of_text = [
+        (
+            "no-text",
+            "error: co-simulation: fmi2GetString returned a null pointer, expected text (FMI 2.0, section 2.1.7)",
+        ),
+        (
+            "latin1-text",
+            "error: co-simulation: fmi2GetString returned text that is not UTF-8 (FMI 2.0, section 2.1.2)",
+        ),
+    ];
+    let of_text = of_text.map(|(fault, expected)| (fault, with_text(fault), expected));
     // `y` decays from 1 to 0.37.
     let mut files = files();
     files[0].1 = described_as(
@@ -523,23 +540,6 @@ fn behaviour() -> Vec<Case> {
         packed(&files),
         "warning: co-simulation: `y` is 0.496585303791409",
     );
-    let with_text = |fault: &str| {
-        let variable = r#"<ScalarVariable name="text" valueReference="9" variability="discrete"><String/></ScalarVariable></ModelVariables>"#;
-        let mut files = files();
-        files[0].1 = described_as(fault, "</ModelVariables>", variable).into();
-        packed(&files)
-    };
-    let of_text = [
-        (
-            "no-text",
-            "error: co-simulation: fmi2GetString returned a null pointer, expected text (FMI 2.0, section 2.1.7)",
-        ),
-        (
-            "latin1-text",
-            "error: co-simulation: fmi2GetString returned text that is not UTF-8 (FMI 2.0, section 2.1.2)",
-        ),
-    ];
-    let of_text = of_text.map(|(fault, expected)| (fault, with_text(fault), expected));
     static FAULTS: LazyLock<Vec<(String, String)>> =
         LazyLock::new(|| pairs(include_str!("behaviour.toml")));
     static FAULTS3: LazyLock<Vec<(String, String)>> =

@@ -41,8 +41,10 @@ fn section(misuse: &Misuse, version: FmiVersion) -> &'static str {
     match (version, misuse) {
         (FmiVersion::V2, NotUtf8 { .. } | OtherText { .. }) => "2.1.2",
         (FmiVersion::V2, Status { .. } | Pending) => "2.1.3",
-        (FmiVersion::V2, NoText { function }) if *function == "fmi2GetString" => "2.1.7",
-        (FmiVersion::V2, NoText { .. }) => "2.1.4",
+        (FmiVersion::V2, NoText { function }) => match *function {
+            "fmi2GetVersion" | "fmi2GetTypesPlatform" => "2.1.4",
+            _ => "2.1.7",
+        },
         (FmiVersion::V2, _) => "2.1.5",
         // Later releases of 3.0 number its subsections anew.
         (FmiVersion::V3, NotUtf8 { .. } | OtherText { .. } | Status { .. } | NoText { .. }) => {
