@@ -23,6 +23,9 @@ const PATIENCE: Duration = Duration::from_secs(20);
 /// stripped, and folders of this machine are not included. With `show`, cargo's output goes directly to stderr,
 /// otherwise into the error.
 ///
+/// # Foreign code
+/// The crate's build scripts and macros run, with the rights of this process.
+///
 /// # Errors
 /// If cargo is missing, or the crate cannot be built or builds no library of type `cdylib`.
 pub fn build(folder: &Path, show: bool) -> Result<(PathBuf, Option<String>), ExportError> {
@@ -137,8 +140,10 @@ fn license(manifest: &Path) -> Option<String> {
 
 /// Reads the interface of a model from a library for this platform.
 ///
-/// Loading runs the library's code, so this is only for the user's own libraries. They are checked first, and have
-/// some seconds to answer.
+/// This is for the user's own libraries. They are checked first, and have some seconds to answer.
+///
+/// # Foreign code
+/// The library's code runs in this process, with its rights.
 ///
 /// # Errors
 /// If it is no library of an FMU of that version for this platform, or provides no interface.
@@ -184,6 +189,9 @@ fn described(path: &Path) -> Result<String, String> {
 }
 
 /// Writes the FMU of a user's library to the path that `path` returns for its interface; `path` may also refuse.
+///
+/// # Foreign code
+/// As [`ask`].
 ///
 /// # Errors
 /// If the library cannot be used or has no interface, another library does not fit its platform, or the file cannot be

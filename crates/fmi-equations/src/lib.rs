@@ -173,6 +173,9 @@ impl Calls {
 
 /// Loads an FMU and checks its equations at its start.
 ///
+/// # Foreign code
+/// The FMU's code runs in this process, with its rights: [`Fmu::load`]; also whenever the equations are evaluated.
+///
 /// # Errors
 /// If it cannot be loaded, is not for model exchange, has states that are arrays, or returns no values at its start.
 pub fn open(path: &Path) -> Result<FmuEquations, EquationsError> {
@@ -181,6 +184,9 @@ pub fn open(path: &Path) -> Result<FmuEquations, EquationsError> {
 
 /// Like [`open`], with these of its [locals](FmuEquations::locals) among the outputs. Their derivatives are
 /// differences: an FMU provides directional derivatives for its outputs only.
+///
+/// # Foreign code
+/// As [`open`].
 ///
 /// # Errors
 /// As [`open`], and if a name is not among the locals.

@@ -2,6 +2,7 @@
 
 use crate::binding::{Functions, Loaded};
 use crate::message::Message;
+use crate::misuse::{Misuse, note};
 use pilotage_abi::fmi3::{InstanceEnvironment, IntermediateUpdateCallback, Status};
 use std::any::Any;
 use std::collections::{BTreeMap, VecDeque};
@@ -16,6 +17,9 @@ const KEPT: usize = 200;
 /// Environments of callbacks, by the number that an instance's FMU got as environment. The lookup, instead of a trusted
 /// pointer, keeps a faulty FMU from crashing the process.
 static ENVIRONMENTS: Mutex<BTreeMap<usize, Arc<Environment>>> = Mutex::new(BTreeMap::new());
+
+/// The next number.
+static NEXT: AtomicUsize = AtomicUsize::new(1);
 
 /// The environment of one instance.
 #[derive(Debug)]
@@ -39,7 +43,6 @@ pub(super) struct Registered {
 
 impl Registered {
     pub(super) fn new(name: &str, loaded: Arc<Loaded>, update: Option<IntermediateUpdate>) -> Self {
-        static NEXT: AtomicUsize = AtomicUsize::new(1);
         let number = NEXT.fetch_add(1, Ordering::Relaxed);
         let environment = Arc::new(Environment {
             name: name.to_owned(),
@@ -102,22 +105,23 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Number of messages with an unknown environment.
-static STRAYS: AtomicUsize = AtomicUsize::new(0);
-
-/// Number of messages since the last call whose environment belongs to no living instance.
-pub fn take_stray_messages() -> usize {
-    STRAYS.swap(0, Ordering::AcqRel)
-}
-
-fn find(environment: *mut c_void) -> Option<Arc<Environment>> {
-    lock(&ENVIRONMENTS).get(&environment.addr()).cloned()
+/// The environment that a callback was called with, if it is that of a living instance.
+fn find(environment: *mut c_void, callback: &'static str) -> Option<Arc<Environment>> {
+    let number = environment.addr();
+    let found = lock(&ENVIRONMENTS).get(&number).cloned();
+    if found.is_none() {
+        note(match number {
+            0 => Misuse::NoEnvironment { callback },
+            _ if number < NEXT.load(Ordering::Relaxed) => Misuse::Freed { callback },
+            _ => Misuse::OtherEnvironment { callback },
+        });
+    }
+    found
 }
 
 /// Stores a message and passes it to `tracing`.
-pub(super) fn deliver(environment: *mut c_void, message: Message) {
-    let Some(environment) = find(environment) else {
-        STRAYS.fetch_add(1, Ordering::AcqRel);
+pub(super) fn deliver(environment: *mut c_void, callback: &'static str, message: Message) {
+    let Some(environment) = find(environment, callback) else {
         return;
     };
     message.trace(&environment.name);
@@ -130,7 +134,7 @@ pub(super) fn deliver(environment: *mut c_void, message: Message) {
 
 /// `fmi3ClockUpdateCallback`.
 pub(super) unsafe extern "C" fn clock_update(environment: InstanceEnvironment) {
-    if let Some(environment) = find(environment) {
+    if let Some(environment) = find(environment, "clockUpdate") {
         environment.clocks_changed.store(true, Ordering::Release);
     }
 }
@@ -218,7 +222,7 @@ unsafe extern "C" fn update(
     wants_return: *mut u8,
     return_time: *mut f64,
 ) {
-    let Some(environment) = find(environment) else {
+    let Some(environment) = find(environment, "intermediateUpdate") else {
         return;
     };
     // A recursive call from within the closure is ignored.

@@ -187,6 +187,9 @@ impl Fmu {
     /// Unpacks the FMU, checks its binaries (usually one for all kinds) and loads them. Each call loads separate
     /// copies.
     ///
+    /// # Foreign code
+    /// The initialization of its libraries runs; see the [crate's page](crate#foreign-code).
+    ///
     /// # Errors
     /// If there is no binary for this machine, or it is damaged or does not conform to the standard.
     pub fn load(&mut self) -> Result<Library, FmuError> {
@@ -202,6 +205,9 @@ impl Fmu {
     }
 
     /// As [`load`](Self::load), from a folder into which it is already unpacked, if given.
+    ///
+    /// # Foreign code
+    /// As [`load`](Self::load).
     ///
     /// # Errors
     /// As [`load`](Self::load).
@@ -298,6 +304,9 @@ fn bind(
 }
 
 /// The loaded binaries of an FMU. Instances keep them loaded.
+///
+/// # Foreign code
+/// All that makes instances calls the FMU, and so does the drop: see the [crate's page](crate#foreign-code).
 #[derive(Debug, Clone)]
 pub struct Library {
     path: PathBuf,

@@ -49,7 +49,20 @@
 //! | `environment` | callbacks of an instance |
 //! | `logger` | logger callbacks |
 //! | `message` | messages of FMUs |
+//! | `misuse` | what FMUs do with callbacks that the standard does not allow |
 //! | `version` | names and numbers that differ between versions of FMI |
+//!
+//! # Foreign code
+//!
+//! An FMU is native code of its author. From [`Fmu::load`] on it runs in this process and with its rights: when the library
+//! is loaded, in the calls of a [`fmu::Library`] and of an [`Instance`], and when these are dropped. It can do what any
+//! program can, and spoil the memory of this one. What comes before only reads: [`Fmu::open`], [`description`], [`archive`],
+//! [`binary`].
+//!
+//! These functions are safe all the same. `unsafe` marks what a caller has to check; no caller can check the code of a
+//! library, and that somebody trusts it is decided where the file is chosen, often in another program. The same is true of
+//! `std::process::Command`. What a caller could do wrong (order of calls, lengths, pointers) is checked here. To be safe
+//! from faults of the code, run it in a process of its own (`pilotage-process`).
 //!
 //! Messages of FMUs go to `tracing` (target `fmu`; fields `instance`, `category`, `status`) and, if a call fails, into
 //! its error.
@@ -64,15 +77,17 @@ pub mod instance;
 mod logger;
 pub mod memory;
 mod message;
+mod misuse;
 pub mod platform;
 pub mod simulate;
 pub mod surroundings;
 mod version;
 
 pub use description::FmiVersion;
-pub use environment::{Intermediate, IntermediateUpdate, take_stray_messages};
+pub use environment::{Intermediate, IntermediateUpdate};
 pub use fmu::{Fmu, FmuError};
 pub use instance::{CallError, Instance, InstanceOptions, Step};
 pub use message::Message;
+pub use misuse::{CATEGORY, INSTANCE_NAME, Misuse, take_misuses};
 pub use simulate::{ModelExchangeRun, Reached, RunError, RunOptions};
 pub use version::{ASKING, Function, InterfaceType, State, call_name};

@@ -5,9 +5,9 @@
 //! on systems without it, it keeps polling). Everything in the memory is an atomic, and no length in it is trusted: the
 //! code on the other side may be hostile.
 
-use memmap2::{MmapOptions, MmapRaw};
-use std::fs::{File, OpenOptions};
-use std::io::{self, Write};
+use crate::shared::{self, Name};
+use memmap2::MmapRaw;
+use std::io;
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -55,16 +55,14 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// Creates a channel in a new file and returns the end of the process that sends first.
+    /// Creates a channel: the end of the process that sends first, and the name by which the other process
+    /// [opens](Self::open) its end.
     ///
     /// # Errors
-    /// If the file cannot be created, or there is no space for it.
-    pub fn create(path: &Path) -> io::Result<Self> {
-        let mut file = (File::options().read(true).write(true))
-            .create_new(true)
-            .open(path)?;
-        file.write_all(&vec![0; size_of::<Layout>()])?;
-        Self::of(&file, 0)
+    /// If there is no space for it.
+    pub fn create() -> io::Result<(Self, Name)> {
+        let (map, name) = shared::create(size_of::<Layout>())?;
+        Ok((Self { map, own: 0 }, name))
     }
 
     /// Opens the other end.
@@ -72,17 +70,8 @@ impl Channel {
     /// # Errors
     /// If there is no channel.
     pub fn open(path: &Path) -> io::Result<Self> {
-        Self::of(&OpenOptions::new().read(true).write(true).open(path)?, 1)
-    }
-
-    fn of(file: &File, own: usize) -> io::Result<Self> {
-        let length = file.metadata()?.len();
-        if length != size_of::<Layout>() as u64 {
-            let message = format!("{length} bytes are no channel");
-            return Err(io::Error::new(io::ErrorKind::InvalidData, message));
-        }
-        let map = MmapOptions::new().map_raw(file)?;
-        Ok(Self { map, own })
+        let map = shared::open(path, size_of::<Layout>())?;
+        Ok(Self { map, own: 1 })
     }
 
     fn way(&self, number: usize) -> &Way {
@@ -231,11 +220,9 @@ mod tests {
     use super::*;
     use std::thread;
 
-    fn pair() -> (Channel, Channel, tempfile::TempDir) {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("channel");
-        let first = Channel::create(&path).unwrap();
-        (first, Channel::open(&path).unwrap(), folder)
+    fn pair() -> (Channel, Channel) {
+        let (first, name) = Channel::create().unwrap();
+        (first, Channel::open(name.path()).unwrap())
     }
 
     #[derive(Debug, PartialEq)]
@@ -256,7 +243,7 @@ mod tests {
 
     #[test]
     fn messages_of_all_lengths_come_back() {
-        let (first, second, _folder) = pair();
+        let (first, second) = pair();
         let echo = thread::spawn(move || {
             let mut message = Vec::new();
             loop {
@@ -279,7 +266,7 @@ mod tests {
 
     #[test]
     fn whoever_waits_is_asked_whether_to_go_on() {
-        let (first, _second, _folder) = pair();
+        let (first, _second) = pair();
         let mut asked = 0;
         let mut watch = || {
             asked += 1;
@@ -301,7 +288,7 @@ mod tests {
     #[test]
     fn what_the_other_side_writes_is_not_believed() {
         let mut message = Vec::new();
-        let (first, second, _folder) = pair();
+        let (first, second) = pair();
         first.send(b"short", never).unwrap();
         first.way(0).left.store(u64::MAX, Ordering::Relaxed);
         assert_eq!(second.receive(&mut message, never), Err(Why::Spoiled));
@@ -326,7 +313,6 @@ mod tests {
         assert!(Channel::open(&path).is_err());
         std::fs::write(&path, "short").unwrap();
         let error = Channel::open(&path).unwrap_err().to_string();
-        assert_eq!(error, "5 bytes are no channel");
-        assert!(Channel::create(&path).is_err());
+        assert!(error.contains("channel: 5 bytes, expected"), "{error}");
     }
 }

@@ -15,6 +15,7 @@
 //! | [`leftovers`] | what is removed when a signal ends this process |
 //! | [`lock`] | locks on files that one process at a time writes |
 //! | [`memory`] | an allocator that ends the process with a message |
+//! | [`shared`] | the memory that two processes share |
 //! | [`own`] | restores stdout, stderr and the umask |
 //! | `signals` | signals, handled by a thread |
 
@@ -26,6 +27,7 @@ pub mod lock;
 pub mod memory;
 pub mod own;
 pub mod page;
+pub mod shared;
 #[cfg(unix)]
 pub mod signals;
 

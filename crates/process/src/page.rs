@@ -3,11 +3,10 @@
 //! Everything in it is an atomic: the other side may write at any time, and the code there may be hostile. Lengths are
 //! clamped to the available size.
 
-use crate::folder::Folder;
-use memmap2::{MmapOptions, MmapRaw};
-use std::fs::{File, OpenOptions};
-use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use crate::shared::{self, Name};
+use memmap2::MmapRaw;
+use std::io;
+use std::path::Path;
 use std::sync::atomic::{AtomicPtr, AtomicU8, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -47,9 +46,7 @@ struct Layout {
 #[derive(Debug)]
 pub struct Page {
     map: MmapRaw,
-    path: PathBuf,
-    /// The folder that holds the file.
-    _folder: Folder,
+    name: Name,
 }
 
 /// A call in progress.
@@ -64,31 +61,19 @@ pub struct Going {
 }
 
 impl Page {
-    /// Creates a page in its own temporary folder.
+    /// Creates a page.
     ///
     /// # Errors
-    /// If there is no space for it: the file is written in full, so overcommitted memory does not kill the process.
+    /// If there is no space for it.
     pub fn create() -> io::Result<Self> {
-        let folder = Folder::create()?;
-        let path = folder.path().join("page");
-        let mut file = File::options()
-            .read(true)
-            .write(true)
-            .create_new(true)
-            .open(&path)?;
-        file.write_all(&vec![0; size_of::<Layout>()])?;
-        let map = map(&file)?;
+        let (map, name) = shared::create(size_of::<Layout>())?;
         layout(&map).magic.store(MAGIC, Ordering::Release);
-        Ok(Self {
-            map,
-            path,
-            _folder: folder,
-        })
+        Ok(Self { map, name })
     }
 
-    /// The file by which the other process opens the page.
+    /// The path by which the other process opens the page.
     pub fn path(&self) -> &Path {
-        &self.path
+        self.name.path()
     }
 
     fn layout(&self) -> &Layout {
@@ -110,8 +95,10 @@ impl Page {
             let time = f64::from_bits(place.time.load(Ordering::Acquire));
             let length = (place.length.load(Ordering::Acquire) as usize).min(NAME);
             let name: Vec<u8> = place.name[..length].iter().map(load).collect();
+            // The code there may have written anything, and this is shown on terminals.
+            let name = String::from_utf8_lossy(&name).replace(char::is_control, "\u{fffd}");
             (call != 0).then(|| Going {
-                name: String::from_utf8_lossy(&name).into_owned(),
+                name,
                 call,
                 time: (!time.is_nan()).then_some(time),
             })
@@ -137,18 +124,9 @@ fn load(byte: &AtomicU8) -> u8 {
     byte.load(Ordering::Relaxed)
 }
 
-fn map(file: &File) -> io::Result<MmapRaw> {
-    let length = file.metadata()?.len();
-    if length != size_of::<Layout>() as u64 {
-        let message = format!("a page of {length} bytes, expected {}", size_of::<Layout>());
-        return Err(io::Error::new(io::ErrorKind::InvalidData, message));
-    }
-    MmapOptions::new().map_raw(file)
-}
-
 fn layout(map: &MmapRaw) -> &Layout {
     // SAFETY: the map has the length of a `Layout` and is aligned to a memory page, any bytes are valid atomics, and it
-    // is shared only through atomics. No other program shortens the file: its folder is private.
+    // is shared only through atomics. Its length is sealed; if that cannot be, it is in a private folder.
     unsafe { &*map.as_ptr().cast::<Layout>() }
 }
 
@@ -173,8 +151,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// # Errors
 /// If it cannot be opened, or is no page.
 pub fn attach(path: &Path) -> io::Result<()> {
-    let file = OpenOptions::new().read(true).write(true).open(path)?;
-    let map = map(&file)?;
+    let map = shared::open(path, size_of::<Layout>())?;
     if layout(&map).magic.load(Ordering::Acquire) != MAGIC {
         let message = format!("{} is no page", path.display());
         return Err(io::Error::new(io::ErrorKind::InvalidData, message));

@@ -468,6 +468,21 @@ fn binaries() -> Vec<Case> {
             with_binary(foreign::faulty_with_odd_version()),
             "error: co-simulation: while loading: ",
         ),
+        (
+            "no version",
+            with_binary(foreign::faulty_without_texts()),
+            "error: co-simulation: fmi2GetVersion returned a null pointer, expected text (FMI 2.0, section 2.1.4)",
+        ),
+        (
+            "no types",
+            with_binary(foreign::faulty_without_texts()),
+            "error: co-simulation: fmi2GetTypesPlatform returned a null pointer, expected text (FMI 2.0, section 2.1.4)",
+        ),
+        (
+            "no version of FMI 3.0",
+            foreign::fmu3_of("good", foreign::binary3_without_version()),
+            "error: co-simulation: fmi3GetVersion returned a null pointer, expected text (FMI 3.0, section 2.2)",
+        ),
     ]
 }
 
@@ -495,6 +510,23 @@ fn behaviour() -> Vec<Case> {
         let content = with_enumeration(fault);
         (fault, content, expected)
     });
+    let with_text = |fault: &str| {
+        let variable = r#"<ScalarVariable name="text" valueReference="9" variability="discrete"><String/></ScalarVariable></ModelVariables>"#;
+        let mut all = files();
+        all[0].1 = described_as(fault, "</ModelVariables>", variable).into();
+        packed(&all)
+    };
+    let of_text = [
+        (
+            "no-text",
+            "error: co-simulation: fmi2GetString returned a null pointer, expected text (FMI 2.0, section 2.1.7)",
+        ),
+        (
+            "latin1-text",
+            "error: co-simulation: fmi2GetString returned text that is not UTF-8 (FMI 2.0, section 2.1.2)",
+        ),
+    ];
+    let of_text = of_text.map(|(fault, expected)| (fault, with_text(fault), expected));
     // `y` decays from 1 to 0.37.
     let mut files = files();
     files[0].1 = described_as(
@@ -510,9 +542,17 @@ fn behaviour() -> Vec<Case> {
     );
     static FAULTS: LazyLock<Vec<(String, String)>> =
         LazyLock::new(|| pairs(include_str!("behaviour.toml")));
+    static FAULTS3: LazyLock<Vec<(String, String)>> =
+        LazyLock::new(|| pairs(include_str!("behaviour3.toml")));
+    let of_fmi3 = FAULTS3.iter().map(|(fault, expected)| {
+        let behaviour = fault.trim_end_matches(" of FMI 3.0");
+        (&**fault, foreign::fmu3(behaviour), &**expected)
+    });
     (FAULTS.iter())
         .map(|(fault, expected)| (&**fault, behaving(fault), &**expected))
         .chain(of_enumeration)
+        .chain(of_text)
+        .chain(of_fmi3)
         .chain([below_its_min])
         .collect()
 }

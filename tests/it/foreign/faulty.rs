@@ -4,11 +4,13 @@
 #![allow(non_snake_case, private_interfaces)]
 
 use std::ffi::{CStr, CString, c_char, c_int, c_uint, c_void};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 const OK: c_int = 0;
 const DISCARD: c_int = 2;
 const ERROR: c_int = 3;
+const PENDING: c_int = 5;
 
 type Logger = unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...);
 
@@ -75,6 +77,28 @@ impl Fmu {
         }
     }
 
+    /// Calls the logger as it must not be called, if that is the fault.
+    fn log_badly(&self) {
+        let Callbacks { environment, logger, .. } = self.callbacks;
+        let log = |environment, name: *const c_char, status, category: *const c_char, message: *const c_char| unsafe {
+            logger.unwrap()(environment, name, status, category, message)
+        };
+        let (null, none) = (std::ptr::null_mut(), std::ptr::null());
+        let [name, category, text] = [c"check", c"logStatusWarning", c"a message"].map(CStr::as_ptr);
+        let latin1 = c"l\xe4uft".as_ptr();
+        match self.fault.as_str() {
+            "odd-status" => log(environment, name, 77, category, text),
+            "null-environment" => log(null, name, 1, category, text),
+            "null-name" => log(environment, none, 1, category, text),
+            "null-category" => log(environment, name, 1, none, text),
+            "null-message" => log(environment, name, 1, category, none),
+            "latin1-name" => log(environment, latin1, 1, category, text),
+            "latin1-category" => log(environment, name, 1, latin1, text),
+            "latin1-message" => log(environment, name, 1, category, latin1),
+            _ => {}
+        }
+    }
+
     fn derivative(&self) -> f64 {
         self.values.u - self.values.k * self.values.x
     }
@@ -99,11 +123,17 @@ fn text(p: *const c_char) -> String {
 
 #[unsafe(no_mangle)]
 extern "C" fn fmi2GetTypesPlatform() -> *const c_char {
+    if cfg!(no_texts) {
+        return std::ptr::null();
+    }
     if cfg!(odd_platform) { c"standard32" } else { c"default" }.as_ptr()
 }
 
 #[unsafe(no_mangle)]
 extern "C" fn fmi2GetVersion() -> *const c_char {
+    if cfg!(no_texts) {
+        return std::ptr::null();
+    }
     if cfg!(odd_version) { c"1.0" } else { c"2.0" }.as_ptr()
 }
 
@@ -149,6 +179,15 @@ unsafe extern "C" fn fmi2Instantiate(
         fmu.name = name;
     }
     unsafe {
+        let table = callbacks.cast_mut();
+        match fmu.fault.as_str() {
+            "other-logger" => (*table).logger = None,
+            "other-memory" => ((*table).allocate, (*table).free) = (None, None),
+            "other-environment" => (*table).environment = (&raw mut fmu).cast(),
+            _ => {}
+        }
+    }
+    unsafe {
         let (allocate, free) = (fmu.callbacks.allocate.unwrap(), fmu.callbacks.free.unwrap());
         fmu.block = allocate(2, 8);
         if fmu.is("leak") {
@@ -167,8 +206,32 @@ unsafe extern "C" fn fmi2Instantiate(
 #[unsafe(no_mangle)]
 unsafe extern "C" fn fmi2FreeInstance(c: *mut c_void) {
     of(c).crash("free");
+    if of(c).is("late-message") {
+        *FREED.lock().unwrap() = Some(Late(of(c).callbacks));
+    }
     unsafe { of(c).callbacks.free.unwrap()(of(c).block) };
     drop(unsafe { Box::from_raw(c.cast::<Fmu>()) });
+}
+
+/// The callbacks of an instance that was freed, for the fault `late-message`.
+static FREED: Mutex<Option<Late>> = Mutex::new(None);
+
+struct Late(Callbacks);
+
+unsafe impl Send for Late {}
+
+/// Runs when the library is unloaded.
+#[cfg(target_os = "linux")]
+#[used]
+#[unsafe(link_section = ".fini_array")]
+static FINALIZATION: extern "C" fn() = finalize;
+
+#[cfg(target_os = "linux")]
+extern "C" fn finalize() {
+    if let Some(Late(callbacks)) = FREED.lock().unwrap().take() {
+        let [name, category, text] = [c"check", c"logStatusWarning", c"late"].map(CStr::as_ptr);
+        unsafe { callbacks.logger.unwrap()(callbacks.environment, name, 1, category, text) };
+    }
 }
 
 #[unsafe(no_mangle)]
@@ -198,6 +261,7 @@ extern "C" fn fmi2Terminate(c: *mut c_void) -> c_int {
     if of(c).is("own-name") {
         of(c).log(unsafe { CStr::from_ptr(of(c).name) }, c"logStatusWarning");
     }
+    of(c).log_badly();
     of(c).status("terminate")
 }
 
@@ -251,6 +315,9 @@ unsafe extern "C" fn fmi2DoStep(c: *mut c_void, t: f64, h: f64, _: c_int) -> c_i
     }
     if fmu.is("discards") {
         return DISCARD;
+    }
+    if fmu.is("pends") {
+        return PENDING;
     }
     fmu.status("step")
 }
@@ -314,9 +381,21 @@ macro_rules! none {
     };
 }
 
+/// Of a text that the description may declare.
+#[unsafe(no_mangle)]
+unsafe extern "C" fn fmi2GetString(c: *mut c_void, vr: *const c_uint, n: usize, to: *mut *const c_char) -> c_int {
+    for i in 0..n {
+        if unsafe { *vr.add(i) } != 9 {
+            return ERROR;
+        }
+        let text = if of(c).is("no-text") { std::ptr::null() } else { c"l\xe4uft".as_ptr() };
+        unsafe { *to.add(i) = text };
+    }
+    OK
+}
+
 none! {
     fmi2GetBoolean: *mut c_int;
-    fmi2GetString: *mut *const c_char;
     fmi2SetInteger: *const c_int;
     fmi2SetBoolean: *const c_int;
     fmi2SetString: *const *const c_char;
@@ -456,7 +535,14 @@ extern "C" fn fmi2CancelStep(_: *mut c_void) -> c_int {
     ERROR
 }
 
-/// The five status functions: no step is ever pending or discarded.
+/// A step that was pending is done.
+#[unsafe(no_mangle)]
+unsafe extern "C" fn fmi2GetStatus(_: *mut c_void, _: c_int, to: *mut c_int) -> c_int {
+    unsafe { *to = OK };
+    OK
+}
+
+/// The other status functions: no step is ever discarded.
 macro_rules! no_status {
     ($($name:ident)*) => {
         $(#[unsafe(no_mangle)]
@@ -466,7 +552,7 @@ macro_rules! no_status {
     };
 }
 
-no_status!(fmi2GetStatus fmi2GetRealStatus fmi2GetIntegerStatus fmi2GetBooleanStatus fmi2GetStringStatus);
+no_status!(fmi2GetRealStatus fmi2GetIntegerStatus fmi2GetBooleanStatus fmi2GetStringStatus);
 
 #[repr(C)]
 struct EventInfo {

@@ -9,6 +9,7 @@
 
 use std::collections::HashMap;
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
+use std::sync::Mutex;
 
 const OK: c_int = 0;
 const WARNING: c_int = 1;
@@ -70,6 +71,27 @@ fn text(p: *const c_char) -> String {
 }
 
 impl Fmu {
+    /// Calls the logger as it must not be called, if it is to behave so.
+    fn log_badly(&self) {
+        let log = |environment, status, category: *const c_char, message: *const c_char| unsafe {
+            self.log.unwrap()(environment, status, category, message);
+        };
+        let [category, text] = [c"logStatusError", c"a message"].map(CStr::as_ptr);
+        let (null, none) = (std::ptr::null_mut(), std::ptr::null());
+        let (environment, latin1) = (self.environment, c"l\xe4uft".as_ptr());
+        match self.behaviour.as_str() {
+            // Of FMI 2.0 alone: a step that is pending.
+            "odd-status" => log(environment, 5, category, text),
+            "other-environment" => log((&raw const *self).cast_mut().cast(), WARNING, category, text),
+            "null-environment" => log(null, WARNING, category, text),
+            "null-category" => log(environment, WARNING, none, text),
+            "null-message" => log(environment, WARNING, category, none),
+            "latin1-category" => log(environment, WARNING, latin1, text),
+            "latin1-message" => log(environment, WARNING, category, latin1),
+            _ => {}
+        }
+    }
+
     fn log_message(&self, status: c_int, category: &CStr, message: &str) {
         let message = CString::new(message).unwrap();
         unsafe { self.log.unwrap()(self.environment, status, category.as_ptr(), message.as_ptr()) }
@@ -98,6 +120,7 @@ fn hand_out(fmu: Box<Fmu>) -> *mut c_void {
         fmu.log_message(ERROR, c"logStatusError", "100 %s of the tokens are wrong\n");
         return std::ptr::null_mut();
     }
+    fmu.log_badly();
     if fmu.behaviour == "log" {
         fmu.log_message(WARNING, c"a", "plain %d text");
     }
@@ -106,6 +129,9 @@ fn hand_out(fmu: Box<Fmu>) -> *mut c_void {
 
 #[unsafe(no_mangle)]
 extern "C" fn fmi3GetVersion() -> *const c_char {
+    if cfg!(no_version) {
+        return std::ptr::null();
+    }
     c"3.0.1".as_ptr()
 }
 
@@ -149,7 +175,27 @@ extern "C" fn fmi3InstantiateScheduledExecution(
 
 #[unsafe(no_mangle)]
 extern "C" fn fmi3FreeInstance(c: *mut c_void) {
+    if of(c).behaviour == "late-message" {
+        *FREED.lock().unwrap() = of(c).log.map(|log| (log, of(c).environment.addr()));
+    }
     drop(unsafe { Box::from_raw(c.cast::<Fmu>()) });
+}
+
+/// Logger and environment of an instance that was freed.
+static FREED: Mutex<Option<(Log, usize)>> = Mutex::new(None);
+
+/// Runs when the library is unloaded.
+#[cfg(target_os = "linux")]
+#[used]
+#[unsafe(link_section = ".fini_array")]
+static FINALIZATION: extern "C" fn() = finalize;
+
+#[cfg(target_os = "linux")]
+extern "C" fn finalize() {
+    if let Some((log, environment)) = FREED.lock().unwrap().take() {
+        let environment = std::ptr::without_provenance_mut(environment);
+        unsafe { log(environment, WARNING, c"logStatusError".as_ptr(), c"late".as_ptr()) };
+    }
 }
 
 #[unsafe(no_mangle)]
@@ -387,6 +433,15 @@ unsafe extern "C" fn fmi3SetBoolean(c: *mut c_void, _vr: *const u32, _n: usize, 
 
 #[unsafe(no_mangle)]
 unsafe extern "C" fn fmi3GetString(c: *mut c_void, vr: *const u32, _n: usize, to: *mut *const c_char, _m: usize) -> c_int {
+    let other = match of(c).behaviour.as_str() {
+        "no-text" => Some(std::ptr::null()),
+        "latin1-text" => Some(c"l\xe4uft".as_ptr()),
+        _ => None,
+    };
+    if let Some(other) = other {
+        unsafe { *to = other };
+        return OK;
+    }
     unsafe { *to = if *vr == 45 { of(c).resources.as_ptr() } else { of(c).values.string.as_ptr() } };
     OK
 }

@@ -12,6 +12,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -53,6 +54,39 @@ static void forge(void) {
         unsigned long from, to;
         if (!strstr(line, "pilotage-run-") || !strstr(line, "rw-s")) continue;
         if (sscanf(line, "%lx-%lx", &from, &to) == 2) memset((void *)from, 0xff, to - from);
+    }
+    fclose(maps);
+}
+
+/* Empties all files that are shared with whoever watches, by every path to them. */
+static void shorten(void) {
+    char line[4096], path[64], name[4096];
+    FILE *maps = fopen("/proc/self/maps", "r");
+    while (fgets(line, sizeof line, maps)) {
+        char *from = strchr(line, '/');
+        if (!from || !strstr(line, "rw-s")) continue;
+        from[strcspn(from, "\n")] = 0;
+        if (truncate(from, 0)) continue;
+    }
+    fclose(maps);
+    pid_t who[] = {getpid(), getppid()};
+    for (int i = 0; i < 2; i++)
+        for (int k = 3; k < 256; k++) {
+            snprintf(path, sizeof path, "/proc/%d/fd/%d", who[i], k);
+            memset(name, 0, sizeof name);
+            if (readlink(path, name, sizeof name - 1) < 0 || !strstr(name, "pilotage-run-")) continue;
+            if (truncate(path, 0)) continue;
+        }
+}
+
+/* Takes away all memory that is shared with whoever watches. */
+static void unmap(void) {
+    FILE *maps = fopen("/proc/self/maps", "r");
+    char line[1024];
+    while (fgets(line, sizeof line, maps)) {
+        unsigned long from, to;
+        if (!strstr(line, "pilotage-run-") || !strstr(line, "rw-s")) continue;
+        if (sscanf(line, "%lx-%lx", &from, &to) == 2) munmap((void *)from, to - from);
     }
     fclose(maps);
 }
@@ -119,6 +153,8 @@ static void act(const char *what, Model *m) {
     if (!strcmp(what, "umask")) umask(0777);
     if (!strcmp(what, "memory")) for (int i = 0; i < 400; i++) memset(malloc(1000000), i + 1, 1000000);
     if (!strcmp(what, "forge")) forge();
+    if (!strcmp(what, "shorten")) shorten();
+    if (!strcmp(what, "unmap")) unmap();
     if (!strcmp(what, "locale")) setlocale(LC_ALL, "C.UTF-8");
     if (!strcmp(what, "rounding")) fesetround(FE_UPWARD);
     if (!strcmp(what, "handlers")) { signal(SIGINT, SIG_IGN); signal(SIGTERM, SIG_IGN); }
@@ -134,6 +170,12 @@ static void act(const char *what, Model *m) {
         m->callbacks->logger(m->callbacks->environment, "a", 1, "logStatusWarning", "\033[2Jred \a bell\r");
     if (!strcmp(what, "wide"))
         m->callbacks->logger(m->callbacks->environment, "a", 1, "logStatusWarning", "%2147483647d", 1);
+    if (!strcmp(what, "stores")) {
+        /* The conversion n behind a character of two bytes. */
+        int v = -1;
+        m->callbacks->logger(m->callbacks->environment, "a", 1, "logStatusWarning", "ab%\303\251%n", &v);
+        if (v != -1) abort();
+    }
     if (!strcmp(what, "status77"))
         m->callbacks->logger(m->callbacks->environment, "a", 77, "logStatusWarning", "odd");
     if (!strcmp(what, "long")) {

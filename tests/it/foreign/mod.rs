@@ -114,12 +114,16 @@ binaries! {
     faulty_with_odd_platform: "faulty.rs", ["--cfg", "odd_platform"];
     /// It says that it is of another version.
     faulty_with_odd_version: "faulty.rs", ["--cfg", "odd_version"];
+    /// It returns null pointers as its version and types.
+    faulty_without_texts: "faulty.rs", ["--cfg", "no_texts"];
     /// `fmi2CancelStep` is missing.
     faulty_without_cancel_step: "faulty.rs", ["--cfg", "without_cancel_step"];
     /// Models for model exchange.
     binary_of_model_exchange: "me.rs", [];
     /// All kinds of FMI 3.0.
     binary3: "fmi3.rs", [];
+    /// It returns a null pointer as its version.
+    binary3_without_version: "fmi3.rs", ["--cfg", "no_version"];
     /// It uses `tanh` and is linked with nothing.
     binary_needing_libm: "libm.rs", ["-Clink-arg=-nostdlib"];
     /// It uses a function that nobody has.
@@ -213,10 +217,15 @@ pub fn file(folder: &Path, behaviour: &str) -> PathBuf {
 
 /// The foreign FMU of FMI 3.0 with that behaviour.
 pub fn fmu3(behaviour: &str) -> Vec<u8> {
+    fmu3_of(behaviour, binary3())
+}
+
+/// The same with that binary.
+pub fn fmu3_of(behaviour: &str, binary: &[u8]) -> Vec<u8> {
     let good = "instantiationToken=\"good\"";
     let description = include_str!("fmi3.xml");
     let token = format!("instantiationToken=\"{behaviour}\"");
-    fmu_of(&description.replace(good, &token), binary3())
+    fmu_of(&description.replace(good, &token), binary)
 }
 
 /// An FMU for model exchange of `me.rs`: which model, with how many states and event indicators.

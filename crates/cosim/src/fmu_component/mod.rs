@@ -31,6 +31,9 @@ use std::path::Path;
 /// Opens and loads an FMU and makes a component of it: with the wanted interface, if available, otherwise co-simulation
 /// before model exchange.
 ///
+/// # Foreign code
+/// The FMU's code runs in this process, with its rights: [`Fmu::load`].
+///
 /// # Errors
 /// If the FMU is invalid, or supports only scheduled execution.
 pub fn open(
@@ -121,6 +124,9 @@ pub struct FmuComponent {
 
 impl FmuComponent {
     /// Opens and loads an FMU and instantiates it.
+    ///
+    /// # Foreign code
+    /// The FMU's code runs in this process, with its rights: [`Fmu::load`].
     ///
     /// # Errors
     /// If the FMU is invalid.

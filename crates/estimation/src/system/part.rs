@@ -138,6 +138,9 @@ impl Part {
 
     /// The instance given by an FMU for model exchange.
     ///
+    /// # Foreign code
+    /// The FMU's code runs in this process, with its rights; also whenever its equations are evaluated.
+    ///
     /// # Errors
     /// When it cannot be loaded, or has no equations.
     pub fn of_fmu(path: &Path) -> Result<Self, EquationsError> {
@@ -145,6 +148,9 @@ impl Part {
     }
 
     /// The same with some of its local variables as outputs.
+    ///
+    /// # Foreign code
+    /// As [`Self::of_fmu`].
     ///
     /// # Errors
     /// As [`Self::of_fmu`].
@@ -273,6 +279,9 @@ fn about(variable: &Variable) -> About {
 }
 
 /// Opens a built-in model, a model file or an FMU.
+///
+/// # Foreign code
+/// Of an FMU: [`Part::of_fmu`].
 ///
 /// # Errors
 /// When it does not exist or contains a mistake.

@@ -6,6 +6,7 @@
 mod clocks;
 mod derivatives;
 mod exchange;
+mod misuses;
 mod repeats;
 mod slopes;
 mod subject;
@@ -18,7 +19,7 @@ use pilotage_fmi::description::{ModelDescription, Severity};
 use pilotage_fmi::fmu::Library;
 use pilotage_fmi::memory::{self, Watch};
 use pilotage_fmi::surroundings::Surroundings;
-use pilotage_fmi::{CallError, Fmu, FmuError, InterfaceType, take_stray_messages};
+use pilotage_fmi::{CallError, Fmu, FmuError, InterfaceType, take_misuses};
 use pilotage_text::error_chain::error_chain;
 use slopes::Slopes;
 use std::collections::BTreeSet;
@@ -232,7 +233,10 @@ impl From<FmuError> for Stop {
     }
 }
 
-/// Runs a check. The FMU's code runs in this process and may end it. Unpacks the FMU unless this is already done.
+/// Runs a check. Unpacks the FMU unless this is already done.
+///
+/// # Foreign code
+/// The FMU's code runs in this process, with its rights, and may end it: [`Fmu::load`].
 ///
 /// # Errors
 /// Errors that are not the FMU's fault: it cannot be unpacked here.
@@ -292,6 +296,7 @@ impl Reporter<'_> {
         self.description = fmu.description().clone();
         self.stage("loading");
         let before = Surroundings::look();
+        take_misuses();
         let library = fmu.load_from(unpacked.map(Unpacked::of_others))?;
         let unresolved = library.bindings().find_map(|binding| binding.unresolved());
         if let Some(unresolved) = unresolved.filter(|_| check.what == What::Load) {
@@ -300,6 +305,9 @@ impl Reporter<'_> {
             ));
         }
         let done = self.run_check(check, &library);
+        // Its finalization runs too.
+        drop(library);
+        self.misuses(take_misuses());
         for what in before.changed() {
             self.warn(format!(
                 "it changes {what}, which is the whole process's and not its own"
@@ -381,7 +389,6 @@ impl Reporter<'_> {
     /// A normal simulation run, and its log messages.
     fn simulate(&mut self, library: &Library) -> Result<(), Stop> {
         let watch = Watch::new();
-        take_stray_messages();
         let mut subject = Subject::start(library, "check", self)?;
         let held = self.held(&mut subject)?;
         let limits = subject.limits();
@@ -419,9 +426,6 @@ impl Reporter<'_> {
         }
         if watch.strays() > 0 {
             self.error("it calls freeMemory with what it did not get by allocateMemory".into());
-        }
-        if take_stray_messages() > 0 {
-            self.error("it logs with an environment that it was not given".into());
         }
     }
 

@@ -9,6 +9,7 @@ pub use missing::Missing;
 
 use crate::archive::Unpacked;
 use crate::description::FmiVersion;
+use crate::misuse::{Misuse, note};
 use crate::surroundings;
 use crate::version::{Function, InterfaceType, LOADING, UNLOADING};
 use libloading::Library;
@@ -279,6 +280,21 @@ impl Binding {
         done
     }
 
+    /// The text that a function without arguments returns; `None` if the library has no such function, or it returns NULL.
+    ///
+    /// # Safety
+    /// The function may be called now.
+    unsafe fn text_of(
+        &self,
+        function: Function,
+        call: Option<unsafe extern "C" fn() -> *const c_char>,
+    ) -> Option<String> {
+        // SAFETY: the caller vouches for it.
+        let text = self.during(function, || call.map(|call| unsafe { call() }))?;
+        // SAFETY: it is NULL or a static string (FMI 2.0, section 2.1.4).
+        unsafe { owned_result(text, function.name()) }
+    }
+
     fn check_version(&self) -> Result<(), BindingError> {
         // SAFETY: these functions take no argument and need no instance (FMI 2.0, section 2.1.4; FMI 3.0, section
         // 2.2.4).
@@ -286,18 +302,15 @@ impl Binding {
             match &self.functions {
                 Functions::Fmi2(f) => {
                     let of = Function::Fmi2;
-                    let version = || f.get_version.and_then(|f| owned(f()));
-                    let platform = || f.get_types_platform.and_then(|f| owned(f()));
                     (
-                        self.during(of(abi2::Function::GetVersion), version),
-                        self.during(of(abi2::Function::GetTypesPlatform), platform),
+                        self.text_of(of(abi2::Function::GetVersion), f.get_version),
+                        self.text_of(of(abi2::Function::GetTypesPlatform), f.get_types_platform),
                         abi2::VERSION,
                     )
                 }
                 Functions::Fmi3(f) => {
-                    let version = || f.get_version.and_then(|f| owned(f()));
                     let function = Function::Fmi3(abi3::Function::GetVersion);
-                    (self.during(function, version), None, abi3::VERSION)
+                    (self.text_of(function, f.get_version), None, abi3::VERSION)
                 }
             }
         };
@@ -340,6 +353,23 @@ pub(super) unsafe fn owned(text: *const c_char) -> Option<String> {
     // SAFETY: not NULL, and the caller vouches for the rest.
     let bytes = unsafe { CStr::from_ptr(text) }.to_bytes();
     Some(String::from_utf8_lossy(bytes).into_owned())
+}
+
+/// As [`owned`], of a text that a function of an FMU returned. Notes if it is NULL or not UTF-8.
+///
+/// # Safety
+/// As [`owned`].
+pub(super) unsafe fn owned_result(text: *const c_char, function: &'static str) -> Option<String> {
+    if text.is_null() {
+        note(Misuse::NoText { function });
+        return None;
+    }
+    // SAFETY: as in [`owned`].
+    let text = unsafe { CStr::from_ptr(text) };
+    if text.to_str().is_err() {
+        note(Misuse::OtherText { function });
+    }
+    Some(text.to_string_lossy().into_owned())
 }
 
 /// As [`owned`], but truncated to a readable length: an FMU may log hundreds of megabytes.

@@ -2,7 +2,7 @@
 //!
 //! | file | functions |
 //! | --- | --- |
-//! | `start` | instantiation |
+//! | `start`, `callbacks` | instantiation |
 //! | `mod` | experiment, initialization, termination, reset, configuration mode, debug logging |
 //! | `values` | getting and setting variables |
 //! | `stepping` | `doStep`, asynchronous steps |
@@ -12,6 +12,7 @@
 //! | `states` | saving and restoring |
 
 mod call;
+mod callbacks;
 mod clocks;
 mod derivatives;
 mod error;
@@ -30,6 +31,7 @@ pub use stepping::Step;
 pub use values::Number;
 
 use self::call::call;
+use self::callbacks::Callbacks;
 use self::start::Facts;
 use crate::binding::{Functions, Loaded};
 use crate::description::FmiVersion;
@@ -37,7 +39,7 @@ use crate::environment::Registered;
 use crate::memory::PoisonedTexts;
 use crate::message::Message;
 use crate::version::{InterfaceType, State};
-use pilotage_abi::fmi2::{CallbackFunctions, FALSE, FmuState, TRUE};
+use pilotage_abi::fmi2::{FALSE, FmuState, TRUE};
 use pilotage_abi::{fmi2, fmi3};
 use pilotage_process::Place;
 use std::ffi::{CString, c_char, c_void};
@@ -51,6 +53,9 @@ const MOST: usize = 1 << 26;
 /// Calls are checked against the standard's state machine (FMI 2.0, sections 3.2.3 and 4.2.4; FMI 3.0, sections 2.3,
 /// 3.3, 4.3 and 5.3) before they are made. After a fatal error no function is called any more, not even that which
 /// frees the instance.
+///
+/// # Foreign code
+/// Nearly every function here calls the FMU, and so does the drop: see the [crate's page](crate#foreign-code).
 #[derive(Debug)]
 pub struct Instance {
     loaded: Arc<Loaded>,
@@ -61,8 +66,8 @@ pub struct Instance {
     room: Vec<u64>,
     /// The last value of `lastSuccessfulTime` (FMI 3.0) \[s\]; NaN without one.
     last_successful: f64,
-    /// The FMU may keep the address until the instance is freed.
-    _callbacks: Option<Box<CallbackFunctions>>,
+    /// The FMU may keep their address.
+    _callbacks: Option<Callbacks>,
     /// Freed after the FMU's instance, which may wrongly keep these addresses.
     _texts: PoisonedTexts,
     environment: Registered,

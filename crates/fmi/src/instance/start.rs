@@ -1,5 +1,6 @@
 //! Creating an instance.
 
+use super::callbacks::Callbacks;
 use super::{CallError, Experiment, Instance, c_string};
 use crate::binding::{Functions, Loaded};
 use crate::description::{Dimension, ModelDescription, ScalarVariable, Unknown};
@@ -35,6 +36,8 @@ pub struct InstanceOptions {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Facts {
     pub(super) event_mode_used: bool,
+    /// Steps of FMI 2.0 may go on after they have returned.
+    pub(super) can_pend: bool,
     pub(super) can_save: bool,
     pub(super) can_serialize: bool,
     /// Directional derivatives.
@@ -56,7 +59,9 @@ pub(super) struct Facts {
 impl Facts {
     /// The values for this kind, if the FMU supports it.
     fn of(description: &ModelDescription, kind: InterfaceType) -> Option<Self> {
+        let mut co_simulation = description.co_simulation.iter();
         let common = Self {
+            can_pend: co_simulation.any(|cs| cs.can_run_asynchronously),
             states: description.structure.derivatives.len(),
             indicators: description.number_of_event_indicators.unwrap_or(0) as usize,
             listed_states: values_of(description, &description.structure.derivatives),
@@ -227,11 +232,11 @@ impl Start<'_> {
     fn fmi2(
         &self,
         instantiate: Option<fmi2::functions::pointers::Instantiate>,
-    ) -> Result<(*mut c_void, Box<CallbackFunctions>, PoisonedTexts), CallError> {
+    ) -> Result<(*mut c_void, Callbacks, PoisonedTexts), CallError> {
         let function = Function::Fmi2(fmi2::Function::Instantiate);
         let instantiate = instantiate.ok_or(CallError::MissingFunction { function })?;
         let (allocate, free) = memory::callbacks();
-        let callbacks = Box::new(CallbackFunctions {
+        let callbacks = Callbacks::new(CallbackFunctions {
             logger: Some(logger::fmi2::callback()),
             allocate_memory: Some(allocate),
             free_memory: Some(free),
@@ -245,15 +250,14 @@ impl Start<'_> {
             InterfaceType::CoSimulation | InterfaceType::ScheduledExecution => Type::CO_SIMULATION,
         };
         let visible = if self.visible { TRUE } else { FALSE };
-        // SAFETY: all strings are NUL-terminated and live until the call returns; the callbacks live as long as the
-        // instance.
+        // SAFETY: all strings are NUL-terminated and live until the call returns; the callbacks are never freed.
         let make = || unsafe {
             instantiate(
                 name.as_ptr(),
                 kind,
                 guid.as_ptr(),
                 resources.as_ptr(),
-                &raw const *callbacks,
+                callbacks.pointer(),
                 visible,
                 TRUE,
             )

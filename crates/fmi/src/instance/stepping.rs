@@ -1,7 +1,8 @@
 //! Communication steps.
 
 use super::{CallError, Instance, call};
-use crate::binding::{Functions, owned};
+use crate::binding::{Functions, owned_result};
+use crate::misuse::{Misuse, note};
 use crate::version::State;
 use pilotage_abi::fmi2::{FALSE, Status, StatusKind, TRUE};
 use pilotage_abi::{fmi2, fmi3};
@@ -111,6 +112,9 @@ impl Instance {
     #[inline(never)]
     fn not_done(&mut self, status: Status) -> Result<Option<Step>, CallError> {
         if status == Status::PENDING {
+            if !self.facts.can_pend {
+                note(Misuse::Pending);
+            }
             self.state = State::Fmi2(fmi2::State::StepInProgress);
             return Ok(None);
         }
@@ -238,7 +242,7 @@ impl Instance {
         // SAFETY: as above; after success it is NULL or a string that is valid until the next call.
         unsafe {
             call!(self, fmi2 GetStringStatus.get_string_status(kind, &raw mut text))?;
-            Ok(owned(text).unwrap_or_default())
+            Ok(owned_result(text, "fmi2GetStringStatus").unwrap_or_default())
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{CallError, Instance, c_string, call};
 use crate::Function;
-use crate::binding::owned;
+use crate::binding::owned_result;
 use crate::description::FmiVersion;
 use pilotage_abi::fmi2::{Boolean, FALSE, TRUE};
 use pilotage_abi::{fmi2, fmi3};
@@ -286,7 +286,11 @@ impl Instance {
         // SAFETY: as above; after success the FMU's pointers are NULL or strings that are valid until the next call.
         unsafe {
             call!(self, fmi2 GetString.get_string(r, n, p), fmi3 GetString.get_string(r, n, p, count))?;
-            let texts = pointers.iter().map(|&text| owned(text));
+            let function = match self.version() {
+                FmiVersion::V2 => "fmi2GetString",
+                FmiVersion::V3 => "fmi3GetString",
+            };
+            let texts = pointers.iter().map(|&text| owned_result(text, function));
             Ok(texts.map(Option::unwrap_or_default).collect())
         }
     }

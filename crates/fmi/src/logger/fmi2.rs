@@ -8,12 +8,19 @@
 use crate::binding::owned_message;
 use crate::environment;
 use crate::message::Message;
+use crate::misuse::{CATEGORY, INSTANCE_NAME, MESSAGE, Misuse, note, note_text};
 use pilotage_abi::fmi2::{Char, ComponentEnvironment, Status};
 use std::ffi::c_void;
 
-/// Maximum length of a formatted message [bytes].
+#[cfg(all(target_arch = "x86_64", unix))]
+mod format;
+
+/// Maximum length of a formatted message \[bytes\].
 #[cfg(all(target_arch = "x86_64", unix))]
 const LONGEST: usize = 4096;
+
+/// The standard's name of the callback.
+const CALLBACK: &str = "logger";
 
 /// Stores a message; `values` is NULL or the `va_list` of the values.
 ///
@@ -29,6 +36,9 @@ unsafe extern "C" fn receive(
 ) {
     // SAFETY: the obligation is passed on from the caller.
     let (instance_name, category, text) = unsafe {
+        note_text(instance_name, CALLBACK, INSTANCE_NAME);
+        note_text(category, CALLBACK, CATEGORY);
+        note_text(format, CALLBACK, MESSAGE);
         let category = owned_message(category).unwrap_or_default();
         (
             owned_message(instance_name),
@@ -36,17 +46,29 @@ unsafe extern "C" fn receive(
             expand(format, values),
         )
     };
+    if status.name().is_none() {
+        note(Misuse::Status {
+            callback: CALLBACK,
+            status: status.0,
+        });
+    }
     let message = Message::new(status, instance_name, category, &text);
-    environment::deliver(environment, message);
+    environment::deliver(environment, CALLBACK, message);
 }
 
 #[cfg(all(target_arch = "x86_64", unix))]
 mod sys_v {
     use super::*;
+    use std::ffi::CStr;
 
     unsafe extern "C" {
         /// C library: formats at most `size` bytes with the values of a `va_list`.
-        fn vsnprintf(to: *mut Char, size: usize, format: *const Char, values: *mut c_void) -> i32;
+        pub(super) fn vsnprintf(
+            to: *mut Char,
+            size: usize,
+            format: *const Char,
+            values: *mut c_void,
+        ) -> i32;
     }
 
     /// The logger callback: saves the registers that may hold values, builds a `va_list` from them (System V ABI, AMD64
@@ -96,7 +118,7 @@ mod sys_v {
 
     /// The format, expanded with its values.
     ///
-    /// Formats that write to memory, or whose output would be too long, are not expanded but shown unchanged.
+    /// Formats that are not [harmless](format::is_harmless) are not expanded but shown unchanged.
     ///
     /// # Safety
     /// `format` is NULL or NUL-terminated; `values` matches it.
@@ -105,8 +127,10 @@ mod sys_v {
         let Some(raw) = (unsafe { owned_message(format) }) else {
             return String::new();
         };
-        // Of longer formats the end is not in `raw`.
-        if !raw.contains('%') || raw.len() >= LONGEST || !is_harmless(&raw) {
+        // SAFETY: it is not NULL, and the caller vouches for the rest. These are the bytes that the C library reads: `raw`
+        // may be cut, and has other ones where they are not UTF-8.
+        let bytes = unsafe { CStr::from_ptr(format) }.to_bytes();
+        if !bytes.contains(&b'%') || bytes.len() >= LONGEST || !format::is_harmless(bytes) {
             return raw;
         }
         let mut text = vec![0u8; LONGEST];
@@ -118,62 +142,6 @@ mod sys_v {
                 String::from_utf8_lossy(&text).into_owned()
             }
             Err(_) => raw,
-        }
-    }
-
-    /// Whether a format has neither a conversion `n` nor a width or precision that may exceed the maximum length: the C
-    /// library would take seconds for a width of 2147483647.
-    fn is_harmless(format: &str) -> bool {
-        let mut rest = format;
-        while let Some((_, conversion)) = rest.split_once('%') {
-            let is_modifier = |c: char| "#0- +'I*.$hlqjzt".contains(c) || c.is_ascii_digit();
-            let kind = conversion.trim_start_matches(is_modifier);
-            let modifiers = &conversion[..conversion.len() - kind.len()];
-            let mut numbers = modifiers.split(|c: char| !c.is_ascii_digit());
-            let is_long = |digits: &str| {
-                !digits.is_empty() && !digits.parse().is_ok_and(|n: usize| n < LONGEST)
-            };
-            // A precision only shortens a string, whatever its value.
-            let is_given = match kind.starts_with('s') {
-                true => modifiers
-                    .split('.')
-                    .next()
-                    .is_some_and(|width| width.contains('*')),
-                false => modifiers.contains('*'),
-            };
-            if kind.starts_with('n') || is_given || numbers.any(is_long) {
-                return false;
-            }
-            rest = kind.get(1..).unwrap_or("");
-        }
-        true
-    }
-
-    #[cfg(test)]
-    mod tests {
-        use super::is_harmless;
-
-        #[test]
-        fn conversions_that_do_harm_are_seen() {
-            for bad in [
-                "%n",
-                "a %d %hhn",
-                "%%%n",
-                "%*.3ln",
-                "%1$n",
-                "%2147483647d",
-                "%.99999999999999999999f",
-                "%*d",
-                "%.*f",
-                "%*s",
-            ] {
-                assert!(!is_harmless(bad), "{bad}");
-            }
-            for good in [
-                "", "%", "n", "%%n", "%d n", "%s%%n", "100 %", "%.*s", "%-12.6e", "%2$s", "é%sé",
-            ] {
-                assert!(is_harmless(good), "{good}");
-            }
         }
     }
 }

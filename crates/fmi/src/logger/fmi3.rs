@@ -3,8 +3,12 @@
 use crate::binding::owned_message;
 use crate::environment;
 use crate::message::Message;
+use crate::misuse::{CATEGORY, MESSAGE, Misuse, note, note_text};
 use pilotage_abi::fmi2;
 use pilotage_abi::fmi3::{InstanceEnvironment, LogMessageCallback, Status, String as CString};
+
+/// The standard's name of the callback.
+const CALLBACK: &str = "logMessage";
 
 /// Stores a message.
 ///
@@ -18,11 +22,19 @@ unsafe extern "C" fn receive(
 ) {
     // SAFETY: the obligation is passed on from the caller.
     let (category, text) = unsafe {
+        note_text(category, CALLBACK, CATEGORY);
+        note_text(message, CALLBACK, MESSAGE);
         let category = owned_message(category).unwrap_or_default();
         (category, owned_message(message).unwrap_or_default())
     };
+    if !(Status::OK..=Status::FATAL).contains(&status) {
+        note(Misuse::Status {
+            callback: CALLBACK,
+            status: status.0,
+        });
+    }
     let message = Message::new(fmi2::Status(status.0), None, category, &text);
-    environment::deliver(environment, message);
+    environment::deliver(environment, CALLBACK, message);
 }
 
 /// The logger callback.

@@ -137,6 +137,9 @@ impl Isolated {
     /// Starts a process and instantiates an FMU in it: with the wanted interface, if available, otherwise co-simulation
     /// before model exchange.
     ///
+    /// # Foreign code
+    /// The FMU's code runs in that process, but with the rights of this one.
+    ///
     /// # Errors
     /// If the process does not start, or the FMU is invalid.
     pub fn open(
@@ -151,11 +154,9 @@ impl Isolated {
             let why = format!("cannot start a process for {}: {error}", path.display());
             ComponentError::from(why)
         };
-        let folder = pilotage_process::Folder::create().map_err(started)?;
-        let place = folder.path().join("channel");
-        let channel = Channel::create(&place).map_err(started)?;
+        let (channel, its_name) = Channel::create().map_err(started)?;
         let mut command = Command::new(&program.path);
-        command.args(&program.arguments).arg(&place);
+        command.args(&program.arguments).arg(its_name.path());
         let child = Child::start(command, true).map_err(started)?;
         let mut own = Self {
             outline,
@@ -177,7 +178,6 @@ impl Isolated {
             has_begun: false,
             has_stepped: false,
         };
-        // The folder can be removed once the other process has opened the channel.
         own.ask(Question::Open {
             path: serve::bytes_of(path).into(),
             name: name.into(),
@@ -186,7 +186,8 @@ impl Isolated {
                 _ => Wanted::CoSimulation,
             }),
         })?;
-        drop(folder);
+        // The other process has opened the channel.
+        drop(its_name);
         own.line.is_open = true;
         Ok(own)
     }
@@ -201,7 +202,7 @@ impl Isolated {
         wire::write(&Asked { sets, question }, &mut bytes)?;
         self.sets.clear();
         self.received.0.clear();
-        // The FMU's process may end this one too: it may truncate the shared memory or kill its parent.
+        // The FMU's process may end this one too: it may kill its parent.
         let (line, place) = (&mut self.line, &self.place);
         let heard = place.call(ASKING, || {
             let heard = line.exchange(place, &mut bytes);
