@@ -7,6 +7,7 @@ use super::number::number;
 use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, interrupt, made, system, terminal};
 use crate::identification::trials::sha256;
+use crate::report;
 use crate::series::flown;
 use clap::builder::NonEmptyStringValueParser;
 use pilotage_fly::craft::{Craft, Maker, Names};
@@ -187,6 +188,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             token: server::token()?,
             is_open,
             made,
+            policy: report::policy(),
         };
         let address = server.address()?;
         args.print_address(&address);
@@ -200,10 +202,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
                 tokio::time::sleep(Duration::from_millis(50)).await;
             }
         };
-        let (done, end) = tokio::sync::oneshot::channel::<()>();
-        let serving = server.serve(board, hand, sender, async {
-            let _ = end.await;
-        });
+        let serving = server.serve(board, hand, sender);
         tokio::select! {
             ended = serving => ended?,
             () = until => {}
@@ -212,7 +211,6 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         let _ = quit.send(Command::Quit);
         let _ = tokio::task::spawn_blocking(move || session.join()).await;
         tokio::time::sleep(Duration::from_millis(100)).await;
-        drop(done);
         Ok::<(), std::io::Error>(())
     });
     served.map_err(|error| {
