@@ -5,7 +5,6 @@ use super::progress::Spinner;
 use super::terminal;
 use crate::sqp::Status;
 use std::ops::ControlFlow;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Note about a comparison that Ctrl-C or the time limit has ended.
@@ -15,7 +14,7 @@ const STOPPED: &str = "some of these fits were stopped before the end, and the c
 pub struct Folds {
     deadline: Deadline,
     was_cut: AtomicBool,
-    spinner: Mutex<Spinner>,
+    spinner: Spinner,
 }
 
 impl Folds {
@@ -24,15 +23,13 @@ impl Folds {
         Self {
             deadline,
             was_cut: AtomicBool::new(false),
-            spinner: Mutex::new(Spinner::new()),
+            spinner: Spinner::new("fits"),
         }
     }
 
     /// Updates the display and returns whether to continue.
     pub fn ask(&self, done: usize, all: usize) -> ControlFlow<Status> {
-        if let Ok(mut spinner) = self.spinner.try_lock() {
-            spinner.show(format!("{done} of {all} fits"));
-        }
+        self.spinner.show(format!("{done} of {all} fits"));
         let asked = self.deadline.ask();
         if asked.is_break() {
             self.was_cut.store(true, Ordering::Relaxed);
@@ -51,10 +48,7 @@ impl Folds {
 
     /// Clears the display, and returns whether no fit was stopped.
     pub fn end(&self) -> bool {
-        self.spinner
-            .lock()
-            .unwrap_or_else(|e| e.into_inner())
-            .clear();
+        self.spinner.clear();
         !self.was_cut.load(Ordering::Relaxed)
     }
 }

@@ -17,6 +17,7 @@ use crate::report::svg::to_svg;
 use crate::series::Series;
 use crate::suggestion::suggestion;
 use pilotage_units::Unit;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -284,11 +285,11 @@ fn pilot(path: &Path) -> Result<Content, Failure> {
 /// Converts columns of the same name to the unit of the first one. One that cannot be converted is another quantity: its
 /// file becomes part of its name.
 fn convert(all: &mut [(String, Series)]) {
-    let mut units: Vec<(String, String)> = Vec::new();
+    let mut units: HashMap<String, String> = HashMap::new();
     for (path, series) in all {
         for column in &mut series.columns {
-            let Some((_, unit)) = units.iter().find(|(name, _)| *name == column.name) else {
-                units.push((column.name.clone(), column.unit.clone()));
+            let Some(unit) = units.get(&column.name) else {
+                units.insert(column.name.clone(), column.unit.clone());
                 continue;
             };
             if *unit == column.unit {

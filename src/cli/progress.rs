@@ -2,6 +2,8 @@
 
 use crate::identification;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::borrow::Cow;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 /// Work that is done sooner shows no progress.
@@ -64,38 +66,43 @@ fn bar() -> ProgressBar {
     bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-/// A spinner for work of unknown length.
+/// A spinner for work of unknown length; it appears by itself when the work has lasted.
 pub struct Spinner {
-    begin: Instant,
-    bar: Option<ProgressBar>,
+    bar: ProgressBar,
+    _end: Sender<()>,
 }
 
 impl Spinner {
-    /// Creates the spinner and starts its clock.
-    pub fn new() -> Self {
-        Self {
-            begin: Instant::now(),
-            bar: None,
-        }
+    /// Creates the spinner and starts its clock, with the first activity.
+    pub fn new(what: impl Into<Cow<'static, str>>) -> Self {
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden());
+        bar.set_message(what);
+        let (end, ended) = channel();
+        let own = bar.clone();
+        std::thread::spawn(move || {
+            let is_long = ended.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout);
+            if is_long && !own.is_finished() {
+                own.set_draw_target(ProgressDrawTarget::stderr_with_hz(5));
+                own.enable_steady_tick(Duration::from_millis(200));
+            }
+        });
+        Self { bar, _end: end }
     }
 
     /// Shows the current activity.
-    pub fn show(&mut self, what: String) {
-        if self.begin.elapsed() > PATIENCE {
-            // Made once: it has a thread, also where it shows nothing.
-            let bar = self.bar.get_or_insert_with(|| {
-                let target = ProgressDrawTarget::stderr_with_hz(5);
-                let bar = ProgressBar::with_draw_target(None, target);
-                bar.enable_steady_tick(Duration::from_millis(200));
-                bar
-            });
-            bar.set_message(what);
-        }
+    pub fn show(&self, what: String) {
+        self.bar.set_message(what);
     }
 
     /// Clears the spinner.
-    pub fn clear(&mut self) {
-        self.bar.iter().for_each(ProgressBar::finish_and_clear);
+    pub fn clear(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+impl Drop for Spinner {
+    fn drop(&mut self) {
+        self.clear();
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::package::{Contents, picture_path};
 use super::{EXTRA, Provenance};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 use pilotage_language::ModelFile;
 use pilotage_sdk::variable::reference;
 use pilotage_sdk::{Interface, Variable};
@@ -39,13 +40,18 @@ pub(super) fn provenance(interface: &Interface, provenance: &Provenance) -> Stri
     lines.join("\n") + "\n"
 }
 
-/// The equations of a model file, as HTML.
-pub(super) fn equations(file: &ModelFile) -> String {
-    format!(
-        "<h2>Equations</h2>\n<pre>\n{}</pre>\n{}",
-        escaped(&file.equations()),
-        include_str!("text.html")
-    )
+/// What we have written about a model ourselves, as HTML.
+pub(super) fn written(html: &'static str) -> Markup {
+    PreEscaped(html.to_owned())
+}
+
+/// The equations of a model file.
+pub(super) fn equations(file: &ModelFile) -> Markup {
+    html! {
+        h2 { "Equations" }
+        pre { "\n" (file.equations()) }
+        "\n" (written(include_str!("text.html")))
+    }
 }
 
 fn page(contents: &Contents<'_>) -> String {
@@ -57,59 +63,70 @@ fn page(contents: &Contents<'_>) -> String {
         about,
         ..
     } = contents;
-    let name = escaped(name);
-    let place = picture_path(*version);
-    let picture = format!("<img src=\"../{place}\" alt=\"\" width=\"480\"/>\n");
-    let caveat = match &provenance.caveat {
-        Some(caveat) => format!("<p class=\"caveat\">{}</p>\n", escaped(caveat)),
-        None => String::new(),
+    let page = html! {
+        (DOCTYPE) "\n"
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta http-equiv="Content-Security-Policy" content=(POLICY);
+                title { (name) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                h1 { (name) }
+                p { (interface.description) }
+                @if let Some(caveat) = &provenance.caveat { p class="caveat" { (caveat) } }
+                img src={ "../" (picture_path(*version)) } alt="" width="480";
+                (about)
+                h2 { "Variables" }
+                (table(&interface.variables))
+                h2 { "Where the numbers come from" }
+                p { (provenance.origin) }
+                @if let Some((file, text)) = &provenance.source {
+                    p { "The file " code { (EXTRA) "/" (file) } " reads:" }
+                    pre { "\n" (text) }
+                }
+                p {
+                    "Exported by pilotage " (env!("CARGO_PKG_VERSION")) ". Licences: "
+                    a href="licenses/license.txt" { "licenses" } "."
+                }
+            }
+        }
+        "\n"
     };
-    let source = match &provenance.source {
-        Some((file, text)) => format!(
-            "<p>The file <code>{EXTRA}/{}</code> reads:</p>\n<pre>{}</pre>\n",
-            escaped(file),
-            escaped(text)
-        ),
-        None => String::new(),
-    };
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
-         <title>{name}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
-         <h1>{name}</h1>\n<p>{}</p>\n{caveat}{picture}{about}\
-         <h2>Variables</h2>\n{}\
-         <h2>Where the numbers come from</h2>\n<p>{}</p>\n{source}\
-         <p>Exported by pilotage {}. Licences: <a href=\"licenses/license.txt\">licenses</a>.</p>\n\
-         </body>\n</html>\n",
-        escaped(&interface.description),
-        table(&interface.variables),
-        escaped(&provenance.origin),
-        env!("CARGO_PKG_VERSION"),
-    )
+    page.into_string()
 }
 
-fn table(variables: &[Variable]) -> String {
-    let mut html = String::from(
-        "<table>\n<tr><th>Reference</th><th>Name</th><th>Unit</th><th>Role</th><th>Start</th>\
-         <th>Range</th><th>Meaning</th></tr>\n",
-    );
-    for (index, v) in variables.iter().enumerate() {
-        let cells = [
-            reference(index).to_string(),
-            format!("<code>{}</code>", escaped(&v.name)),
-            v.unit.symbol(),
-            v.role.name().to_owned(),
-            v.start.map_or(String::new(), |start| start.to_string()),
-            v.allowed().unwrap_or_default(),
-            escaped(&v.description),
-        ];
-        html += &format!("<tr><td>{}</td></tr>\n", cells.join("</td><td>"));
+/// No script runs, and only the picture of the FMU is shown.
+const POLICY: &str =
+    "default-src 'none'; style-src 'unsafe-inline'; img-src 'self' file:; base-uri 'none'";
+
+fn table(variables: &[Variable]) -> Markup {
+    let header = [
+        "Reference",
+        "Name",
+        "Unit",
+        "Role",
+        "Start",
+        "Range",
+        "Meaning",
+    ];
+    html! {
+        table {
+            tr { @for head in header { th { (head) } } }
+            @for (index, v) in variables.iter().enumerate() {
+                "\n"
+                tr {
+                    td { (reference(index)) }
+                    td { code { (v.name) } }
+                    td { (v.unit.symbol()) }
+                    td { (v.role.name()) }
+                    td { @if let Some(start) = v.start { (start) } }
+                    td { (v.allowed().unwrap_or_default()) }
+                    td { (v.description) }
+                }
+            }
+        }
+        "\n"
     }
-    html + "</table>\n"
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
 }

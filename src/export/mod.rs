@@ -219,10 +219,10 @@ impl<'a> Export<'a> {
                     provenance,
                     version,
                     binaries,
-                    about: match model.kind() {
+                    about: documentation::written(match model.kind() {
                         ModelKind::Pilot(_) => PILOT,
                         ModelKind::Quadcopter => QUADCOPTER,
-                    },
+                    }),
                     picture: match model.kind() {
                         ModelKind::Pilot(_) => include_bytes!("pictures/pilot.png"),
                         ModelKind::Quadcopter => include_bytes!("pictures/quadcopter.png"),
@@ -242,7 +242,7 @@ impl<'a> Export<'a> {
                     provenance,
                     version,
                     binaries,
-                    about: &documentation::equations(file),
+                    about: documentation::equations(file),
                     picture: package::BLOCK,
                     resources: resources(model),
                 })

@@ -1,7 +1,9 @@
 //! FMUs of user-written models: crates or libraries that use `pilotage_sdk::export!`.
 
 use super::package::{BLOCK, Contents, archive};
-use super::{ExportError, Platform, Provenance, interface, old_glibc, platform, sdk, write};
+use super::{
+    ExportError, Platform, Provenance, documentation, interface, old_glibc, platform, sdk, write,
+};
 use crate::fmi::description::FmiVersion;
 use libloading::Library;
 use pilotage_sdk::Interface;
@@ -216,7 +218,7 @@ pub fn pack<E: From<ExportError>>(
         provenance,
         version: options.version,
         binaries: options.binaries.iter().cloned().chain(own).collect(),
-        about: "",
+        about: documentation::written(""),
         picture: BLOCK,
         resources: BTreeMap::new(),
     })?;

@@ -4,6 +4,7 @@ use super::{
     EXTRA, ExportError, Platform, Provenance, description, documentation, platform, terminals,
 };
 use crate::fmi::description::{FmiVersion, ModelDescription};
+use maud::Markup;
 use pilotage_sdk::Interface;
 use std::collections::BTreeMap;
 use std::io::{Cursor, Write};
@@ -23,8 +24,8 @@ pub struct Contents<'c> {
     pub version: FmiVersion,
     /// A library for each platform.
     pub binaries: Vec<(Platform, Vec<u8>)>,
-    /// Equations and advice for the documentation, as HTML.
-    pub about: &'c str,
+    /// Equations and advice for the documentation.
+    pub about: Markup,
     /// model.png, the picture that tools show as the model's icon.
     pub picture: &'static [u8],
     /// Files in `resources`.

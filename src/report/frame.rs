@@ -2,8 +2,9 @@
 
 use super::axis::Scale;
 use super::figure::{Axis, Look, Panel};
-use super::html::escape;
+use super::html::{Html, html};
 use super::palette::on_white;
+use super::svg::at;
 use std::fmt::Write;
 
 /// Font size \[pt\].
@@ -162,69 +163,47 @@ impl Frame {
     }
 
     /// Grid, tick labels and axis labels.
-    pub fn axes(&self, is_last: bool) -> String {
+    pub fn axes(&self, is_last: bool) -> Html {
         let [left, top, width, height] = self.area();
-        let (quiet, ink) = (on_white("quiet"), on_white("ink"));
-        let mut svg = format!(
-            "<g stroke=\"#e3e7ec\" stroke-width=\"0.5\" fill=\"none\"><path d=\"M{left:.1} {top:.1}h{width:.1}v{height:.1}h{:.1}z",
-            -width
-        );
-        let turned = self
-            .x
-            .axis
-            .names
-            .iter()
-            .any(|name| name.chars().count() > 4);
-        let mut labels = String::new();
-        for (x, label) in self.x.ticks() {
-            let _ = write!(svg, "M{x:.1} {top:.1}v{height:.1}");
-            let y = top + height + 1.3 * TEXT;
-            let (place, anchor) = match turned {
-                true => (
-                    format!(
-                        "transform=\"translate({:.1} {:.1}) rotate(-90)\"",
-                        x + 0.3 * TEXT,
-                        y - TEXT
-                    ),
-                    "end",
-                ),
-                false => (format!("x=\"{x:.1}\" y=\"{y:.1}\""), "middle"),
-            };
-            let _ = writeln!(
-                labels,
-                "<text {place} text-anchor=\"{anchor}\">{}</text>",
-                escape(&label)
-            );
+        let mut grid = format!("M{left:.1} {top:.1}h{width:.1}v{height:.1}h{:.1}z", -width);
+        for (x, _) in self.x.ticks() {
+            let _ = write!(grid, "M{x:.1} {top:.1}v{height:.1}");
         }
-        for (y, label) in self.y.ticks() {
-            let _ = write!(svg, "M{left:.1} {y:.1}h{width:.1}");
-            let (x, y) = (left - 4.0, y + 0.35 * TEXT);
-            let _ = writeln!(
-                labels,
-                "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"end\">{}</text>",
-                escape(&label)
-            );
+        for (y, _) in self.y.ticks() {
+            let _ = write!(grid, "M{left:.1} {y:.1}h{width:.1}");
         }
-        svg += &format!("\"/></g>\n<g fill=\"{quiet}\">\n{labels}</g>\n<g fill=\"{ink}\">\n");
-        if is_last {
-            let (x, y) = (
-                left + 0.5 * width,
-                top + height + Self::below(&self.named(), true) - 2.0,
-            );
-            let _ = writeln!(
-                svg,
-                "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{}</text>",
-                escape(&self.x.axis.label)
-            );
+        let middle = left + 0.5 * width;
+        let below = top + height + Self::below(&self.named(), true) - 2.0;
+        html! {
+            g stroke="#e3e7ec" stroke-width="0.5" fill="none" { path d=(grid) {} }
+            g fill=(on_white("quiet")) { (self.tick_labels()) }
+            g fill=(on_white("ink")) {
+                @if is_last {
+                    text x=(at(middle)) y=(at(below)) text-anchor="middle" { (self.x.axis.label) }
+                }
+                text transform=(turned(TEXT, top + 0.5 * height)) text-anchor="middle" { (self.y.axis.label) }
+            }
         }
-        let y = top + 0.5 * height;
-        let _ = writeln!(
-            svg,
-            "<text transform=\"translate({:.1} {y:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
-            TEXT,
-            escape(&self.y.axis.label)
-        );
-        svg + "</g>\n"
+    }
+
+    /// Labels of the ticks; long names below an abscissa are turned.
+    fn tick_labels(&self) -> Html {
+        let [left, top, _, height] = self.area();
+        let names = &self.x.axis.names;
+        let is_turned = names.iter().any(|name| name.chars().count() > 4);
+        let y = top + height + 1.3 * TEXT;
+        html! {
+            @for (x, label) in self.x.ticks() {
+                @if is_turned {
+                    text transform=(turned(x + 0.3 * TEXT, y - TEXT)) text-anchor="end" { (label) }
+                } @else {
+                    text x=(at(x)) y=(at(y)) text-anchor="middle" { (label) }
+                }
+            }
+            @for (y, label) in self.y.ticks() {
+                text x=(at(left - 4.0)) y=(at(y + 0.35 * TEXT)) text-anchor="end" { (label) }
+            }
+        }
     }
 
     /// A panel with only this abscissa.
@@ -234,4 +213,9 @@ impl Frame {
             ..Panel::default()
         }
     }
+}
+
+/// The transformation of text that reads upwards from a point.
+fn turned(x: f64, y: f64) -> String {
+    format!("translate({x:.1} {y:.1}) rotate(-90)")
 }

@@ -1,7 +1,7 @@
 //! The page of a linearised system: poles, and Bode and Nyquist plots of its loops.
 
 use super::figure::{Axis, Figure, Look, Panel, Series};
-use super::html::{Made, escape, figure, header, section, table, whole};
+use super::html::{Html, Made, figure, header, html, paragraph, section, table, whole};
 use super::number;
 use super::palette::colour;
 use super::tables;
@@ -87,46 +87,36 @@ pub fn loop_page(page: &LoopPage) -> String {
     let rank = |class: &str| ["good", "doubtful", "bad"].iter().position(|c| *c == class);
     let worst = page.stability.iter().max_by_key(|s| rank(s.class));
     let (class, word) = worst.map_or(("doubtful", "no poles"), |s| (s.class, s.word));
-    let mut body = header("Linearised system", class, word);
-    let time = page.time;
-    body += &format!("<p>The coupled system, linear at {time} s.</p>\n");
-    for stability in page.stability {
-        body += &verdict(stability);
-    }
-    for note in page.notes {
-        body += &format!("<p class=\"caution\">{}</p>\n", escape(note));
-    }
-    if !page.loops.is_empty() {
-        body += &loops(page.loops);
-    }
-    for stability in page.stability {
-        let title = format!("Poles of the closed loop{}", in_steps(stability.step));
-        body += &section(&title, &tables::modes(stability.modes));
-    }
     let files = page.files.iter().map(|(name, sum)| (&**name, &**sum));
-    body += &section("Files", &tables::files(files));
+    let body = html! {
+        (header("Linearised system", class, word))
+        p { "The coupled system, linear at " (page.time) " s." }
+        @for stability in page.stability { (verdict(stability)) }
+        @for note in page.notes { (paragraph(Some("caution"), note)) }
+        @if !page.loops.is_empty() { (loops(page.loops)) }
+        @for stability in page.stability {
+            (section(&format!("Poles of the closed loop{}", in_steps(stability.step)), &tables::modes(stability.modes)))
+        }
+        (section("Files", &tables::files(files)))
+    };
     whole("linearised system", &body, page.made)
 }
 
-fn verdict(stability: &Stability) -> String {
+fn verdict(stability: &Stability) -> Html {
     let class = match stability.class {
-        "bad" => " class=\"warning\"",
-        "doubtful" => " class=\"caution\"",
-        _ => "",
+        "bad" => Some("warning"),
+        "doubtful" => Some("caution"),
+        _ => None,
     };
-    format!("<p{class}>{}</p>\n", escape(&stability.words))
+    paragraph(class, &stability.words)
 }
 
-fn loops(loops: &[LoopFigure]) -> String {
-    section("Margins", &(cut() + &margins(loops)))
-        + &figure(&bode(loops))
-        + &figure(&nyquist(loops))
-}
+const CUT: &str = "The system is cut open at a connection; L is what comes back there, with its sign turned, so that \
+                   1 + L = 0 is the closed loop.";
 
-fn cut() -> String {
-    "<p>The system is cut open at a connection; L is what comes back there, with its sign turned, so that \
-     1 + L = 0 is the closed loop.</p>\n"
-        .into()
+fn loops(loops: &[LoopFigure]) -> Html {
+    let margins = html! { (paragraph(None, CUT)) (margins(loops)) };
+    html! { (section("Margins", &margins)) (figure(&bode(loops))) (figure(&nyquist(loops))) }
 }
 
 fn words(frequency: f64) -> String {
@@ -255,15 +245,15 @@ fn nyquist(loops: &[LoopFigure]) -> Figure {
     )
 }
 
-fn margins(loops: &[LoopFigure]) -> String {
+fn margins(loops: &[LoopFigure]) -> Html {
     let mut rows = Vec::new();
     for shown in loops {
-        let label = escape(&shown.label());
+        let label = html! { (shown.label()) };
         for crossing in &shown.margins.gain_crossings {
             rows.push(vec![
                 label.clone(),
                 number::html(crossing.frequency, 4),
-                format!("phase {:.1}°", crossing.phase_margin.to_degrees()),
+                html! { (format_args!("phase {:.1}°", crossing.phase_margin.to_degrees())) },
                 number::html(crossing.delay_margin, 3),
                 number::html(crossing.effective_delay, 3),
             ]);
@@ -272,9 +262,9 @@ fn margins(loops: &[LoopFigure]) -> String {
             rows.push(vec![
                 label.clone(),
                 number::html(crossing.frequency, 4),
-                format!("gain {}", number::html(crossing.gain_margin, 4)),
-                String::new(),
-                String::new(),
+                html! { "gain " (number::html(crossing.gain_margin, 4)) },
+                html! {},
+                html! {},
             ]);
         }
     }

@@ -26,7 +26,7 @@ mod thin;
 
 pub use figure::Figure;
 pub use figures::ClosedLoop;
-pub use html::Made;
+pub use html::{Made, policy, side_by_side};
 pub use loops::{LoopFigure, LoopPage, Stability, loop_page};
 pub use overlay::{Overlay, Parameters, overlay_page};
 pub use page::{Report, page, well_determined};

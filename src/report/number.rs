@@ -1,23 +1,24 @@
 //! Numbers as HTML.
 
+use super::html::{Html, html};
 use pilotage_text::number::{short, significant};
 
 /// [`short`] as HTML: with a true minus sign, and the exponent as a superscript.
-pub fn chosen(value: f64, digits: usize) -> String {
+pub fn chosen(value: f64, digits: usize) -> Html {
     marked_up(&short(value, digits))
 }
 
 /// [`significant`] as HTML: with a true minus sign, and the exponent as a superscript.
-pub fn html(value: f64, digits: usize) -> String {
+pub fn html(value: f64, digits: usize) -> Html {
     marked_up(&significant(value, digits))
 }
 
 /// Formats the text of a number as HTML.
-pub fn marked_up(text: &str) -> String {
+pub fn marked_up(text: &str) -> Html {
     let text = text.replace('-', "\u{2212}");
     match text.split_once('e') {
-        Some((mantissa, exponent)) => format!("{mantissa}\u{b7}10<sup>{exponent}</sup>"),
-        None => text,
+        Some((mantissa, exponent)) => html! { (mantissa) "\u{b7}10" sup { (exponent) } },
+        None => html! { (text) },
     }
 }
 
@@ -28,9 +29,9 @@ mod tests {
     #[test]
     fn pages_show_powers_of_ten_and_a_true_minus() {
         assert_eq!(
-            html(-3.21e-9, 3),
+            html(-3.21e-9, 3).0,
             "\u{2212}3.21\u{b7}10<sup>\u{2212}9</sup>"
         );
-        assert_eq!(html(-0.5, 2), "\u{2212}0.50");
+        assert_eq!(html(-0.5, 2).0, "\u{2212}0.50");
     }
 }

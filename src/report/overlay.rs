@@ -1,7 +1,7 @@
 //! The report page of a problem: verdict, figures of recorded and modelled signals, tables.
 
 use super::figure::Figure;
-use super::html::{self, Made};
+use super::html::{self, Html, Made, html, paragraph};
 
 /// Contents of the report page of a fit.
 #[derive(Debug, Clone)]
@@ -36,42 +36,36 @@ pub struct Parameters {
 }
 
 /// The section about refits; empty if there are none.
-pub(super) fn refits(own: Option<&Parameters>) -> String {
-    own.map_or(String::new(), |own| {
-        html::section("Profiles and bootstrap", &table(own))
-    })
+pub(super) fn refits(own: Option<&Parameters>) -> Html {
+    html! { @if let Some(own) = own { (html::section("Profiles and bootstrap", &table(own))) } }
 }
 
 /// The page as a self-contained HTML file.
 pub fn overlay_page(page: &Overlay<'_>, made: &Made) -> String {
     let (class, verdict) = page.ending;
-    let mut body = html::header(&html::escape(page.title), class, verdict);
-    for (code, words) in &page.diagnostics {
-        let words = html::escape(words);
-        body += &format!("<p class=\"caution\"><b>{code}</b>: {words}.</p>\n");
-    }
-    body += &html::facts(&page.facts);
-    body += &format!("<p>{}</p>\n", html::escape(&page.sureness));
-    body += html::choice();
-    body += &page.figures.iter().map(html::figure).collect::<String>();
-    for (title, own) in &page.tables {
-        body += &html::section(title, &table(own));
-    }
+    let body = html! {
+        (html::header(page.title, class, verdict))
+        @for (code, words) in &page.diagnostics { (html::diagnostic("caution", code, words)) }
+        (html::facts(&page.facts))
+        (paragraph(None, &page.sureness))
+        (html::choice())
+        @for figure in &page.figures { (html::figure(figure)) }
+        @for (title, own) in &page.tables { (html::section(title, &table(own))) }
+    };
     html::whole(page.title, &body, made)
 }
 
 /// A table with its notes; numbers have a true minus sign, and exponents as superscripts.
-fn table(own: &Parameters) -> String {
+fn table(own: &Parameters) -> Html {
     let cell = |(k, text): (usize, &String)| match own.numeric.contains(&k) {
         true => super::number::marked_up(text),
-        false => html::escape(text),
+        false => html! { (text) },
     };
-    let rows: Vec<Vec<String>> = (own.rows.iter())
+    let rows: Vec<Vec<Html>> = (own.rows.iter())
         .map(|row| row.iter().enumerate().map(cell).collect())
         .collect();
-    let notes = own
-        .notes
-        .iter()
-        .map(|note| format!("<p>{}</p>\n", html::escape(note)));
-    html::table(&own.header, &own.numeric, &rows) + &notes.collect::<String>()
+    html! {
+        (html::table(&own.header, &own.numeric, &rows))
+        @for note in &own.notes { (paragraph(None, note)) }
+    }
 }

@@ -2,7 +2,9 @@
 
 use super::figure::Figure;
 use super::figures::{self, ClosedLoop};
-use super::html::{Made, choice, escape, facts, figure, header, section, whole};
+use super::html::{
+    Html, Made, choice, diagnostic, facts, figure, header, html, paragraph, section, whole,
+};
 use super::number;
 use super::overlay::{self, Parameters};
 use super::tables;
@@ -34,14 +36,17 @@ pub struct Report<'a> {
 
 /// The page as a self-contained HTML file.
 pub fn page(report: &Report) -> String {
-    let mut body = head(report) + choice();
-    body += &figures::all(report).iter().map(figure).collect::<String>();
-    body += &numbers(report);
+    let body = html! {
+        (head(report))
+        (choice())
+        @for own in figures::all(report) { (figure(&own)) }
+        (numbers(report))
+    };
     whole("identified pilot", &body, report.made)
 }
 
 /// Title, verdict, and the result as a formula and a few figures.
-fn head(report: &Report) -> String {
+fn head(report: &Report) -> Html {
     let Identification { fit, options, .. } = report.found;
     let trials = &report.found.trials.fit;
     let (class, verdict) = match (fit.converged, fit.diagnostics.first()) {
@@ -61,18 +66,7 @@ fn head(report: &Report) -> String {
     };
     let residuals = || fit.runs.iter().flat_map(|run| &run.residual);
     let samples = residuals().filter(|residual| residual.is_finite()).count();
-    let mut html = header("Identified pilot", class, &verdict);
-    if !fit.converged {
-        html += "<p class=\"warning\">The numbers below are the best iterate of a solve that did not \
-                 converge. Do not use them as a result: try another <code>--start</code>, \
-                 <code>--initial-state vehicle-at-rest</code> or a higher <code>--max-iterations</code>.</p>\n";
-    }
-    html += &diagnostics(fit);
-    html += &format!(
-        "<div class=\"formula\">{}</div>\n",
-        transfer_function(options.pilot, &fit.theta)
-    );
-    html += &facts(&[
+    let facts = facts(&[
         ("runs", trials.len().to_string()),
         ("samples", samples.to_string()),
         (
@@ -87,7 +81,20 @@ fn head(report: &Report) -> String {
             format!("{} of {}", fit.agreeing(), fit.tried),
         ),
     ]);
-    html + &format!("<p>{}</p>\n", sureness(fit))
+    html! {
+        (header("Identified pilot", class, &verdict))
+        @if !fit.converged {
+            p class="warning" {
+                "The numbers below are the best iterate of a solve that did not converge. Do not use them as a result: try \
+                 another " code { "--start" } ", " code { "--initial-state vehicle-at-rest" } " or a higher "
+                code { "--max-iterations" } "."
+            }
+        }
+        @for own in &fit.diagnostics { (diagnostic(class_of(own), own.code(), &own.to_string())) }
+        div class="formula" { (transfer_function(options.pilot, &fit.theta)) }
+        (facts)
+        (paragraph(None, &sureness(fit)))
+    }
 }
 
 /// A sentence about the uncertainty of the fit.
@@ -96,7 +103,7 @@ fn sureness(fit: &Fit) -> String {
         return "How sure it is is not known: see the diagnostics.".into();
     };
     let values = fit.theta.iter().copied();
-    escape(&well_determined(values.zip(&sure.intervals)))
+    well_determined(values.zip(&sure.intervals))
 }
 
 /// A sentence with the number of well-determined parameters.
@@ -113,74 +120,58 @@ pub fn well_determined<'i>(all: impl Iterator<Item = (f64, &'i Interval)>) -> St
     )
 }
 
-/// The diagnostics, shown before the result.
-fn diagnostics(fit: &Fit) -> String {
-    let item = |diagnostic: &Diagnostic| {
-        let class = if diagnostic.is_fatal() {
-            "warning"
-        } else {
-            "caution"
-        };
-        let words = escape(&diagnostic.to_string());
-        format!(
-            "<p class=\"{class}\"><b>{}</b>: {words}.</p>\n",
-            diagnostic.code()
-        )
-    };
-    fit.diagnostics.iter().map(item).collect()
+fn class_of(diagnostic: &Diagnostic) -> &'static str {
+    match diagnostic.is_fatal() {
+        true => "warning",
+        false => "caution",
+    }
 }
 
 /// The pilot's transfer function from the error [m] to the stick, as a fraction.
-fn transfer_function(pilot: Pilot, theta: &[f64]) -> String {
+fn transfer_function(pilot: Pilot, theta: &[f64]) -> Html {
     let (denominator, numerator) = theta.split_at(pilot.order);
     let mut denominator = denominator.to_vec();
     denominator.push(1.0);
-    format!(
-        "<span><i>y</i><sub>p</sub> / <i>u</i><sub>p</sub> =</span>\
-         <span class=\"fraction\"><span>{}</span><span>{}</span></span>",
-        polynomial(numerator),
-        polynomial(&denominator)
-    )
+    html! {
+        span { i { "y" } sub { "p" } " / " i { "u" } sub { "p" } " =" }
+        span class="fraction" { span { (polynomial(numerator)) } span { (polynomial(&denominator)) } }
+    }
 }
 
 /// A polynomial in s, highest power first; `c[i]` is the coefficient of s^i.
-fn polynomial(c: &[f64]) -> String {
-    let mut html = String::new();
-    for (i, &value) in c.iter().enumerate().rev() {
-        let sign = match (value < 0.0, html.is_empty()) {
+fn polynomial(c: &[f64]) -> Html {
+    let term = |(i, &value): (usize, &f64)| {
+        let sign = match (value < 0.0, i + 1 == c.len()) {
             (true, true) => "\u{2212}",
             (true, false) => " \u{2212} ",
             (false, true) => "",
             (false, false) => " + ",
         };
-        let power = match i {
-            0 => String::new(),
-            1 => " <i>s</i>".into(),
-            _ => format!(" <i>s</i><sup>{i}</sup>"),
-        };
-        let size = match value == 1.0 && i > 0 {
-            true => String::new(),
-            false => number::html(value.abs(), 4),
-        };
-        html += &format!("{sign}{size}{power}");
-    }
-    html
+        html! {
+            (sign)
+            @if value != 1.0 || i == 0 { (number::html(value.abs(), 4)) }
+            @if i > 0 { " " (tables::power(i)) }
+        }
+    };
+    html! { @for own in c.iter().enumerate().rev() { (term(own)) } }
 }
 
-fn numbers(report: &Report) -> String {
+fn numbers(report: &Report) -> Html {
     let Identification { fit, options, .. } = report.found;
     let trials = &report.found.trials.fit;
     let files = trials.iter().map(|run| (&*run.origin, &*run.sha256));
-    section("Parameters", &tables::theta(fit, options.pilot))
-        + &overlay::refits(report.refits.as_ref())
-        + &section("Active constraints", &tables::active(report.found))
-        + &section("Poles of the pilot", &tables::poles(fit, options.pilot))
-        + &section("Poles of the closed loop", &tables::closed_loop(fit))
-        + &section("Margins of the closed loop", &tables::derived(report.found))
-        + &section("Runs", &tables::runs(report.found))
-        + &section("Solve", &tables::solve(fit, options))
-        + &section("Vehicle", &tables::vehicle(options))
-        + &section("Data", &tables::files(files))
+    html! {
+        (section("Parameters", &tables::theta(fit, options.pilot)))
+        (overlay::refits(report.refits.as_ref()))
+        (section("Active constraints", &tables::active(report.found)))
+        (section("Poles of the pilot", &tables::poles(fit, options.pilot)))
+        (section("Poles of the closed loop", &tables::closed_loop(fit)))
+        (section("Margins of the closed loop", &tables::derived(report.found)))
+        (section("Runs", &tables::runs(report.found)))
+        (section("Solve", &tables::solve(fit, options)))
+        (section("Vehicle", &tables::vehicle(options)))
+        (section("Data", &tables::files(files)))
+    }
 }
 
 #[cfg(test)]

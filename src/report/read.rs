@@ -21,9 +21,10 @@ pub fn figures(page: &str) -> Vec<Figure> {
 
 /// The tables of a page.
 pub fn tables(page: &str) -> Vec<Table> {
-    let sections = page.split("<section>\n<h2>").skip(1);
+    let sections = page.split("<section>").skip(1);
     let table = |section: &str| {
-        let (title, rest) = section.split_once("</h2>")?;
+        let heading = section.trim_start().strip_prefix("<h2>")?;
+        let (title, rest) = heading.split_once("</h2>")?;
         let (_, table) = rest.split_once("<table>")?;
         let (table, _) = table.split_once("</table>")?;
         let name = plain(title).to_lowercase().replace(' ', "-");
@@ -84,7 +85,7 @@ impl Table {
 mod tests {
     use super::*;
     use crate::report::figure::{Panel, Series};
-    use crate::report::html::{escape, figure, section, table};
+    use crate::report::html::{figure, html, section, table};
     use crate::report::number;
 
     #[test]
@@ -95,8 +96,9 @@ mod tests {
             ..Panel::default()
         };
         let own = Figure::of("response", "Response", "", panel);
-        let rows = [vec![number::html(-3.21e-9, 3), escape("a < b & \"c\"")]];
-        let page = figure(&own) + &section("Two Words", &table(&["value", "name"], &[0], &rows));
+        let rows = [vec![number::html(-3.21e-9, 3), html! { "a < b & \"c\"" }]];
+        let table = table(&["value", "name"], &[0], &rows);
+        let page = html! { (figure(&own)) (section("Two Words", &table)) }.into_string();
         assert_eq!(figures(&page), [own]);
         let found = tables(&page);
         assert_eq!(found[0].name, "two-words");

@@ -1,7 +1,7 @@
 //! The page of step responses.
 
 use super::figure::{Axis, Figure, Panel, Series};
-use super::html::{self, Made};
+use super::html::{self, Html, Made, html};
 
 /// The response of an output to a step of an input.
 #[derive(Debug, Clone, Copy)]
@@ -20,12 +20,14 @@ pub struct StepFigure<'a> {
 
 /// A page with a figure for each input and output.
 pub fn step_page(title: &str, figures: &[StepFigure<'_>], made: &Made) -> String {
-    let drawn: String = figures.iter().map(figure).collect();
-    let heading = format!("<header>\n<h1>{}</h1>\n</header>\n", html::escape(title));
-    html::whole(title, &(heading + &drawn), made)
+    let body = html! {
+        header { h1 { (title) } }
+        @for own in figures { (figure(own)) }
+    };
+    html::whole(title, &body, made)
 }
 
-fn figure(of: &StepFigure<'_>) -> String {
+fn figure(of: &StepFigure<'_>) -> Html {
     let title = format!("{} → {}", of.input, of.output);
     let panel = Panel {
         x: Axis::time(),

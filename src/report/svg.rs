@@ -2,7 +2,7 @@
 
 use super::figure::{Figure, Look, Panel, Series};
 use super::frame::{CHARACTER, Frame, TEXT};
-use super::html::escape;
+use super::html::{Html, html};
 use super::palette::{of_value, on_white};
 use std::fmt::Write;
 
@@ -18,68 +18,73 @@ pub fn to_svg(figure: &Figure, width: f64) -> String {
     let width = width * POINTS;
     let (legend, mut y) = legend(figure, width);
     let left = figure.panels.iter().map(Frame::left).fold(0.0, f64::max);
-    let mut drawn = String::new();
+    let mut drawn = Vec::new();
     for (k, panel) in figure.panels.iter().enumerate() {
         let next = figure.panels.get(k + 1);
         let is_last = next.is_none_or(|next| next.x.label != panel.x.label);
         let height = (panel.height * (width / PAGE).powf(0.7)).min(1.2 * width);
         let frame = Frame::new(panel, left, width, [y, y + height]);
-        drawn += &frame.axes(is_last);
-        drawn += &within(panel, &frame, k);
+        drawn.push(frame.axes(is_last));
+        drawn.push(within(panel, &frame, k));
         y += height + Frame::below(panel, is_last) + 4.0;
     }
-    format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{:.2}mm\" height=\"{:.2}mm\" viewBox=\"0 0 {width:.2} {y:.2}\" \
-         font-family=\"Arial, Helvetica, 'Liberation Sans', 'DejaVu Sans', sans-serif\" font-size=\"{TEXT}\">\n\
-         <title>{}</title>\n<rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n{legend}{drawn}</svg>\n",
-        width / POINTS,
-        y / POINTS,
-        escape(&figure.title)
-    )
+    let svg = html! {
+        svg xmlns="http://www.w3.org/2000/svg" width=(format_args!("{:.2}mm", width / POINTS))
+            height=(format_args!("{:.2}mm", y / POINTS)) viewBox=(format_args!("0 0 {width:.2} {y:.2}"))
+            font-family="Arial, Helvetica, 'Liberation Sans', 'DejaVu Sans', sans-serif" font-size=(TEXT) {
+            title { (figure.title) }
+            rect width="100%" height="100%" fill="#ffffff" {}
+            (legend)
+            @for own in drawn { (own) }
+        }
+        "\n"
+    };
+    svg.into_string()
+}
+
+/// A coordinate or length, with the digits that drawings need.
+pub(super) fn at(value: f64) -> String {
+    format!("{value:.2}")
 }
 
 /// The series of a panel, clipped at its edges.
-fn within(panel: &Panel, frame: &Frame, number: usize) -> String {
+fn within(panel: &Panel, frame: &Frame, number: usize) -> Html {
     let [x, y, width, height] = frame.area();
-    let mut svg = format!(
-        "<clipPath id=\"panel{number}\"><rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{height:.1}\"/></clipPath>\n\
-         <g clip-path=\"url(#panel{number})\">\n"
-    );
-    for (k, series) in panel.series.iter().enumerate() {
+    let shade = |(k, series): (usize, &Series)| {
         let before = panel.series[..k].iter();
         let alike = before.filter(|own| own.colour == series.colour && own.look == series.look);
-        svg += &drawn(series, frame, SHADES[alike.count() % SHADES.len()]);
+        SHADES[alike.count() % SHADES.len()]
+    };
+    html! {
+        clipPath id={ "panel" (number) } {
+            rect x=(at(x)) y=(at(y)) width=(at(width)) height=(at(height)) {}
+        }
+        g clip-path={ "url(#panel" (number) ")" } {
+            @for own in panel.series.iter().enumerate() { (drawn(own.1, frame, shade(own))) "\n" }
+        }
+        (words(panel, frame))
     }
-    svg + "</g>\n" + &words(panel, frame)
 }
 
 /// A series as a path, or a square for each cell.
-fn drawn(series: &Series, frame: &Frame, shade: f64) -> String {
+fn drawn(series: &Series, frame: &Frame, shade: f64) -> Html {
     let colour = on_white(&series.colour);
-    let style = match series.look {
+    let (is_area, is_dots) = (series.look == Look::Area, series.look == Look::Dots);
+    let (width, dashes, join) = match series.look {
         Look::Cells => return cells(series, frame),
-        Look::Area => format!(
-            "fill=\"{colour}\" fill-opacity=\"0.18\" stroke=\"{colour}\" stroke-width=\"0.3\""
-        ),
-        Look::Dots => format!("fill=\"{colour}\" stroke=\"none\""),
-        Look::Dashed => format!(
-            "fill=\"none\" stroke=\"{colour}\" stroke-width=\"0.9\" stroke-dasharray=\"4 3\""
-        ),
-        _ if series.colour == "data" => {
-            format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"0.7\"")
+        Look::Area => (Some(0.3), None, None),
+        Look::Dots => (None, None, None),
+        Look::Dashed => (Some(0.9), Some("4 3"), None),
+        _ if series.colour == "data" => (Some(0.7), None, None),
+        _ => (Some(1.1), None, Some("round")),
+    };
+    html! {
+        path fill=(if is_area || is_dots { colour } else { "none" }) fill-opacity=[is_area.then_some(0.18)]
+            stroke=(if is_dots { "none" } else { colour }) stroke-width=[width] stroke-dasharray=[dashes]
+            stroke-linejoin=[join] opacity=(if is_area { 1.0 } else { shade }) d=(path(series, frame)) {
+            title { (series.run) " " (series.label) }
         }
-        _ => format!(
-            "fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.1\" stroke-linejoin=\"round\""
-        ),
-    };
-    let shade = if series.look == Look::Area {
-        1.0
-    } else {
-        shade
-    };
-    let name = escape(&[series.run.as_str(), &series.label].join(" "));
-    let path = path(series, frame);
-    format!("<path {style} opacity=\"{shade}\" d=\"{path}\"><title>{name}</title></path>\n")
+    }
 }
 
 /// The path of a series, with gaps at non-finite points.
@@ -123,40 +128,34 @@ fn path(series: &Series, frame: &Frame) -> String {
 }
 
 /// Coloured squares with their values as text.
-fn cells(series: &Series, frame: &Frame) -> String {
-    let mut svg = String::new();
+fn cells(series: &Series, frame: &Frame) -> Html {
     let ((x0, y0), (x1, y1)) = (frame.place((0.0, 0.0)), frame.place((1.0, 1.0)));
     let (width, height) = ((x1 - x0).abs(), (y1 - y0).abs());
-    for ((x, y), value) in series.points().zip(&series.values) {
-        let (x, y) = frame.place((x, y));
+    let cell = |(point, value): ((f64, f64), &f64)| {
+        let (x, y) = frame.place(point);
         let (fill, ink) = match value.is_finite() {
             true if value.abs() > 0.6 => (of_value(*value), "#ffffff"),
             true => (of_value(*value), on_white("ink")),
             false => ("#edf0f3".to_owned(), on_white("ink")),
         };
-        let _ = writeln!(
-            svg,
-            "<rect x=\"{:.2}\" y=\"{:.2}\" width=\"{width:.2}\" height=\"{height:.2}\" fill=\"{fill}\" stroke=\"#ffffff\" stroke-width=\"0.5\"/>",
-            x - 0.5 * width,
-            y - 0.5 * height
-        );
-        if width > 2.5 * TEXT && value.is_finite() {
-            let text = format!("{value:.2}").replace('-', "\u{2212}");
-            let y = y + 0.35 * TEXT;
-            let _ = writeln!(
-                svg,
-                "<text x=\"{x:.2}\" y=\"{y:.2}\" text-anchor=\"middle\" fill=\"{ink}\">{text}</text>"
-            );
+        html! {
+            rect x=(at(x - 0.5 * width)) y=(at(y - 0.5 * height)) width=(at(width)) height=(at(height)) fill=(fill)
+                stroke="#ffffff" stroke-width="0.5" {}
+            @if width > 2.5 * TEXT && value.is_finite() {
+                text x=(at(x)) y=(at(y + 0.35 * TEXT)) text-anchor="middle" fill=(ink) {
+                    (format!("{value:.2}").replace('-', "\u{2212}"))
+                }
+            }
         }
-    }
-    svg
+    };
+    html! { @for own in series.points().zip(&series.values) { (cell(own)) } }
 }
 
 /// Text labels of points, omitted where they would overlap.
-fn words(panel: &Panel, frame: &Frame) -> String {
+fn words(panel: &Panel, frame: &Frame) -> Html {
     const ROOM: (f64, f64) = (60.0, 10.0);
     let mut placed: Vec<(f64, f64)> = Vec::new();
-    let mut svg = String::new();
+    let mut drawn = Vec::new();
     for series in &panel.series {
         for (point, text) in series.points().zip(&series.words) {
             let (x, y) = frame.place(point);
@@ -170,18 +169,16 @@ fn words(panel: &Panel, frame: &Frame) -> String {
                 false => (5.0, "start"),
             };
             let (x, y) = (x + by, (y - 3.0).max(frame.area()[1] + TEXT));
-            let (ink, text) = (on_white("ink"), escape(text));
-            let _ = writeln!(
-                svg,
-                "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" fill=\"{ink}\">{text}</text>"
-            );
+            drawn.push(html! {
+                text x=(at(x)) y=(at(y)) text-anchor=(anchor) fill=(on_white("ink")) { (text) }
+            });
         }
     }
-    svg
+    html! { @for own in drawn { (own) } }
 }
 
 /// The legend above the panels, an entry for each distinct label, and its height.
-fn legend(figure: &Figure, width: f64) -> (String, f64) {
+fn legend(figure: &Figure, width: f64) -> (Html, f64) {
     const ROW: f64 = 12.0;
     const KEY: f64 = 16.0;
     let mut entries: Vec<&Series> = Vec::new();
@@ -192,7 +189,7 @@ fn legend(figure: &Figure, width: f64) -> (String, f64) {
         }
     }
     let (mut x, mut row) = (4.0, 0);
-    let mut svg = String::new();
+    let mut drawn = Vec::new();
     for entry in &entries {
         let room = ((width - 4.0 - KEY) / (CHARACTER * TEXT)) as usize;
         let label = shortened(&entry.label, room);
@@ -200,42 +197,33 @@ fn legend(figure: &Figure, width: f64) -> (String, f64) {
         if x > 4.0 && x + KEY + text + 12.0 > width {
             (x, row) = (4.0, row + 1);
         }
-        let (colour, y) = (on_white(&entry.colour), ROW * (f64::from(row) + 0.6));
-        let key = match entry.look {
-            Look::Area => format!(
-                "<rect x=\"{x:.1}\" y=\"{:.1}\" width=\"12\" height=\"7\" fill=\"{colour}\" opacity=\"0.3\"/>",
-                y - 3.5
-            ),
-            Look::Dots => format!(
-                "<circle cx=\"{:.1}\" cy=\"{y:.1}\" r=\"2.2\" fill=\"{colour}\"/>",
-                x + 6.0
-            ),
-            Look::Rings => format!(
-                "<circle cx=\"{:.1}\" cy=\"{y:.1}\" r=\"2.2\" fill=\"none\" stroke=\"{colour}\"/>",
-                x + 6.0
-            ),
-            Look::Crosses => format!(
-                "<path d=\"M{:.1} {:.1}l4.4 4.4m0 -4.4l-4.4 4.4\" stroke=\"{colour}\"/>",
-                x + 4.0,
-                y - 2.2
-            ),
-            Look::Dashed => format!(
-                "<path d=\"M{x:.1} {y:.1}h12\" stroke=\"{colour}\" stroke-dasharray=\"4 3\"/>"
-            ),
-            _ => {
-                format!("<path d=\"M{x:.1} {y:.1}h12\" stroke=\"{colour}\" stroke-width=\"1.2\"/>")
-            }
-        };
-        let (at, y, ink) = (x + KEY, y + 0.35 * TEXT, on_white("ink"));
-        let _ = writeln!(
-            svg,
-            "{key}<text x=\"{at:.1}\" y=\"{y:.1}\" fill=\"{ink}\">{}</text>",
-            escape(&label)
-        );
+        let y = ROW * (f64::from(row) + 0.6);
+        drawn.push(html! {
+            (key(entry, x, y))
+            text x=(at(x + KEY)) y=(at(y + 0.35 * TEXT)) fill=(on_white("ink")) { (label) }
+        });
         x += KEY + text + 12.0;
     }
     let rows = if entries.is_empty() { 0 } else { row + 1 };
-    (svg, ROW * f64::from(rows) + 6.0)
+    let height = ROW * f64::from(rows) + 6.0;
+    (html! { @for own in drawn { (own) } }, height)
+}
+
+/// The sample of an entry's look, from the left and around that height.
+fn key(entry: &Series, x: f64, y: f64) -> Html {
+    let colour = on_white(&entry.colour);
+    let line = format!("M{x:.1} {y:.1}h12");
+    let cross = format!("M{:.1} {:.1}l4.4 4.4m0 -4.4l-4.4 4.4", x + 4.0, y - 2.2);
+    html! {
+        @match entry.look {
+            Look::Area => rect x=(at(x)) y=(at(y - 3.5)) width="12" height="7" fill=(colour) opacity="0.3" {},
+            Look::Dots => circle cx=(at(x + 6.0)) cy=(at(y)) r="2.2" fill=(colour) {},
+            Look::Rings => circle cx=(at(x + 6.0)) cy=(at(y)) r="2.2" fill="none" stroke=(colour) {},
+            Look::Crosses => path d=(cross) stroke=(colour) {},
+            Look::Dashed => path d=(line) stroke=(colour) stroke-dasharray="4 3" {},
+            _ => path d=(line) stroke=(colour) stroke-width="1.2" {},
+        }
+    }
 }
 
 /// A label of at most that many characters, of at least its first one.

@@ -1,6 +1,6 @@
 //! The results of a fit as HTML tables.
 
-use super::html::{escape, table};
+use super::html::{Html, html, paragraph, table};
 use super::number;
 use crate::identification::pilot_file::units;
 use crate::identification::result::StartReport;
@@ -14,30 +14,42 @@ use pilotage_inference::statistics::rms;
 use pilotage_text::number::{short, significant};
 
 /// The coefficient of the pilot's transfer function for each component of θ.
-fn meanings(pilot: Pilot) -> impl Iterator<Item = String> {
-    let term = |i: usize| match i {
-        0 => "1".to_owned(),
-        1 => "<i>s</i>".to_owned(),
-        _ => format!("<i>s</i><sup>{i}</sup>"),
-    };
+fn meanings(pilot: Pilot) -> impl Iterator<Item = Html> {
     let part = move |part: &'static str| {
-        (0..pilot.order).map(move |i| format!("{part}, coefficient of {}", term(i)))
+        (0..pilot.order).map(move |i| html! { (part) ", coefficient of " (power(i)) })
     };
     part("denominator").chain(part("numerator"))
 }
 
-/// Text for a cell: escaped, with a true minus sign.
-fn cell(text: impl AsRef<str>) -> String {
-    escape(text.as_ref()).replace('-', "\u{2212}")
+/// A power of s.
+pub fn power(exponent: usize) -> Html {
+    match exponent {
+        0 => html! { "1" },
+        1 => html! { i { "s" } },
+        _ => html! { i { "s" } sup { (exponent) } },
+    }
 }
 
-pub fn theta(fit: &Fit, pilot: Pilot) -> String {
+/// A cell of text.
+fn cell(text: impl AsRef<str>) -> Html {
+    html! { (text.as_ref()) }
+}
+
+/// A number, if there is one.
+fn finite(value: f64, digits: usize) -> Html {
+    match value.is_finite() {
+        true => number::html(value, digits),
+        false => cell("–"),
+    }
+}
+
+pub fn theta(fit: &Fit, pilot: Pilot) -> Html {
     let names = units(pilot).into_iter().zip(meanings(pilot));
     let rows: Vec<_> = (fit.theta.iter().zip(names).enumerate())
         .map(|(i, (value, (unit, meaning)))| {
-            let mut row = vec![format!("θ{}", i + 1), number::html(*value, 5)];
+            let mut row = vec![html! { "θ" (i + 1) }, number::html(*value, 5)];
             row.extend(sureness(fit, i));
-            row.extend([unit, meaning]);
+            row.extend([cell(unit), meaning]);
             row
         })
         .collect();
@@ -52,54 +64,43 @@ pub fn theta(fit: &Fit, pilot: Pilot) -> String {
         "unit",
         "in the transfer function",
     ];
-    table(&header, &[1, 2, 3, 4, 5, 6], &rows) + &method_notes(fit)
+    html! { (table(&header, &[1, 2, 3, 4, 5, 6], &rows)) (method_notes(fit)) }
 }
 
 /// Standard deviation, interval, Cramér–Rao bound and insensitivity of a component of θ.
-fn sureness(fit: &Fit, component: usize) -> [String; 5] {
+fn sureness(fit: &Fit, component: usize) -> [Html; 5] {
     let Some(own) = &fit.uncertainty else {
-        return std::array::from_fn(|_| "–".to_owned());
+        return std::array::from_fn(|_| cell("–"));
     };
     let of = own.intervals[component];
-    let percents = [own.cramer_rao[component], own.insensitivity[component]];
-    let cell = |value: f64, digits| match value.is_finite() {
-        true => number::html(value, digits),
-        false => "–".to_owned(),
-    };
     [
-        cell(of.sd, 3),
-        cell(of.low, 4),
-        cell(of.high, 4),
-        cell(percents[0], 3),
-        cell(percents[1], 3),
+        finite(of.sd, 3),
+        finite(of.low, 4),
+        finite(of.high, 4),
+        finite(own.cramer_rao[component], 3),
+        finite(own.insensitivity[component], 3),
     ]
 }
 
 /// The method of the intervals, and notes on it.
-fn method_notes(fit: &Fit) -> String {
+fn method_notes(fit: &Fit) -> Html {
     let Some(own) = &fit.uncertainty else {
-        return String::new();
+        return html! {};
     };
-    let notes = own
-        .notes()
-        .into_iter()
-        .map(|note| format!("; {}", escape(&note)));
-    let notes: String = notes.collect();
-    format!(
-        "<p>Intervals by the method {}{notes}.</p>",
-        own.spread.method
-    )
+    let mut words = vec![format!("Intervals by the method {}", own.spread.method)];
+    words.extend(own.notes());
+    paragraph(None, &(words.join("; ") + "."))
 }
 
 /// Active constraints of the solution: limits of the stick, stability conditions.
-pub fn active(found: &Identification) -> String {
+pub fn active(found: &Identification) -> Html {
     const ON: f64 = 1e-6;
     let limit = found.options.stick_limit;
     let on_limit = |stick: &&f64| stick.abs() >= limit * (1.0 - ON);
     let of_run = |run: &RunFit| {
         let count = run.stick.iter().filter(on_limit).count();
         let share = format!("{count} of {} samples", run.stick.len());
-        (count > 0).then(|| vec![format!("|stick| ≤ {limit}"), escape(&run.name), share])
+        (count > 0).then(|| vec![html! { "|stick| ≤ " (limit) }, cell(&run.name), cell(share)])
     };
     let mut rows: Vec<_> = found.fit.runs.iter().filter_map(of_run).collect();
     let pole = found
@@ -108,66 +109,62 @@ pub fn active(found: &Identification) -> String {
         .as_ref()
         .and_then(|own| own.on_bound());
     rows.extend(pole.map(|pole| {
-        let pole = format!("pole at {} 1/s", number::html(pole.re, 3));
-        vec!["stability of the closed loop".into(), "all".into(), pole]
+        let pole = html! { "pole at " (number::html(pole.re, 3)) " 1/s" };
+        vec![cell("stability of the closed loop"), cell("all"), pole]
     }));
     match rows.is_empty() {
-        true => "<p>None.</p>\n".into(),
+        true => paragraph(None, "None."),
         false => table(&["constraint", "run", "where"], &[], &rows),
     }
 }
 
-pub fn poles(fit: &Fit, pilot: Pilot) -> String {
+pub fn poles(fit: &Fit, pilot: Pilot) -> Html {
     modes(&Mode::of_poles(&pilot.poles(&fit.theta)))
 }
 
-pub fn closed_loop(fit: &Fit) -> String {
+pub fn closed_loop(fit: &Fit) -> Html {
     match &fit.closed_loop {
         Some(closed_loop) => modes(&Mode::of_poles(&closed_loop.poles)),
-        None => "<p>Not known: the fit was given no vehicle.</p>".into(),
+        None => paragraph(None, "Not known: the fit was given no vehicle."),
     }
 }
 
 /// The figures of the closed loop except its poles, with their intervals.
-pub fn derived(found: &Identification) -> String {
+pub fn derived(found: &Identification) -> Html {
     let all = found.derived.iter();
     let all = all.filter(|(figure, _)| !figure.name.starts_with("pole"));
     let rows: Vec<_> = all
         .map(|(figure, own)| {
-            let cell = |value: f64, digits| match value.is_finite() {
-                true => number::html(value, digits),
-                false => "–".to_owned(),
-            };
             vec![
-                figure.name.replace('_', " "),
-                cell(figure.value, 4),
-                cell(own.sd, 3),
-                cell(own.low, 4),
-                cell(own.high, 4),
-                figure.unit.to_owned(),
+                cell(figure.name.replace('_', " ")),
+                finite(figure.value, 4),
+                finite(own.sd, 3),
+                finite(own.low, 4),
+                finite(own.high, 4),
+                cell(figure.unit),
             ]
         })
         .collect();
     let header = ["", "value", "sd", "95 % low", "95 % high", "unit"];
     match rows.is_empty() {
-        true => "<p>Not known.</p>".into(),
+        true => paragraph(None, "Not known."),
         false => table(&header, &[1, 2, 3, 4], &rows),
     }
 }
 
 /// Poles, or conjugate pairs of poles.
-pub fn modes(modes: &[Mode]) -> String {
+pub fn modes(modes: &[Mode]) -> Html {
     let rows: Vec<_> = (modes.iter())
         .map(|mode| {
             let (re, im) = (number::html(mode.pole.re, 4), number::html(mode.pole.im, 4));
             let pole = match mode.pole.im == 0.0 {
                 true => re,
-                false => format!("{re} ± {im} i"),
+                false => html! { (re) " ± " (im) " i" },
             };
             let time = match mode.pole.re < 0.0 {
                 true => number::html(-1.0 / mode.pole.re, 4),
-                false if mode.pole.re == 0.0 => "–".into(),
-                false => "unstable".into(),
+                false if mode.pole.re == 0.0 => cell("–"),
+                false => cell("unstable"),
             };
             let frequency = number::html(mode.frequency, 4);
             vec![pole, frequency, number::html(mode.damping, 3), time]
@@ -191,7 +188,7 @@ pub fn target_of(summary: &Summary) -> String {
     }
 }
 
-pub fn runs(found: &Identification) -> String {
+pub fn runs(found: &Identification) -> Html {
     let unit = found.options.objective.unit();
     let rows: Vec<_> = (found.outcomes())
         .filter_map(|outcome| {
@@ -201,16 +198,16 @@ pub fn runs(found: &Identification) -> String {
             let largest = finite.fold(0.0, |largest: f64, r| largest.max(r.abs()));
             let peak = summary.peak_stick;
             Some(vec![
-                escape(&run.name),
-                cell(target_of(&summary)),
-                (summary.samples - summary.missing).to_string(),
-                short(trial.weight, 4),
+                cell(&run.name),
+                cell(target_of(&summary).replace('-', "\u{2212}")),
+                html! { (summary.samples - summary.missing) },
+                cell(short(trial.weight, 4)),
                 number::html(summary.final_error, 3),
-                (summary.overshoot).map_or("–".into(), |part| format!("{:.1}", 100.0 * part)),
-                peak.map_or("–".into(), |peak| format!("{peak:.3}")),
+                cell((summary.overshoot).map_or("–".into(), |part| format!("{:.1}", 100.0 * part))),
+                cell(peak.map_or("–".into(), |peak| format!("{peak:.3}"))),
                 number::html(rms(&run.residual), 3),
                 number::html(largest, 3),
-                flown.map_or("–".into(), |flown| number::html(rms(&flown.residual), 3)),
+                flown.map_or(cell("–"), |flown| number::html(rms(&flown.residual), 3)),
             ])
         })
         .collect();
@@ -233,13 +230,13 @@ pub fn runs(found: &Identification) -> String {
     table(&header, &[1, 2, 3, 4, 5, 6, 7, 8, 9], &rows)
 }
 
-pub fn solve(fit: &Fit, options: &FitOptions) -> String {
+pub fn solve(fit: &Fit, options: &FitOptions) -> Html {
     let unit = match options.objective {
         Objective::Response => " m²",
         Objective::Stick => "",
     };
     let start = match &options.start {
-        None => "estimated from the data".into(),
+        None => "estimated from the data".to_owned(),
         Some(start) => start
             .iter()
             .map(f64::to_string)
@@ -247,72 +244,74 @@ pub fn solve(fit: &Fit, options: &FitOptions) -> String {
             .join(", "),
     };
     let rows = [
-        ("status", escape(fit.status.as_str())),
+        ("status", cell(fit.status.as_str())),
         (
             "sum of squared residuals",
-            number::html(fit.objective, 6) + unit,
+            html! { (number::html(fit.objective, 6)) (unit) },
         ),
         (
             "scaled KKT residual",
-            format!("{:.2e} (tolerance {:e})", fit.kkt, options.tolerance),
+            cell(format!(
+                "{:.2e} (tolerance {:e})",
+                fit.kkt, options.tolerance
+            )),
         ),
         (
             "iterations",
-            format!("{} (limit {})", fit.iterations, options.max_iterations),
+            html! { (fit.iterations) " (limit " (options.max_iterations) ")" },
         ),
-        ("unknowns", fit.unknowns.to_string()),
+        ("unknowns", html! { (fit.unknowns) }),
         ("starts, best first", starts(fit)),
-        ("wall time", format!("{} s", significant(fit.seconds, 3))),
-        ("collocation", scheme(options)),
-        ("mesh", mesh(options.mesh)),
-        ("objective", objective(options.objective).into()),
-        (
-            "initial states",
-            initial_state(options.initial_state).into(),
-        ),
+        ("wall time", html! { (significant(fit.seconds, 3)) " s" }),
+        ("collocation", cell(scheme(options))),
+        ("mesh", cell(mesh(options.mesh))),
+        ("objective", cell(objective(options.objective))),
+        ("initial states", cell(initial_state(options.initial_state))),
         (
             "position at the start",
-            options.initial_position.as_str().into(),
+            cell(options.initial_position.as_str()),
         ),
         (
             "closed loop",
             match options.stable_loop && options.objective == Objective::Response {
-                true => "kept stable".into(),
-                false => "as it came out".into(),
+                true => cell("kept stable"),
+                false => cell("as it came out"),
             },
         ),
-        ("start of θ", start),
-        ("pilot", format!("linear, order {}", options.pilot.order)),
-        ("stick limit", format!("{}", options.stick_limit)),
+        ("start of θ", cell(start)),
+        ("pilot", html! { "linear, order " (options.pilot.order) }),
+        ("stick limit", html! { (options.stick_limit) }),
     ];
     let rows: Vec<_> = rows
         .into_iter()
-        .map(|(what, value)| vec![what.into(), value])
+        .map(|(what, value)| vec![cell(what), value])
         .collect();
     table(&["", ""], &[], &rows)
 }
 
 /// The result of each start, one line each.
-fn starts(fit: &Fit) -> String {
+fn starts(fit: &Fit) -> Html {
     let line = |start: &StartReport| {
-        format!(
-            "{} after {} iterations: {}",
-            escape(start.status.as_str()),
-            start.iterations,
-            number::html(start.objective, 6)
-        )
+        html! {
+            (start.status.as_str()) " after " (start.iterations) " iterations: " (number::html(start.objective, 6))
+        }
     };
-    fit.starts.iter().map(line).collect::<Vec<_>>().join("<br>")
+    html! {
+        @for (k, start) in fit.starts.iter().enumerate() {
+            @if k > 0 { br; }
+            (line(start))
+        }
+    }
 }
 
-pub fn vehicle(options: &FitOptions) -> String {
+pub fn vehicle(options: &FitOptions) -> Html {
     let rows: Vec<_> = (COEFFICIENTS.iter())
         .map(|field| {
             vec![
-                format!("<code>{}</code>", field.name),
+                html! { code { (field.name) } },
                 number::chosen((field.get)(&options.vehicle), 6),
-                escape(&pilotage_units::pretty(field.unit)),
-                escape(field.meaning),
+                cell(pilotage_units::pretty(field.unit)),
+                cell(field.meaning),
             ]
         })
         .collect();
@@ -320,9 +319,9 @@ pub fn vehicle(options: &FitOptions) -> String {
 }
 
 /// Names of files with their SHA-256.
-pub fn files<'a>(files: impl Iterator<Item = (&'a str, &'a str)>) -> String {
+pub fn files<'a>(files: impl Iterator<Item = (&'a str, &'a str)>) -> Html {
     let rows: Vec<_> = files
-        .map(|(name, sha256)| vec![escape(name), format!("<code>{sha256}</code>")])
+        .map(|(name, sha256)| vec![cell(name), html! { code { (sha256) } }])
         .collect();
     table(&["file", "SHA-256"], &[], &rows)
 }

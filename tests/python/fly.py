@@ -143,6 +143,35 @@ def flown(tab, folder, wrong):
         phase(tab, ["after", "end"])
 
 
+HOSTILE = "<img src=x onerror=document.title='ran-'+location.search>"
+
+
+def compared(tab, flights):
+    """What is wrong with the comparison of two people, the code of one of whom is a script."""
+    for k, flight in enumerate(sorted(flights.glob("P1-*.csv"))):
+        text = flight.read_text().replace("# subject: P1", f"# subject: {HOSTILE}")
+        (flights / f"{HOSTILE}-step-10-{k}.csv").write_text(text)
+    tab.click("#jobs button:has-text('Compare')")
+    tab.wait_for_selector("#job a[href*='compare.html']", timeout=120_000)
+    with tab.expect_popup() as opened:
+        tab.click("#job a[href*='compare.html']")
+    page = opened.value
+    page.wait_for_load_state("networkidle")
+    wrong = [f"a frame of {page.title()}"] if len(page.frames) != 3 else []
+    for frame in page.frames[1:]:
+        frame.wait_for_selector("figure canvas")
+    if any("ran-" in frame.title() for frame in page.frames) or HOSTILE not in page.inner_text("body"):
+        wrong.append(f"a script in a code ran: {page.content()}")
+    # Markup that slips into a page all the same: its policy lets no script of it run.
+    for target in [page, page.frames[1]]:
+        target.evaluate("html => document.body.insertAdjacentHTML('beforeend', html)", HOSTILE)
+        page.wait_for_timeout(200)
+        if "ran-" in target.title():
+            wrong.append(f"the policy lets a script run: {target.url}")
+    page.close()
+    return wrong
+
+
 def main():
     pilotage, browsers, folder = map(pathlib.Path, sys.argv[1:])
     browser = found(browsers)
@@ -173,6 +202,7 @@ def main():
             if any((folder / "flights").glob("*.csv")):
                 tab.click("#jobs button:has-text('Identify me')")
                 tab.wait_for_selector("#job .verdict", timeout=60_000)
+                wrong += compared(tab, folder / "flights")
             opened.close()
         print("\n".join(wrong) or json.dumps(results))
     finally:

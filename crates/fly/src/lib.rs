@@ -35,6 +35,7 @@
 //! | [`flightgear`](mod@flightgear) | FlightGear as display |
 
 pub mod beside;
+mod connections;
 pub mod craft;
 pub mod distribution;
 pub mod flightgear;

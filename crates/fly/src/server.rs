@@ -1,16 +1,18 @@
 //! Server of the page and its socket, for this computer only: it requires a token in the address, checks Host and
 //! Origin, limits size and rate of messages, and lets one page control the stick.
 
+use crate::connections::{self, Connection};
 use crate::hand::Hand;
 use crate::message::{FromPage, ToPage};
 use crate::session::{Board, Command, Listening};
-use axum::Router;
 use axum::body::Body;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::extract::{Path as UrlPath, Query, State};
-use axum::http::{HeaderMap, HeaderName, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::middleware::map_response;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use axum::{Extension, Router};
 use serde::Deserialize;
 use std::net::SocketAddr;
 use std::path::{Component, Path, PathBuf};
@@ -61,6 +63,7 @@ struct Shared {
     pages: AtomicU64,
     changed: Notify,
     made: PathBuf,
+    policy: String,
 }
 
 /// A server's listener and access rules.
@@ -74,6 +77,8 @@ pub struct Server {
     pub is_open: bool,
     /// Folder of files created by jobs.
     pub made: PathBuf,
+    /// Content-Security-Policy of the pages among them.
+    pub policy: String,
 }
 
 /// A random token of 128 bits.
@@ -99,16 +104,15 @@ impl Server {
         ))
     }
 
-    /// Serves until `until` completes.
+    /// Serves until it is dropped.
     ///
     /// # Errors
-    /// If the listener fails.
+    /// If the listener has no address.
     pub async fn serve(
         self,
         board: Arc<Board>,
         hand: Arc<Hand>,
         commands: Sender<Command>,
-        until: impl Future<Output = ()> + Send + 'static,
     ) -> std::io::Result<()> {
         let address = self.listener.local_addr()?;
         let shared = Arc::new(Shared {
@@ -125,17 +129,37 @@ impl Server {
             pages: AtomicU64::new(0),
             changed: Notify::new(),
             made: self.made,
+            policy: self.policy,
         });
         let router = Router::new()
             .route("/", get(page))
             .route("/{file}", get(file))
             .route("/made/{*file}", get(made))
             .route("/socket", get(socket))
+            .layer(map_response(guarded))
             .with_state(shared);
-        axum::serve(self.listener, router)
-            .with_graceful_shutdown(until)
-            .await
+        connections::serve(self.listener, &router).await;
+        Ok(())
     }
+}
+
+/// An answer with the headers that each has: nothing is guessed, kept or told to other sites, and what has no policy of
+/// its own runs nothing.
+async fn guarded(mut response: Response) -> Response {
+    const ALL: [(HeaderName, &str); 4] = [
+        (
+            header::CONTENT_SECURITY_POLICY,
+            "default-src 'none'; frame-ancestors 'none'; base-uri 'none'",
+        ),
+        (header::CACHE_CONTROL, "no-store"),
+        (header::REFERRER_POLICY, "no-referrer"),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    ];
+    for (name, value) in ALL {
+        let own = response.headers_mut().entry(name);
+        own.or_insert(HeaderValue::from_static(value));
+    }
+    response
 }
 
 /// Host names of this computer with the port.
@@ -182,14 +206,18 @@ impl Shared {
         }
     }
 
-    /// Whether the token is correct; compared in constant time.
-    fn knows(&self, asked: &Asked) -> bool {
+    /// Whether the token is correct; compared in constant time. A connection that has shown it is not closed for others.
+    fn knows(&self, asked: &Asked, connection: &Connection) -> bool {
         let (own, given) = (
             self.token.as_bytes(),
             asked.token.as_deref().unwrap_or("").as_bytes(),
         );
         let differ = own.iter().zip(given).fold(0, |sum, (a, b)| sum | (a ^ b));
-        own.len() == given.len() && differ == 0
+        let is_known = own.len() == given.len() && differ == 0;
+        if is_known {
+            connection.keep();
+        }
+        is_known
     }
 
     fn send(&self, command: Command) {
@@ -202,6 +230,7 @@ impl Shared {
 async fn page(
     State(shared): State<Arc<Shared>>,
     Query(asked): Query<Asked>,
+    Extension(connection): Extension<Connection>,
     headers: HeaderMap,
 ) -> Response {
     if !shared.is_ours(&headers) {
@@ -209,7 +238,7 @@ async fn page(
             "Another name for this computer: open the address that pilotage fly has printed.",
         );
     }
-    match shared.knows(&asked) {
+    match shared.knows(&asked, &connection) {
         true => embedded("", &headers),
         false => refused(
             "The address has no token, or an old one: take the one that pilotage fly has printed.",
@@ -244,9 +273,6 @@ fn embedded(name: &str, headers: &HeaderMap) -> Response {
     let response_headers = [
         (header::CONTENT_TYPE, (*kind).to_owned()),
         (header::CONTENT_SECURITY_POLICY, policy),
-        (header::CACHE_CONTROL, "no-store".to_owned()),
-        (header::REFERRER_POLICY, "no-referrer".to_owned()),
-        (header::X_CONTENT_TYPE_OPTIONS, "nosniff".to_owned()),
     ];
     (response_headers, *text).into_response()
 }
@@ -256,33 +282,55 @@ async fn made(
     State(shared): State<Arc<Shared>>,
     UrlPath(name): UrlPath<String>,
     Query(asked): Query<Asked>,
+    Extension(connection): Extension<Connection>,
     headers: HeaderMap,
 ) -> Response {
-    if !shared.is_ours(&headers) || !shared.knows(&asked) {
+    if !shared.is_ours(&headers) || !shared.knows(&asked, &connection) {
         return refused("the address has no token");
     }
-    let is_below = Path::new(&name)
-        .components()
-        .all(|part| matches!(part, Component::Normal(_)));
-    let read = || std::fs::read(shared.made.join(&name)).ok();
-    let Some(bytes) = is_below.then(read).flatten() else {
+    let Some(bytes) = own_file(&shared.made, Path::new(&name)) else {
         return (StatusCode::NOT_FOUND, "no such file\n").into_response();
     };
+    let policy = format!("{}; frame-ancestors 'self'", shared.policy);
     let kind = match name.rsplit('.').next() {
         Some("html") => "text/html; charset=utf-8",
         Some("toml" | "csv" | "txt") => "text/plain; charset=utf-8",
         _ => "application/octet-stream",
     };
-    ([(header::CONTENT_TYPE, kind)], Body::from(bytes)).into_response()
+    let response_headers = [
+        (header::CONTENT_TYPE, kind),
+        (header::CONTENT_SECURITY_POLICY, &policy),
+    ];
+    (response_headers, Body::from(bytes)).into_response()
+}
+
+/// The content of a file below a folder. Links are not followed, they may lead anywhere; nor are pipes read, which may
+/// never end.
+fn own_file(folder: &Path, name: &Path) -> Option<Vec<u8>> {
+    let mut path = folder.to_owned();
+    let mut kind = path.symlink_metadata().ok()?.file_type();
+    for part in name.components() {
+        let Component::Normal(part) = part else {
+            return None;
+        };
+        if !kind.is_dir() {
+            return None;
+        }
+        path.push(part);
+        kind = path.symlink_metadata().ok()?.file_type();
+    }
+    kind.is_file().then(|| std::fs::read(path).ok())?
 }
 
 async fn socket(
     State(shared): State<Arc<Shared>>,
     Query(asked): Query<Asked>,
+    Extension(connection): Extension<Connection>,
     headers: HeaderMap,
     upgrade: WebSocketUpgrade,
 ) -> Response {
-    if !shared.is_ours(&headers) || !shared.is_own_page(&headers) || !shared.knows(&asked) {
+    let is_own = shared.is_ours(&headers) && shared.is_own_page(&headers);
+    if !is_own || !shared.knows(&asked, &connection) {
         return refused("not of this page");
     }
     let upgrade = upgrade.max_message_size(LARGEST).max_frame_size(LARGEST);

@@ -16,6 +16,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::{Error, Message};
@@ -79,14 +80,13 @@ async fn session_of(folder: &Path, hand: Arc<Hand>) -> (String, String) {
         token: token.clone(),
         is_open: false,
         made: folder.join("made"),
+        policy: "script-src 'none'".to_owned(),
     };
     // Held until the end: a session whose commands have no sender ends.
     let keep: std::sync::mpsc::Sender<Command> = sender.clone();
     tokio::spawn(async move {
         let _keep = keep;
-        server
-            .serve(board, hand, sender, std::future::pending())
-            .await
+        server.serve(board, hand, sender).await
     });
     (address, token)
 }
@@ -429,6 +429,120 @@ async fn strangers_and_nonsense_are_sent_away() {
     .await;
     let trouble = until(&mut socket, "trouble", |_| true).await;
     assert!(trouble["words"].as_str().unwrap().contains("consent"));
+}
+
+/// The answer to a request without a body.
+async fn answer(address: &str, path: &str) -> String {
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    let request = format!("GET {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n");
+    stream.write_all(request.as_bytes()).await.unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).await.unwrap();
+    answer
+}
+
+/// Every answer says that nothing is guessed, told to other sites or run, but for what its own policy allows; no link
+/// and nothing above the folder is followed, and no pipe is waited for.
+#[tokio::test]
+async fn each_answer_is_guarded_and_no_link_is_followed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (address, token) = session(folder.path()).await;
+    let made = folder.path().join("made");
+    std::fs::create_dir(&made).unwrap();
+    std::fs::write(made.join("own.html"), "own").unwrap();
+    std::fs::write(folder.path().join("secret.html"), "secret").unwrap();
+    let mut paths = vec![
+        ("/".to_owned(), 403),
+        (format!("/?token={token}"), 200),
+        ("/main.js".to_owned(), 200),
+        ("/nothing".to_owned(), 404),
+        ("/made/own.html".to_owned(), 403),
+        (format!("/made/own.html?token={token}"), 200),
+        (format!("/made/%2e%2e/secret.html?token={token}"), 404),
+        (format!("/made/own.html/x?token={token}"), 404),
+        (format!("/made/.?token={token}"), 404),
+        (format!("/socket?token={token}"), 400),
+        (format!("/socket?token={token}&token="), 400),
+    ];
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::symlink;
+        symlink(folder.path().join("secret.html"), made.join("link.html")).unwrap();
+        symlink(folder.path(), made.join("up")).unwrap();
+        let pipe = std::process::Command::new("mkfifo").arg(made.join("pipe"));
+        assert!({ pipe }.status().unwrap().success());
+        for name in ["link.html", "up/secret.html", "up/made/own.html", "pipe"] {
+            paths.push((format!("/made/{name}?token={token}"), 404));
+        }
+    }
+    for (path, status) in paths {
+        let answer = answer(&address, &path).await;
+        let begin = format!("HTTP/1.1 {status} ");
+        assert!(answer.starts_with(&begin), "{path}: {answer}");
+        for header in [
+            "content-security-policy: ",
+            "x-content-type-options: nosniff\r\n",
+            "referrer-policy: no-referrer\r\n",
+        ] {
+            assert!(answer.contains(header), "{path}: {header}: {answer}");
+        }
+        let is_own = path.starts_with("/made") && status == 200;
+        let policy = "content-security-policy: script-src 'none'; frame-ancestors 'self'\r\n";
+        assert_eq!(answer.contains(policy), is_own, "{path}: {answer}");
+    }
+}
+
+/// Requests that never end are closed: the oldest as soon as many others come, and all after some seconds. Meanwhile the
+/// page goes on, and another is opened.
+#[tokio::test]
+async fn half_open_requests_keep_nobody_out() {
+    const KEPT: usize = 128;
+    let folder = tempfile::tempdir().unwrap();
+    let (address, token) = session(folder.path()).await;
+    let mut page = open(&address, &token).await;
+    until(&mut page, "phase", |_| true).await;
+    let mut halves = Vec::new();
+    for k in 0..4 * KEPT {
+        let mut half = TcpStream::connect(&address).await.unwrap();
+        let begin: &[u8] = match k % 3 {
+            0 => b"GET / HTTP/1.1\r\nX-a: ",
+            1 => b"",
+            _ => b"POST / HTTP/1.1\r\nContent-Length: 1000000\r\n",
+        };
+        // It may be closed already.
+        let _ = half.write_all(begin).await;
+        halves.push(half);
+    }
+    let answer = answer(&address, &format!("/?token={token}")).await;
+    assert!(answer.starts_with("HTTP/1.1 200 "), "{answer}");
+    send(
+        &mut page,
+        json!({ "type": "begin", "subject": "../x", "consent": true, "device": "mouse" }),
+    )
+    .await;
+    until(&mut page, "trouble", |_| true).await;
+    let ended = async |half: &mut TcpStream| {
+        let mut rest = Vec::new();
+        let end = half.read_to_end(&mut rest);
+        let end = tokio::time::timeout(Duration::from_secs(60), end);
+        let _ = end.await.expect("a server that hangs up");
+    };
+    let (old, new) = halves.split_at_mut(3 * KEPT);
+    for half in old {
+        ended(half).await;
+    }
+    let newest = new.last_mut().unwrap();
+    let is_open = matches!(newest.try_read(&mut [0; 1]), Err(error) if error.kind() == std::io::ErrorKind::WouldBlock);
+    assert!(is_open, "the newest has its time");
+    for half in new {
+        ended(half).await;
+    }
+    send(
+        &mut page,
+        json!({ "type": "begin", "subject": "../x", "consent": true, "device": "mouse" }),
+    )
+    .await;
+    until(&mut page, "trouble", |_| true).await;
 }
 
 /// Of two pages one has the stick; the other takes it when it asks.

@@ -204,35 +204,27 @@ impl Compiled {
         self.starts.iter().map(|node| !is_number(node)).collect()
     }
 
-    /// True if the derivatives are linear in states and inputs, `ẋ = A(p) x + B(p) u`.
+    /// True if the derivatives are linear in states and inputs, `ẋ = A(p) x + B(p) u`, by the operations that they use.
     pub fn is_linear(&self) -> bool {
         let system = &self.model.system;
+        let graph = &system.graph;
         let parameters = system.parameter(0)..system.variables();
-        let mut graph = system.graph.clone();
-        let unknowns = system.state(0)..system.parameter(0);
-        let mut slopes = Vec::new();
-        for variable in unknowns.chain([0]) {
-            slopes.push(graph.derivatives(&system.derivatives, variable));
-        }
-        let of_time = slopes.pop().unwrap_or_default();
         let varies = graph.dependants(|variable| !parameters.contains(&variable));
-        let constant = slopes.iter().flatten().all(|node| !varies[node.index()]);
-        // A step function has zero slope everywhere but is not linear.
-        let needed = graph.ancestors(&system.derivatives);
-        let operations = graph.operations().iter().enumerate();
-        let smooth = |operation: &Operation| match operation {
+        let of_time = graph.dependants(|variable| variable == 0);
+        let is_linear = |operation: &Operation| match operation {
             Operation::Constant(_) | Operation::Variable(_) => true,
             Operation::Unary(function, _) => *function == Function::Negate,
-            Operation::Binary(operator, ..) => matches!(
-                operator,
-                Operator::Add | Operator::Subtract | Operator::Multiply | Operator::Divide
-            ),
-            Operation::Select(..) | Operation::Lookup(..) | Operation::Call(..) => false,
+            Operation::Binary(Operator::Add | Operator::Subtract, ..) => true,
+            Operation::Binary(Operator::Multiply, a, b) => {
+                !(varies[a.index()] && varies[b.index()])
+            }
+            Operation::Binary(Operator::Divide, _, below) => !varies[below.index()],
+            // A step function has zero slope everywhere but is not linear.
+            _ => false,
         };
-        let mut varying = operations.filter(|(k, _)| needed[*k] && varies[*k]);
-        varying.all(|(_, operation)| smooth(operation))
-            && constant
-            && of_time.iter().all(|node| graph.is_zero(*node))
+        let needed = graph.ancestors(&system.derivatives);
+        let mut needed = (0..needed.len()).filter(|k| needed[*k]);
+        needed.all(|k| !of_time[k] && (!varies[k] || is_linear(&graph.operations()[k])))
             && self.rests_at_zero()
     }
 

@@ -72,7 +72,7 @@ impl Sampled {
     /// As [`StateSpace::closed`], but never for an algebraic loop, since held inputs close none.
     pub fn poles(&self, wires: &[Wire]) -> Result<Vec<Complex<f64>>, AlgebraicLoop> {
         let alive = |z: &Complex<f64>| z.norm() > 1e-12;
-        let poles = eigenvalues(&without_zeros(self.system.closed(wires)?.a)).into_iter();
+        let poles = eigenvalues(&self.system.closed(wires)?.a).into_iter();
         let mut poles: Vec<_> = (poles.filter(alive)).map(|z| z.ln() / self.step).collect();
         poles.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
         Ok(poles)
@@ -103,17 +103,4 @@ impl Sampled {
             .with_end(highest, evaluate(highest));
         Ok((response, margins))
     }
-}
-
-/// The matrix without eigenvalues that are 0 by its structure: rows and columns of zeros, and those that are zeros without
-/// them. Of n static gains in series they are one eigenvalue n times, which rounding would move by its n-th root.
-fn without_zeros(mut matrix: DMatrix<f64>) -> DMatrix<f64> {
-    let is_zero = |matrix: &DMatrix<f64>, i: usize| {
-        matrix.row(i).iter().all(|value| *value == 0.0)
-            || matrix.column(i).iter().all(|value| *value == 0.0)
-    };
-    while let Some(i) = (0..matrix.nrows()).find(|&i| is_zero(&matrix, i)) {
-        matrix = matrix.remove_row(i).remove_column(i);
-    }
-    matrix
 }

@@ -1,6 +1,8 @@
 //! Poles and their frequency and damping.
 
 use nalgebra::{Complex, DMatrix, Schur};
+use petgraph::algo::kosaraju_scc;
+use petgraph::graph::{DiGraph, NodeIndex};
 
 /// One real pole, or one pair of conjugate poles.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,20 +61,44 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
 
 /// The eigenvalues, unsorted; `None` if the iteration does not converge or a value is not finite.
 fn iterate(matrix: &DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
-    if matrix.is_empty() {
-        return Some(Vec::new());
-    }
     // The iteration does not end if a value is not finite.
     if matrix.iter().any(|value| !value.is_finite()) {
         return None;
     }
-    let mut balanced = matrix.clone();
-    balance(&mut balanced);
-    let limit = MAX_ITERATIONS * matrix.nrows();
-    let schur = Schur::try_new(balanced, f64::EPSILON, limit)?;
-    let values: Vec<_> = schur.complex_eigenvalues().iter().copied().collect();
+    let mut values: Vec<Complex<f64>> = Vec::with_capacity(matrix.nrows());
+    for block in blocks(matrix) {
+        let mut balanced = matrix.select_rows(&block).select_columns(&block);
+        balance(&mut balanced);
+        let limit = MAX_ITERATIONS * block.len();
+        let schur = Schur::try_new(balanced, f64::EPSILON, limit)?;
+        values.extend(schur.complex_eigenvalues().iter());
+    }
     let are_finite = values.iter().all(|s| s.re.is_finite() && s.im.is_finite());
     are_finite.then_some(values)
+}
+
+/// The diagonal blocks of a matrix that is block-triangular after a permutation; their eigenvalues are its own. They are
+/// the strongly connected components of the states, two of which are connected if one acts on the other. Elements in
+/// series are thus separate: of n equal ones, rounding would move the n-fold eigenvalue by its n-th root, and all at once
+/// would cost n³.
+fn blocks(matrix: &DMatrix<f64>) -> Vec<Vec<usize>> {
+    let mut graph = DiGraph::<(), ()>::new();
+    let nodes: Vec<NodeIndex> = (0..matrix.nrows()).map(|_| graph.add_node(())).collect();
+    for (column, from) in matrix.column_iter().zip(&nodes) {
+        let acts = column
+            .iter()
+            .zip(&nodes)
+            .filter(|(slope, _)| **slope != 0.0);
+        acts.for_each(|(_, to)| {
+            graph.add_edge(*from, *to, ());
+        });
+    }
+    let mut blocks: Vec<Vec<usize>> = kosaraju_scc(&graph)
+        .into_iter()
+        .map(|block| block.into_iter().map(NodeIndex::index).collect())
+        .collect();
+    blocks.iter_mut().for_each(|block| block.sort_unstable());
+    blocks
 }
 
 /// `e^matrix`; `None` if the matrix is not finite, for which nalgebra's algorithm would square without end, or if the

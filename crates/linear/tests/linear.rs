@@ -320,6 +320,31 @@ fn gains_in_series_have_no_poles_of_their_own() {
     }
 }
 
+/// Elements in series are blocks of their own, whatever their order: n equal ones have an n-fold pole, exactly, and in a
+/// loop beside them nothing changes. All at once, rounding moves the pole by its n-th root, and the time grows with n³.
+#[test]
+fn poles_of_elements_in_series_are_those_of_each() {
+    const N: usize = 400;
+    // Its place among the states is that of a permutation.
+    let at = |k: usize| (k * 7 + 3) % (2 * N);
+    let mut a = DMatrix::zeros(2 * N, 2 * N);
+    for k in 0..N {
+        let (x, v) = (at(2 * k), at(2 * k + 1));
+        a[(x, v)] = 1.0;
+        a[(v, x)] = -25.0;
+        a[(v, v)] = -6.0;
+        for before in 0..k {
+            a[(v, at(2 * before))] = 1e3;
+        }
+    }
+    let poles = pilotage_linear::eigenvalues(&a);
+    assert_eq!(poles.len(), 2 * N);
+    for pole in poles {
+        close(pole.re, -3.0, 1e-12);
+        close(pole.im.abs(), 4.0, 1e-12);
+    }
+}
+
 /// Zeros of little damping, near which the phase turns by half a circle at once: the loop's limit may lie there.
 #[test]
 fn crossings_near_zeros_of_little_damping_are_found() {

@@ -4,6 +4,7 @@ use super::lines::Lines;
 use super::{Column, Series, SeriesError, TextColumn};
 use pilotage_text::file;
 use pilotage_units::Unit;
+use std::collections::HashMap;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
@@ -83,12 +84,13 @@ impl Series {
             columns,
             ..Self::default()
         };
+        let mut texts = vec![None; series.columns.len()];
         while rows.next()? {
-            series.push_row(&rows, &header, form)?;
+            series.push_row(&rows, &header, form, &mut texts)?;
         }
-        let texts = &series.texts;
-        let is_text = |column: &Column| texts.iter().any(|own| own.name == column.name);
-        series.columns.retain(|column| !is_text(column));
+        let mut is_text = texts.iter().map(Option::is_some);
+        series.columns.retain(|_| is_text.next() != Some(true));
+        series.texts = texts.into_iter().flatten().collect();
         series.comments = std::mem::take(&mut rows.reader.get_mut().comments);
         match series.time.is_empty() {
             true => Err(SeriesError::NoSamples { file: file.into() }),
@@ -96,12 +98,13 @@ impl Series {
         }
     }
 
-    /// Appends the current row of `rows`.
+    /// Appends the current row of `rows`; `texts` has the first word of each column of words.
     fn push_row<R: BufRead>(
         &mut self,
         rows: &Rows<R>,
         header: &Header,
         form: Form,
+        texts: &mut [Option<TextColumn>],
     ) -> Result<(), SeriesError> {
         let (row, file) = (&rows.row, || rows.file.to_owned());
         if row.len() != header.cells.len() {
@@ -138,16 +141,16 @@ impl Series {
                 previous,
             });
         }
-        for (i, column) in self.columns.iter_mut().enumerate() {
+        for (i, (column, text)) in self.columns.iter_mut().zip(texts).enumerate() {
             let cell = row[i + 1].trim();
             let is_word = || cell.parse::<f64>().is_err();
-            let value = match self.texts.iter().find(|own| own.name == column.name) {
+            let value = match text {
                 Some(_) if cell.is_empty() || is_word() => f64::NAN,
                 // Words among numbers are mistakes.
                 Some(text) => return Err(text.error(rows.file)),
                 None => match number(i + 1, form) {
                     Err(_) if is_word() && column.values.iter().all(|value| value.is_nan()) => {
-                        self.texts.push(wrong(i + 1));
+                        *text = Some(wrong(i + 1));
                         f64::NAN
                     }
                     found => found?,
@@ -236,7 +239,7 @@ impl<'a, R: BufRead> Rows<'a, R> {
         if row.iter().all(|cell| cell.trim().parse::<f64>().is_ok()) {
             return Err(SeriesError::NoHeader { file: file(), line });
         }
-        let mut cells: Vec<(String, String)> = Vec::new();
+        let (mut cells, mut places) = (Vec::new(), HashMap::new());
         for (i, cell) in row.iter().enumerate() {
             let (name, unit) = name_and_unit(cell).ok_or_else(|| SeriesError::Header {
                 file: self.file.into(),
@@ -244,7 +247,7 @@ impl<'a, R: BufRead> Rows<'a, R> {
                 column: i + 1,
                 found: cell.into(),
             })?;
-            if let Some(first) = cells.iter().position(|(other, _)| *other == name) {
+            if let Some(first) = places.insert(name.clone(), i) {
                 return Err(SeriesError::Duplicate {
                     file: self.file.into(),
                     line,
@@ -360,6 +363,37 @@ mod tests {
         let error = parse("time,a\n0,inf\n").unwrap_err().to_string();
         assert!(error.contains("`inf` is not a finite number"), "{error}");
         assert!(parse("time,a\nx,1\n").is_err());
+    }
+
+    /// As many columns as a line may have are read in a time that grows with their number, of numbers and of words.
+    #[test]
+    fn a_table_may_be_wide() {
+        const N: usize = 100_000;
+        let row = |cell: &dyn Fn(usize) -> String| (0..N).map(cell).collect::<Vec<_>>().join(",");
+        let text = format!(
+            "time,{}\n0,{}\n1,{}\n",
+            row(&|k| format!("c{k}")),
+            row(&|k| if k % 2 == 0 {
+                "1".into()
+            } else {
+                "word".into()
+            }),
+            row(&|k| if k % 2 == 0 {
+                k.to_string()
+            } else {
+                String::new()
+            }),
+        );
+        let found = Series::parse(text.as_bytes(), "f.csv").unwrap();
+        assert_eq!((found.columns.len(), found.texts.len()), (N / 2, N / 2));
+        assert_eq!(found.columns[N / 2 - 1].values, [1.0, (N - 2) as f64]);
+        assert_eq!(found.texts[N / 2 - 1].name, format!("c{}", N - 1));
+        let twice = text.replacen(&format!("c{}", N - 1), "c0", 1);
+        let error = Series::parse(twice.as_bytes(), "f.csv").unwrap_err();
+        assert!(matches!(
+            error,
+            SeriesError::Duplicate { first: 2, second, .. } if second == N + 1
+        ));
     }
 
     /// Part of an endless device is read.

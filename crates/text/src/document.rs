@@ -176,11 +176,46 @@ fn duplicate(error: &toml::de::Error, text: &str) -> Option<String> {
 struct Source<'t> {
     file: &'t str,
     text: &'t str,
+    lines: &'t Lines,
+}
+
+/// Where lines of a text begin and which of its bytes continue a character, so that a position costs the same wherever it
+/// is.
+#[derive(Debug)]
+struct Lines {
+    begins: Vec<usize>,
+    continued: Vec<usize>,
+}
+
+impl Lines {
+    fn of(text: &str) -> Self {
+        let bytes = || text.bytes().enumerate();
+        let after = bytes()
+            .filter(|(_, byte)| *byte == b'\n')
+            .map(|(k, _)| k + 1);
+        Self {
+            begins: std::iter::once(0).chain(after).collect(),
+            continued: bytes()
+                .filter(|(_, byte)| byte & 0xc0 == 0x80)
+                .map(|(k, _)| k)
+                .collect(),
+        }
+    }
+
+    fn position(&self, byte: usize) -> Position {
+        let line = self.begins.partition_point(|begin| *begin <= byte);
+        let begin = self.begins[line - 1];
+        let continued = |byte| self.continued.partition_point(|own| *own < byte);
+        Position {
+            line,
+            column: 1 + byte - begin - (continued(byte) - continued(begin)),
+        }
+    }
 }
 
 impl Source<'_> {
     fn position(&self, at: usize) -> Position {
-        Position::of(self.text, at)
+        self.lines.position(at)
     }
 
     fn place(&self, at: usize) -> Place {
@@ -197,18 +232,16 @@ impl Position {
     /// The position of a byte offset in a text.
     pub fn of(text: &str, byte: usize) -> Self {
         let before = text.get(..byte).unwrap_or(text);
-        let line = before.rfind('\n').map_or(0, |end| end + 1);
-        Self {
-            line: 1 + before.matches('\n').count(),
-            column: 1 + before[line..].chars().count(),
-        }
+        Lines::of(before).position(before.len())
     }
 }
 
 /// A parsed file.
 #[derive(Debug)]
 pub struct Document<'t> {
-    source: Source<'t>,
+    file: &'t str,
+    text: &'t str,
+    lines: Lines,
     root: DeTable<'t>,
 }
 
@@ -218,15 +251,17 @@ impl<'t> Document<'t> {
     /// # Errors
     /// If the text is not TOML.
     pub fn parse(text: &'t str, file: &'t str) -> Result<Self, DocumentError> {
-        let source = Source { file, text };
+        let lines = Lines::of(text);
         match DeTable::parse(text) {
             Ok(root) => Ok(Self {
-                source,
+                file,
+                text,
+                lines,
                 root: root.into_inner(),
             }),
             Err(error) => Err(DocumentError::Syntax {
                 file: file.into(),
-                position: source.position(error.span().map_or(0, |span| span.start)),
+                position: lines.position(error.span().map_or(0, |span| span.start)),
                 reason: comma(text, error.span().map_or(0, |span| span.start))
                     .or_else(|| duplicate(&error, text))
                     .unwrap_or_else(|| error.message().replace('\n', ", ")),
@@ -237,7 +272,11 @@ impl<'t> Document<'t> {
     /// The top-level table.
     pub fn root(&self) -> TomlTable<'_> {
         TomlTable {
-            source: self.source,
+            source: Source {
+                file: self.file,
+                text: self.text,
+                lines: &self.lines,
+            },
             table: &self.root,
             position: Position { line: 1, column: 1 },
         }
@@ -273,9 +312,8 @@ impl<'a> TomlTable<'a> {
 
     /// Byte offset of a field's name; 0 if the field is missing.
     pub fn byte_of_name(&self, field: &str) -> usize {
-        let mut names = self.table.keys();
-        let name = names.find(|key| key.get_ref().as_ref() == field);
-        name.map_or(0, |name| name.span().start)
+        let own = self.table.get_key_value(field);
+        own.map_or(0, |(name, _)| name.span().start)
     }
 
     /// Byte range of a field's value.
@@ -330,8 +368,7 @@ impl<'a> TomlTable<'a> {
 
     /// Place of a field's name, if the field exists.
     pub fn key_place(&self, field: &str) -> Option<Place> {
-        let mut keys = self.table.keys();
-        let key = keys.find(|key| key.get_ref().as_ref() == field)?;
+        let (key, _) = self.table.get_key_value(field)?;
         Some(self.source.place(key.span().start))
     }
 
@@ -503,9 +540,7 @@ impl<'a> TomlTable<'a> {
     }
 
     fn get(&self, field: &str) -> Option<&'a Spanned<DeValue<'a>>> {
-        (self.table.iter())
-            .find(|(key, _)| key.get_ref().as_ref() == field)
-            .map(|(_, value)| value)
+        self.table.get(field)
     }
 
     fn value<T>(

@@ -4,6 +4,7 @@ use crate::cli::{system, terminal};
 use crate::cosim::Component;
 use crate::cosim::component::ComponentError;
 use crate::file;
+use crate::report::side_by_side;
 use crate::series::{Series, flown};
 use pilotage_fly::message::{JobKind, JobState, ToPage};
 use pilotage_fly::session::{Board, Works};
@@ -249,33 +250,23 @@ impl Jobs {
             let figures: Vec<&str> = came.words.lines().take(2).collect();
             lines.push(format!("{subject}: {verdict}{few}\n{}", figures.join(", ")));
         }
-        let frames = subjects.iter().map(|(subject, count)| {
-            let flights = counted(*count, "flight");
-            format!(
-                "<section><h1>{subject} <small>{flights}</small></h1><iframe data-page=\"{subject}.html\" title=\"{subject}\">\
-                 </iframe></section>"
-            )
-        });
-        let page = COMPARE.replace("FRAMES", &frames.collect::<String>());
-        std::fs::write(self.made.join("compare.html"), page).map_err(|error| error.to_string())?;
+        let pages: Vec<_> = (subjects.iter())
+            .map(|(own, count)| {
+                (
+                    own.as_str(),
+                    counted(*count, "flight"),
+                    format!("{own}.html"),
+                )
+            })
+            .collect();
+        std::fs::write(self.made.join("compare.html"), side_by_side(&pages))
+            .map_err(|error| error.to_string())?;
         Ok(Came {
             verdict: Some("Their pages stand side by side.".to_owned()),
             words: lines.join("\n"),
         })
     }
 }
-
-/// Page with the persons side by side, or stacked if space is short.
-const COMPARE: &str = r#"<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">
-<title>Side by side</title><style>
-:root { color-scheme: light dark; font-family: system-ui, sans-serif }
-body { margin: 0; display: flex; flex-wrap: wrap; min-height: 100vh }
-section { flex: 1 1 390px; min-width: min(390px, 100%); height: 100vh; display: flex; flex-direction: column; box-sizing: border-box; border-right: 1px solid gray }
-h1 { font-size: 1.1rem; margin: .5rem 1rem }
-small { font-weight: normal; opacity: .7 }
-iframe { flex: 1; border: 0 }
-</style>FRAMES<script>for (const own of document.querySelectorAll("iframe")) own.src = own.dataset.page + location.search</script></html>
-"#;
 
 fn os(word: &str) -> OsString {
     word.into()

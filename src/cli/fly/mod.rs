@@ -8,6 +8,7 @@ use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, interrupt, made, system, terminal};
 use crate::file;
 use crate::identification::trials::sha256;
+use crate::report;
 use crate::series::flown;
 use clap::builder::NonEmptyStringValueParser;
 use pilotage_fly::craft::{Craft, Maker, Names};
@@ -188,6 +189,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             token: server::token()?,
             is_open,
             made,
+            policy: report::policy(),
         };
         let address = server.address()?;
         args.print_address(&address);
@@ -201,10 +203,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
                 tokio::time::sleep(Duration::from_millis(50)).await;
             }
         };
-        let (done, end) = tokio::sync::oneshot::channel::<()>();
-        let serving = server.serve(board, hand, sender, async {
-            let _ = end.await;
-        });
+        let serving = server.serve(board, hand, sender);
         tokio::select! {
             ended = serving => ended?,
             () = until => {}
@@ -213,7 +212,6 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         let _ = quit.send(Command::Quit);
         let _ = tokio::task::spawn_blocking(move || session.join()).await;
         tokio::time::sleep(Duration::from_millis(100)).await;
-        drop(done);
         Ok::<(), std::io::Error>(())
     });
     served.map_err(|error| {

@@ -74,8 +74,7 @@ pub(super) fn try_all(
 ) -> Result<Tried, Failure> {
     let mut findings: Vec<Finding> = Vec::new();
     let mut is_loaded = true;
-    let mut progress = Spinner::new();
-    progress.show(format!("{}: unpacking", path.display()));
+    let progress = Spinner::new(format!("{}: unpacking", path.display()));
     let unpacked = unpacked(path)?;
     for check in behaviour::all(description) {
         progress.show(format!("{}: {check}", path.display()));
@@ -95,7 +94,6 @@ pub(super) fn try_all(
             break;
         }
     }
-    progress.clear();
     Ok(Tried {
         findings,
         is_loaded,

@@ -64,7 +64,10 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         }
         chosen = Some((found.json, found.is_whole));
     }
-    let posed = Posed::new(&file, &part::open)?;
+    let posed = {
+        let _shown = Spinner::new("reading the runs");
+        Posed::new(&file, &part::open)?
+    };
     let solves_again = args.refits.flag().or(args.checks.flag());
     if let (true, Some(flag)) = (args.evaluate, solves_again) {
         let message = format!("{flag} solves again, and --evaluate solves nothing");
@@ -93,7 +96,10 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     if args.orders.is_none() {
         interrupt::listen("stopping")?;
     }
-    let before = beforehand(&posed, &|| deadline.ask().is_break());
+    let before = {
+        let _shown = Spinner::new("looking at the runs");
+        beforehand(&posed, &|| deadline.ask().is_break())
+    };
     if let Some(own) = before.excitation.as_ref().filter(|_| !args.json) {
         terminal::print(&excitation::first_lines(own))?;
     }
@@ -112,7 +118,10 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         true => ControlFlow::Break(Status::Interrupted),
         false => ControlFlow::Continue(()),
     };
-    let judged = validated(&file, &fit, &part::open, &goes_on)?;
+    let judged = {
+        let _shown = Spinner::new("validating");
+        validated(&file, &fit, &part::open, &goes_on)?
+    };
     let refitted = match &plan {
         Some(plan) => refitted(plan, &posed, &fit, deadline)?,
         None => None,
@@ -209,8 +218,8 @@ fn check_outputs(args: &Args, path: &Path, fitted: &[Fitted]) -> Result<(), Fail
 
 /// Computes the fit with progress output, time limit and Ctrl-C.
 fn solved(args: &Args, posed: &Posed<'_>, deadline: Deadline) -> Fit {
-    let mut spinner = Spinner::new();
-    let fit = crate::estimation::fit(posed, &mut |progress| {
+    let spinner = Spinner::new("solving");
+    crate::estimation::fit(posed, &mut |progress| {
         if let Some(iteration) = progress.iteration {
             let line = line(posed, progress, iteration);
             match args.verbose {
@@ -219,9 +228,7 @@ fn solved(args: &Args, posed: &Posed<'_>, deadline: Deadline) -> Fit {
             }
         }
         deadline.ask()
-    });
-    spinner.clear();
-    fit
+    })
 }
 
 /// One line per iteration.
