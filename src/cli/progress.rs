@@ -1,5 +1,6 @@
 //! Progress of long computations, shown on a terminal only.
 
+use super::terminal::line;
 use crate::identification;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::time::{Duration, Instant};
@@ -89,7 +90,7 @@ impl Spinner {
                 bar.enable_steady_tick(Duration::from_millis(200));
                 bar
             });
-            bar.set_message(what);
+            bar.set_message(line(&what));
         }
     }
 

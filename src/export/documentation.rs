@@ -5,6 +5,7 @@ use super::{EXTRA, Provenance};
 use pilotage_language::ModelFile;
 use pilotage_sdk::variable::reference;
 use pilotage_sdk::{Interface, Variable};
+use pilotage_text::printable::markup;
 
 const APACHE: &str = include_str!("licenses/Apache-2.0.txt");
 const MIT: &str = include_str!("licenses/MIT.txt");
@@ -43,7 +44,7 @@ pub(super) fn provenance(interface: &Interface, provenance: &Provenance) -> Stri
 pub(super) fn equations(file: &ModelFile) -> String {
     format!(
         "<h2>Equations</h2>\n<pre>\n{}</pre>\n{}",
-        escaped(&file.equations()),
+        markup(&file.equations()),
         include_str!("text.html")
     )
 }
@@ -57,18 +58,18 @@ fn page(contents: &Contents<'_>) -> String {
         about,
         ..
     } = contents;
-    let name = escaped(name);
+    let name = markup(name);
     let place = picture_path(*version);
     let picture = format!("<img src=\"../{place}\" alt=\"\" width=\"480\"/>\n");
     let caveat = match &provenance.caveat {
-        Some(caveat) => format!("<p class=\"caveat\">{}</p>\n", escaped(caveat)),
+        Some(caveat) => format!("<p class=\"caveat\">{}</p>\n", markup(caveat)),
         None => String::new(),
     };
     let source = match &provenance.source {
         Some((file, text)) => format!(
             "<p>The file <code>{EXTRA}/{}</code> reads:</p>\n<pre>{}</pre>\n",
-            escaped(file),
-            escaped(text)
+            markup(file),
+            markup(text)
         ),
         None => String::new(),
     };
@@ -80,9 +81,9 @@ fn page(contents: &Contents<'_>) -> String {
          <h2>Where the numbers come from</h2>\n<p>{}</p>\n{source}\
          <p>Exported by pilotage {}. Licences: <a href=\"licenses/license.txt\">licenses</a>.</p>\n\
          </body>\n</html>\n",
-        escaped(&interface.description),
+        markup(&interface.description),
         table(&interface.variables),
-        escaped(&provenance.origin),
+        markup(&provenance.origin),
         env!("CARGO_PKG_VERSION"),
     )
 }
@@ -95,21 +96,14 @@ fn table(variables: &[Variable]) -> String {
     for (index, v) in variables.iter().enumerate() {
         let cells = [
             reference(index).to_string(),
-            format!("<code>{}</code>", escaped(&v.name)),
+            format!("<code>{}</code>", markup(&v.name)),
             v.unit.symbol(),
             v.role.name().to_owned(),
             v.start.map_or(String::new(), |start| start.to_string()),
             v.allowed().unwrap_or_default(),
-            escaped(&v.description),
+            markup(&v.description),
         ];
         html += &format!("<tr><td>{}</td></tr>\n", cells.join("</td><td>"));
     }
     html + "</table>\n"
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
 }

@@ -3,12 +3,7 @@
 use super::figure::Figure;
 use super::palette;
 
-/// Escapes the special characters of HTML.
-pub fn escape(text: &str) -> String {
-    (text.replace('&', "&amp;").replace('<', "&lt;"))
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
-}
+pub use pilotage_text::printable::markup as escape;
 
 /// A table: header cells, then rows of cells. Cells are already HTML; columns in `numeric` are right-aligned.
 pub fn table(header: &[&str], numeric: &[usize], rows: &[Vec<String>]) -> String {

@@ -11,7 +11,15 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("src/atomic_file", &["process"]),
     (
         "src/export",
-        &["abi", "sdk", "models", "language", "fmi", "atomic_file"],
+        &[
+            "abi",
+            "sdk",
+            "models",
+            "language",
+            "fmi",
+            "atomic_file",
+            "text",
+        ],
     ),
     (
         "src/report",
@@ -37,7 +45,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         &["models", "sdk", "series", "linear", "text"],
     ),
     // An instance knows the callbacks that it gives, and those what they reach; nobody of them knows it.
-    ("crates/fmi/src/message", &["abi"]),
+    ("crates/fmi/src/message", &["abi", "text"]),
     (
         "crates/fmi/src/binding",
         &[
@@ -269,6 +277,26 @@ fn only_the_command_line_knows_clap_and_the_terminal() {
         assert_eq!(streams, [false; 2], "{file} imports stdout or stderr");
         let knows = code.contains("crate::cli") || code.contains("pilotage::cli");
         assert!(!knows || file == "src/main.rs", "{file}");
+    }
+}
+
+/// What is printed is made visible in one place, which cannot be passed by.
+#[test]
+fn all_that_the_command_prints_passes_the_terminal() {
+    let printers = ["src/cli/terminal.rs"];
+    for (file, code) in library() {
+        if !is_of(&file, "src/cli") || printers.contains(&file.as_str()) {
+            continue;
+        }
+        let code = code.replace("stderr().is_terminal()", "");
+        for word in ["println!", "print!(", "io::stdout", "io::stderr", "dbg!"] {
+            assert!(!code.contains(word), "{file} uses {word}");
+        }
+        let is_drawn = code.contains("set_message(") || code.contains("suspend(");
+        assert!(
+            !is_drawn || file == "src/cli/progress.rs",
+            "{file} draws a bar with words"
+        );
     }
 }
 
