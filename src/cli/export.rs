@@ -287,9 +287,9 @@ fn write(
 }
 
 fn print_written(provenance: &Provenance, output: &Path) -> Result<Outcome, Failure> {
-    let mut text = format!("wrote {}\n", output.display());
+    let mut text = format!("wrote {}\n", terminal::shown(output));
     if let Some(caveat) = &provenance.caveat {
-        text += &format!("note: {caveat}\n");
+        text += &terminal::labelled("note", caveat);
     }
     let (program, fmu) = (program(), quoted(&output.to_string_lossy()));
     text += &format!("next: {program} validate {fmu}\n");

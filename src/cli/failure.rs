@@ -1,5 +1,6 @@
 //! Outcomes and failures of a command.
 
+use super::terminal::line;
 use crate::document::Place;
 use crate::error_chain::error_chain;
 use std::error::Error;
@@ -27,11 +28,12 @@ impl Outcome {
 }
 
 /// Invalid usage or input (exit code 2), or an FMU that ended by itself before there was a result (exit code 1).
-/// Displayed as `error: ...`, followed by `hint: ...` if there is a hint.
+/// Displayed as `error: ...`, followed by `hint: ...` if there is a hint, each on one line, and by [more lines](Self::below).
 #[derive(Debug, Clone)]
 pub struct Failure {
     message: String,
     hint: Option<String>,
+    below: String,
     code: u8,
 }
 
@@ -39,8 +41,9 @@ impl Failure {
     /// A failure with a message that says what is wrong, and where.
     pub fn new(message: impl Into<String>) -> Self {
         Self {
-            message: message.into(),
+            message: line(&message.into()),
             hint: None,
+            below: String::new(),
             code: 2,
         }
     }
@@ -69,14 +72,20 @@ impl Failure {
     /// Prefixes the place in the file, if known.
     pub fn at(mut self, place: Option<&Place>) -> Self {
         if let Some(place) = place {
-            self.message = format!("{place}: {}", self.message);
+            self.message = line(&format!("{place}: {}", self.message));
         }
         self
     }
 
     /// Adds a hint on what to do next.
     pub fn hint(mut self, hint: impl Into<String>) -> Self {
-        self.hint = Some(hint.into());
+        self.hint = Some(line(&hint.into()));
+        self
+    }
+
+    /// Adds lines below: a list, or the words of another tool. Names of others are to be on one line in them.
+    pub fn below(mut self, lines: &str) -> Self {
+        self.below = format!("\n{}", lines.trim_end());
         self
     }
 }
@@ -84,10 +93,10 @@ impl Failure {
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "error: {}", self.message)?;
-        match &self.hint {
-            Some(hint) => write!(f, "\nhint: {hint}"),
-            None => Ok(()),
+        if let Some(hint) = &self.hint {
+            write!(f, "\nhint: {hint}")?;
         }
+        f.write_str(&self.below)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Warnings of FMUs, which leave the library as events of `tracing`.
 
-use super::terminal::{self, eprint};
+use super::terminal;
 use std::collections::BTreeSet;
 use std::fmt::Debug;
 use std::sync::{Mutex, PoisonError};
@@ -61,10 +61,10 @@ impl Subscriber for Warnings {
         if shown.len() >= SHOWN || shown.contains(&warning) {
             return;
         }
-        eprint(&format!(
-            "warning: `{}`: {}\n",
-            warning.instance, warning.text
-        ));
+        terminal::say(
+            "warning",
+            &format!("`{}`: {}", warning.instance, warning.text),
+        );
         shown.insert(warning);
         if shown.len() == SHOWN {
             terminal::note(&format!(

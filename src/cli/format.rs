@@ -1,5 +1,6 @@
 //! Formats numbers and tables for the terminal.
 
+use super::terminal::line;
 use crate::linear::Mode;
 use nalgebra::Complex;
 
@@ -32,18 +33,21 @@ pub fn mode(mode: &Mode) -> String {
 /// Maximum column width used for padding: one long text must not widen all lines.
 const WIDEST: usize = 120;
 
-/// Aligns columns, up to the maximum width.
+/// Aligns columns, up to the maximum width. Each row is one line, whatever its cells contain.
 pub fn aligned<R: AsRef<[String]>>(rows: &[R]) -> String {
+    let rows: Vec<Vec<String>> = (rows.iter())
+        .map(|row| row.as_ref().iter().map(|cell| line(cell)).collect())
+        .collect();
     let width = |column: usize| {
-        let widths = rows.iter().map(|row| row.as_ref()[column].chars().count());
+        let widths = rows.iter().map(|row| row[column].chars().count());
         widths.max().unwrap_or(0).min(WIDEST)
     };
-    let columns = rows.first().map_or(0, |row| row.as_ref().len());
+    let columns = rows.first().map_or(0, Vec::len);
     let widths: Vec<usize> = (0..columns).map(width).collect();
     let mut text = String::new();
     for row in rows {
         let begin = text.len();
-        for (cell, &width) in row.as_ref().iter().zip(&widths) {
+        for (cell, &width) in row.iter().zip(&widths) {
             text += &format!("{cell:<width$}  ");
         }
         text.truncate(begin + text[begin..].trim_end().len());

@@ -59,9 +59,10 @@ pub fn watched() -> Result<ExitCode, Failure> {
                     None => format!("did not come back within {} s", AFTERWARDS.as_secs()),
                 };
                 let who = whose(&going).unwrap_or_else(|| "an FMU".to_owned());
-                terminal::eprint(&format!(
-                    "warning: {who} {how} when the work was done; nothing is lost\n"
-                ));
+                terminal::say(
+                    "warning",
+                    &format!("{who} {how} when the work was done; nothing is lost"),
+                );
             }
             ExitCode::from(code)
         }
@@ -94,7 +95,8 @@ fn early(status: ExitStatus, going: &[Going], child: &Child) -> ExitCode {
              alarm or a limit that it has set, may have ended it"
         ),
     };
-    terminal::eprint(&format!("error: {what}{}\n", rows(child)));
+    terminal::say("error", &what);
+    say_rows(child);
     ExitCode::FAILURE
 }
 
@@ -102,18 +104,16 @@ fn early(status: ExitStatus, going: &[Going], child: &Child) -> ExitCode {
 fn interrupted(going: &[Going], child: &Child) -> ExitCode {
     // The first Ctrl-C only requests a stop.
     let who = whose(going).filter(|_| child.interrupts() > 1);
-    let who = who.map(|who| format!("error: {who} had not come back when Ctrl-C ended it"));
-    let rows = rows(child);
-    match who {
-        Some(who) => terminal::eprint(&format!("{who}{rows}\n")),
-        None if rows.is_empty() => {}
-        None => terminal::eprint(&format!("{}\n", rows.trim_start())),
+    if let Some(who) = who {
+        let what = format!("{who} had not come back when Ctrl-C ended it");
+        terminal::say("error", &what);
     }
+    say_rows(child);
     ExitCode::from(KILLED)
 }
 
-/// A hint to the rows written by a process that was interrupted; empty if there are none.
-fn rows(child: &Child) -> String {
+/// Prints a hint to the rows written by a process that was interrupted, if there are any.
+fn say_rows(child: &Child) {
     let (records, _) = child.page().records();
     let rows = records.iter().find_map(|record| record.strip_prefix(ROWS));
     let has_some = |rows: &&Path| {
@@ -121,9 +121,10 @@ fn rows(child: &Child) -> String {
             .is_ok_and(|metadata| metadata.is_file() && metadata.len() > 0)
     };
     let rows = rows.map(Path::new).filter(has_some);
-    rows.map_or_else(String::new, |rows| {
-        format!("\nhint: the rows until then are in {}", rows.display())
-    })
+    if let Some(rows) = rows {
+        let hint = format!("the rows until then are in {}", rows.display());
+        terminal::say("hint", &hint);
+    }
 }
 
 /// The pending calls: instance, function and time.

@@ -4,6 +4,7 @@ use crate::date;
 use crate::file;
 use crate::identification::trials::sha256;
 use crate::report::Made;
+use pilotage_text::printable::{escaped, is_hidden};
 use std::path::{Path, PathBuf};
 
 /// Command line and date of this run.
@@ -35,9 +36,17 @@ pub fn program() -> String {
     }
 }
 
-/// A word, quoted for the shell if necessary.
+/// A word, quoted for the shell if necessary. [Hidden](is_hidden) characters are escaped, as bash and zsh read them.
 pub fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "_-+.,:/=@%".contains(c);
+    if word.contains(is_hidden) {
+        let escaped = word.chars().map(|c| match c {
+            '\\' | '\'' => format!("\\{c}"),
+            c if is_hidden(c) => escaped(c),
+            c => c.to_string(),
+        });
+        return format!("$'{}'", escaped.collect::<String>());
+    }
     match !word.is_empty() && word.chars().all(is_plain) {
         true => word.to_owned(),
         false => format!("'{}'", word.replace('\'', "'\\''")),
@@ -68,5 +77,6 @@ mod tests {
         assert_eq!(quoted("pilot.*"), "'pilot.*'");
         assert_eq!(quoted("it's"), "'it'\\''s'");
         assert_eq!(quoted(""), "''");
+        assert_eq!(quoted("a\nb'\\\u{202e}"), r"$'a\u000ab\'\\\u202e'");
     }
 }

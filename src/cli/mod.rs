@@ -37,6 +37,7 @@ mod vehicle;
 
 pub use failure::{Failure, Outcome};
 
+use clap::error::ErrorKind;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -107,12 +108,13 @@ struct IsolatedArgs {
 
 /// Entry point of the command. Exit codes: 0 done, 1 ran but the answer is no, 2 invalid usage or input.
 pub fn main() -> ExitCode {
-    let matches = Cli::command().get_matches();
-    let writes_json = writes_json(&matches);
-    let mut command = match Cli::from_arg_matches(&matches) {
-        Ok(cli) => cli.command,
-        Err(error) => error.format(&mut Cli::command()).exit(),
+    let parsed = Cli::command().try_get_matches();
+    let parsed = parsed.and_then(|matches| Ok((Cli::from_arg_matches(&matches)?, matches)));
+    let (mut command, matches) = match parsed {
+        Ok((cli, matches)) => (cli.command, matches),
+        Err(error) => return refused(error),
     };
+    let writes_json = writes_json(&matches);
     if let (Command::Fit(args), Some((_, own))) = (&mut command, matches.subcommand()) {
         args.note_given(own);
     }
@@ -141,6 +143,20 @@ pub fn main() -> ExitCode {
     pilotage_process::finished(code);
     pilotage_process::leftovers::stay_if_ending();
     ExitCode::from(code)
+}
+
+/// Prints help that was asked for, or what is wrong with the arguments: they may be names of files that somebody else made.
+fn refused(error: clap::Error) -> ExitCode {
+    if !matches!(
+        error.kind(),
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand
+    ) && error.use_stderr()
+    {
+        let error = error.format(&mut Cli::command());
+        terminal::eprint(&error.to_string());
+        return ExitCode::from(2);
+    }
+    error.exit()
 }
 
 /// Whether the command was given `--json`.

@@ -3,7 +3,7 @@
 use super::export::FmuArgs;
 use super::made::{program, quoted};
 use super::{Failure, Outcome, recognise, terminal};
-use crate::export::{Provenance, pack};
+use crate::export::{ExportError, Provenance, pack};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
@@ -41,7 +41,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let options = args.fmu.options()?;
     let (library, license) = match args.model.is_dir() {
         // A first build takes a minute: on a terminal, cargo's progress is shown.
-        true => pack::build(&args.model, std::io::stderr().is_terminal())?,
+        true => pack::build(&args.model, std::io::stderr().is_terminal()).map_err(not_built)?,
         false => (args.model.clone(), None),
     };
     let mut provenance = Provenance {
@@ -56,9 +56,19 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     })?;
     terminal::print(&format!(
         "wrote {}\nnext: {} validate {}\n",
-        path.display(),
+        terminal::shown(&path),
         program(),
         quoted(&path.to_string_lossy())
     ))?;
     Ok(Outcome::Done)
+}
+
+/// Cargo's messages are lines below ours.
+fn not_built(error: ExportError) -> Failure {
+    match error {
+        ExportError::Build { folder, messages } => {
+            Failure::new(format!("{} cannot be built:", folder.display())).below(&messages)
+        }
+        other => other.into(),
+    }
 }

@@ -76,9 +76,9 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     if args.figure == "list" {
         if let Some(output) = &args.output {
             let message = format!("{} needs a figure or table", output.display());
-            return Err(
-                Failure::new(message).hint(format!("--figure NAME, one of\n{}", content.list()))
-            );
+            return Err(Failure::new(message)
+                .hint("--figure NAME, one of")
+                .below(&content.list()));
         }
         terminal::print(&content.list())?;
         return Ok(Outcome::Done);
@@ -106,7 +106,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         (None, None) => return Err(content.unknown(&args.figure)),
     };
     overwrite::save(&output, bytes)?;
-    terminal::print(&format!("wrote {}\n", output.display()))?;
+    terminal::print(&format!("wrote {}\n", terminal::shown(output)))?;
     Ok(match content.is_doubtful {
         true => Outcome::No,
         false => Outcome::Done,

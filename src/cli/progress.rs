@@ -1,5 +1,6 @@
 //! Progress of long computations, shown on a terminal only.
 
+use super::terminal::line;
 use crate::identification;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::borrow::Cow;
@@ -50,7 +51,7 @@ impl Progress {
         let bar = self.bar.get_or_insert_with(bar);
         bar.set_length(length);
         bar.set_position(position);
-        bar.set_message(message);
+        bar.set_message(line(&message));
     }
 
     /// Clears the bar.
@@ -76,7 +77,7 @@ impl Spinner {
     /// Creates the spinner and starts its clock, with the first activity.
     pub fn new(what: impl Into<Cow<'static, str>>) -> Self {
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden());
-        bar.set_message(what);
+        bar.set_message(line(&what.into()));
         let (end, ended) = channel();
         let own = bar.clone();
         std::thread::spawn(move || {
@@ -91,7 +92,7 @@ impl Spinner {
 
     /// Shows the current activity.
     pub fn show(&self, what: String) {
-        self.bar.set_message(what);
+        self.bar.set_message(line(&what));
     }
 
     /// Clears the spinner.

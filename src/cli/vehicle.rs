@@ -126,7 +126,7 @@ fn to_text(file: &Path, vehicle: &Quadcopter, pitch: &PitchLoop) -> String {
          throttle above standstill {:.0} µs (pulse width {:.0} µs where the motors start at 1000 µs)\n  \
          full stick commands       {:.1}° of pitch, {:.2} m/s² at hover thrust\n\n\
          Pitch loop at hover: s³ + {:.3} s² + {:.3} s + {:.3}\n",
-        file.display(),
+        terminal::shown(file),
         vehicle.thrust(0.0),
         vehicle.hover_speed,
         vehicle.hover_speed * 1e3 * 30.0 / std::f64::consts::PI,

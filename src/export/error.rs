@@ -82,7 +82,7 @@ pub enum ExportError {
     },
     /// The crate builds no library of type `cdylib`.
     #[error(
-        "{} makes no shared library; its Cargo.toml needs\n[lib]\ncrate-type = [\"cdylib\"]",
+        "{} makes no shared library; its Cargo.toml needs `crate-type = [\"cdylib\"]` below `[lib]`",
         folder.display()
     )]
     NoLibrary {

@@ -1,6 +1,7 @@
 //! terminalsAndIcons.xml of FMI 3.0 (section 2.4.9): the icon, and a terminal with all inputs and outputs.
 
 use pilotage_sdk::{Interface, Role, Variable};
+use pilotage_text::printable::markup;
 
 /// Folder of the file and the icon.
 pub(super) const FOLDER: &str = "terminalsAndIcons";
@@ -8,6 +9,7 @@ pub(super) const FOLDER: &str = "terminalsAndIcons";
 /// The text of the file. The terminal is a bus: its members are matched by name.
 pub(super) fn file(interface: &Interface) -> String {
     let member = |name: &str| {
+        let name = markup(name);
         format!(
             "      <TerminalMemberVariable variableName=\"{name}\" memberName=\"{name}\" variableKind=\"signal\"/>\n"
         )

@@ -24,6 +24,8 @@ pub mod svg;
 mod tables;
 mod thin;
 
+use crate::series::cell;
+
 pub use figure::Figure;
 pub use figures::ClosedLoop;
 pub use html::{Made, policy, side_by_side};
@@ -36,10 +38,9 @@ pub use tables::target_of;
 
 /// A table as CSV, with quotes where required (RFC 4180).
 fn csv<R: AsRef<[String]>>(rows: &[R]) -> String {
-    let cell = |text: &String| match text.contains([',', '"', '\n']) {
-        true => format!("\"{}\"", text.replace('"', "\"\"")),
-        false => text.clone(),
+    let row = |row: &R| {
+        let cells: Vec<String> = row.as_ref().iter().map(|own| cell(own)).collect();
+        cells.join(",") + "\n"
     };
-    let row = |row: &R| row.as_ref().iter().map(cell).collect::<Vec<_>>().join(",") + "\n";
     rows.iter().map(row).collect()
 }

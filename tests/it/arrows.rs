@@ -45,7 +45,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         &["models", "sdk", "series", "linear", "text"],
     ),
     // An instance knows the callbacks that it gives, and those what they reach; nobody of them knows it.
-    ("crates/fmi/src/message", &["abi"]),
+    ("crates/fmi/src/message", &["abi", "text"]),
     (
         "crates/fmi/src/binding",
         &[
@@ -294,6 +294,26 @@ fn strings_become_html_unescaped_in_two_files_alone() {
     found.sort();
     let own = ["src/export/documentation.rs", "src/report/html.rs"];
     assert_eq!(found, own.map(Path::new));
+}
+
+/// What is printed is made visible in one place, which cannot be passed by.
+#[test]
+fn all_that_the_command_prints_passes_the_terminal() {
+    let printers = ["src/cli/terminal.rs"];
+    for (file, code) in library() {
+        if !is_of(&file, "src/cli") || printers.contains(&file.as_str()) {
+            continue;
+        }
+        let code = code.replace("stderr().is_terminal()", "");
+        for word in ["println!", "print!(", "io::stdout", "io::stderr", "dbg!"] {
+            assert!(!code.contains(word), "{file} uses {word}");
+        }
+        let is_drawn = code.contains("set_message(") || code.contains("suspend(");
+        assert!(
+            !is_drawn || file == "src/cli/progress.rs",
+            "{file} draws a bar with words"
+        );
+    }
 }
 
 /// The arrows are read from paths that begin at the crate. The command line and tests may know everything.

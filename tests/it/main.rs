@@ -46,6 +46,7 @@ mod other_fmus;
 #[path = "../paragraphs.rs"]
 mod paragraphs;
 mod plot;
+mod printable;
 mod problem_doubts;
 mod problem_flights;
 mod problem_fmus;

@@ -2,6 +2,7 @@
 
 use crate::distribution::Distribution;
 use crate::joystick::Reading;
+use pilotage_text::printable::shortened;
 use serde::{Deserialize, Serialize};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -212,12 +213,7 @@ impl Hand {
             .stick
             .iter_mut()
             .for_each(|value| *value = value.clamp(-1.0, 1.0));
-        input.name = input
-            .name
-            .chars()
-            .filter(|c| !c.is_control())
-            .take(80)
-            .collect();
+        input.name = shortened(&input.name, 80).into_owned();
         let mut latest = self.latest();
         latest.arrived = Instant::now();
         if let Some(joystick) = &latest.joystick {

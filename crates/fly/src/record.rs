@@ -10,6 +10,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 use pilotage_text::number::rounded;
+use pilotage_text::printable::comment;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -140,7 +141,7 @@ fn with_ending(path: &Path, ending: &str) -> PathBuf {
 fn head(header: &Header, columns: &[(String, String)]) -> String {
     let lines = header
         .iter()
-        .map(|(key, value)| format!("# {key}: {value}\n"));
+        .map(|(key, value)| comment(&format!("{key}: {value}")));
     let columns: Vec<String> = columns
         .iter()
         .map(|(name, unit)| pilotage_series::head(name, unit))

@@ -13,6 +13,7 @@ use crate::run::{self, Flown, Listener, State, columns, of_log};
 use crate::task::{Signal, Task};
 use pilotage_cosim::Component;
 use pilotage_cosim::component::ComponentError;
+use pilotage_text::printable::excerpt;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -337,13 +338,7 @@ impl Session {
 
     /// Sets the device used from now on. A change of device is reported.
     fn take(&mut self, device: Device, calibration: &serde_json::Value, about: &About) {
-        let short = |words: &str| {
-            words
-                .chars()
-                .filter(|c| !c.is_control())
-                .take(200)
-                .collect()
-        };
+        let short = |words: &str| excerpt(words).into_owned();
         let read = serde_json::from_value(calibration.clone()).ok();
         let held = self.hand.calibrate(read);
         let held = held.and_then(|held| serde_json::to_value(held).ok());

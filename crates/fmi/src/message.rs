@@ -1,6 +1,7 @@
 //! Messages of FMUs.
 
 use pilotage_abi::fmi2::Status;
+use pilotage_text::printable::one_line;
 
 /// A message of an FMU.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -11,12 +12,12 @@ pub struct Message {
     pub instance_name: Option<String>,
     /// Category, one of the description's `LogCategories` if the FMU follows the standard.
     pub category: String,
-    /// The text, with control characters escaped.
+    /// The text on one line: line ends are spaces, control characters and bidirectional marks are escaped.
     pub text: String,
 }
 
 impl Message {
-    /// Builds a message: removes trailing white space and escapes control characters.
+    /// Builds a message, on one line: nothing that an FMU says looks like a line of somebody else.
     pub(crate) fn new(
         status: Status,
         instance_name: Option<String>,
@@ -27,7 +28,7 @@ impl Message {
             status,
             instance_name,
             category,
-            text: printable(text),
+            text: one_line(text.trim_end()).into_owned(),
         }
     }
 
@@ -53,12 +54,18 @@ impl Message {
     }
 }
 
-/// Text for a terminal: no trailing newline, control characters escaped.
-fn printable(text: &str) -> String {
-    let escape = |c: char| match c {
-        '\n' | '\t' => c.to_string(),
-        c if c.is_control() => c.escape_default().to_string(),
-        c => c.to_string(),
-    };
-    text.trim_end().chars().map(escape).collect()
+#[cfg(test)]
+mod tests {
+    use super::Message;
+    use pilotage_abi::fmi2::Status;
+
+    #[test]
+    fn an_fmu_cannot_speak_in_lines_of_others() {
+        let said = "slow\n\nerror: the disk is full\r\u{1b}[1A\u{202e}\u{2028}error: x\n";
+        let message = Message::new(Status::WARNING, None, String::new(), said);
+        assert_eq!(
+            message.text,
+            "slow error: the disk is full \\u001b[1A\\u202e error: x"
+        );
+    }
 }

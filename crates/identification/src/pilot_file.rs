@@ -9,6 +9,7 @@ use crate::vehicle::{self, Mode, VehicleError};
 use nalgebra::Complex;
 use pilotage_models::{COEFFICIENTS, Pilot};
 use pilotage_text::document::{self, Document, DocumentError, number, quoted};
+use pilotage_text::printable::comment;
 use pilotage_units::{power, pretty};
 use std::path::Path;
 
@@ -236,9 +237,7 @@ pub fn to_toml(found: &Identification) -> String {
         .iter()
         .filter(|diagnostic| diagnostic.is_fatal())
     {
-        // A comment ends with its line; the name of a run may contain line breaks.
-        let words = diagnostic.to_string().replace(char::is_control, " ");
-        text += &format!("# NO ANSWER: {words}.\n");
+        text += &comment(&format!("NO ANSWER: {diagnostic}."));
     }
     text += &format!(
         "tool = \"pilotage {}\"\nstatus = {}\nconverged = {}\nstick_limit = {}\n\n[theta]\n",

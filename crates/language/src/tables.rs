@@ -6,6 +6,7 @@ use crate::scope::Scope;
 use crate::syntax::Term;
 use pilotage_expression::Curve;
 use pilotage_text::counted;
+use pilotage_text::printable::excerpt;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -118,7 +119,10 @@ fn parse(name: &str, text: String) -> Result<TableFile, Fault> {
         }
         let number = |cell: &str| match cell.trim().parse::<f64>() {
             Ok(value) if value.is_finite() => Ok(value),
-            _ => Err(fault(line, format!("`{cell}` is not a finite number"))),
+            _ => Err(fault(
+                line,
+                format!("`{}` is not a finite number", excerpt(cell)),
+            )),
         };
         let (at, value) = (number(&row[0])?, number(&row[1])?);
         if x.last().is_some_and(|last| at <= *last) {

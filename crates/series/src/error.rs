@@ -1,6 +1,7 @@
 //! Errors in CSV files, with their location.
 
 use super::lines::LONGEST;
+use pilotage_text::printable::excerpt;
 use std::path::PathBuf;
 
 /// Why a CSV file cannot be read as a [`Series`](super::Series). `file` is the name given by the user; lines count from
@@ -58,7 +59,10 @@ pub enum SeriesError {
         separator: &'static str,
     },
     /// A header cell that is not `name` or `name [unit]`.
-    #[error("{file}:{line}: column {column} is headed `{found}`; expected `name` or `name [unit]`")]
+    #[error(
+        "{file}:{line}: column {column} is headed `{}`; expected `name` or `name [unit]`",
+        excerpt(found)
+    )]
     Header {
         /// The file.
         file: String,
@@ -80,7 +84,10 @@ pub enum SeriesError {
         line: usize,
     },
     /// Two columns with the same name.
-    #[error("{file}:{line}: columns {first} and {second} are both named `{name}`")]
+    #[error(
+        "{file}:{line}: columns {first} and {second} are both named `{}`",
+        excerpt(name)
+    )]
     Duplicate {
         /// The file.
         file: String,
@@ -94,7 +101,10 @@ pub enum SeriesError {
         name: String,
     },
     /// The first column is not time.
-    #[error("{file}:{line}: the first column is `{found}`; expected `{expected} [s]`")]
+    #[error(
+        "{file}:{line}: the first column is `{}`; expected `{expected} [s]`",
+        excerpt(found)
+    )]
     NoTime {
         /// The file.
         file: String,
@@ -106,7 +116,10 @@ pub enum SeriesError {
         expected: String,
     },
     /// The unit of time is unknown or not a unit of time.
-    #[error("{file}:{line}: `time` is in `{found}`; expected a unit of time, such as s, ms or min")]
+    #[error(
+        "{file}:{line}: `time` is in `{}`; expected a unit of time, such as s, ms or min",
+        excerpt(found)
+    )]
     TimeUnit {
         /// The file.
         file: String,
@@ -132,7 +145,7 @@ pub enum SeriesError {
     },
     /// A cell that is not a finite number.
     #[error(
-        "{file}:{line}: column `{column}`: `{found}` is not a finite number; {}",
+        "{file}:{line}: column `{}`: `{}` is not a finite number; {}", excerpt(column), excerpt(found),
         if found.contains(',') { "decimals have a point" } else { "leave the cell empty where the sample is missing" }
     )]
     Number {

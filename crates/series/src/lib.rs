@@ -28,7 +28,7 @@ mod write;
 
 pub use error::SeriesError;
 pub use lines::Lines;
-pub use write::head;
+pub use write::{cell, head};
 
 /// One signal of a [`Series`].
 #[derive(Debug, Clone, PartialEq)]

@@ -1,5 +1,6 @@
 //! TOML files whose values keep their positions, so that a message about a value names file and line.
 
+use crate::printable::{escaped, excerpt, is_hidden};
 use crate::suggestion::{did_you_mean, suggestion};
 use std::path::{Path, PathBuf};
 use toml::Spanned;
@@ -43,7 +44,7 @@ pub enum DocumentError {
         reason: String,
     },
     /// An unknown field.
-    #[error("{file}:{position}: unknown field `{field}`{}; known are {}", did_you_mean(suggestion.as_deref()), known.join(", "))]
+    #[error("{file}:{position}: unknown field `{}`{}; known are {}", excerpt(field), did_you_mean(suggestion.as_deref()), known.join(", "))]
     Unknown {
         /// The file.
         file: String,
@@ -57,7 +58,7 @@ pub enum DocumentError {
         known: Vec<String>,
     },
     /// A required field is missing.
-    #[error("{file}:{position}: the field `{field}` is missing")]
+    #[error("{file}:{position}: the field `{}` is missing", excerpt(field))]
     Missing {
         /// The file.
         file: String,
@@ -67,7 +68,10 @@ pub enum DocumentError {
         field: String,
     },
     /// A value of the wrong kind.
-    #[error("{file}:{position}: `{field}` is {found}; expected {expected}")]
+    #[error(
+        "{file}:{position}: `{}` is {found}; expected {expected}",
+        excerpt(field)
+    )]
     Kind {
         /// The file.
         file: String,
@@ -139,9 +143,27 @@ fn within(text: &str, at: usize) -> Option<(&str, &str)> {
     Some((&name[begin..], &value[field.len()..]))
 }
 
-/// Quotes text as a TOML string.
+/// Any text as a TOML string that reads back as the same text: on one line, without characters that are
+/// [not shown](is_hidden).
 pub fn quoted(text: &str) -> String {
-    toml::Value::from(text).to_string()
+    let mut out = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => out.extend(['\\', c]),
+            c if is_hidden(c) => out += &escaped(c),
+            c => out.push(c),
+        }
+    }
+    out + "\""
+}
+
+/// Any text as a TOML key: bare if it may be, otherwise [quoted].
+pub fn key(text: &str) -> String {
+    let is_bare = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    match !text.is_empty() && text.chars().all(is_bare) {
+        true => text.to_owned(),
+        false => quoted(text),
+    }
 }
 
 /// A place in a file; displayed as `file:line:column` or `file:line`.

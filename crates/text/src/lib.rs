@@ -1,4 +1,5 @@
-//! Text input and messages: TOML with positions, suggestions for misspelt names, errors with their causes.
+//! Text input and messages: TOML with positions, suggestions for misspelt names, errors with their causes, text of
+//! others made printable.
 //!
 //! | module | content |
 //! | --- | --- |
@@ -6,12 +7,14 @@
 //! | [`file`](mod@file) | files that are read to a limit, and opened without waiting |
 //! | [`error_chain`](mod@error_chain) | an error and its causes as one line |
 //! | [`number`](mod@number) | numbers with a few significant digits |
+//! | [`printable`](mod@printable) | text of others on lines of ours, on a terminal and in files |
 //! | [`suggestion`](mod@suggestion) | the name that was probably meant |
 
 pub mod document;
 pub mod error_chain;
 pub mod file;
 pub mod number;
+pub mod printable;
 pub mod suggestion;
 
 /// A count with its noun: `1 run`, `3 runs`. The plural appends an s.

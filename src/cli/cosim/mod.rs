@@ -186,14 +186,17 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         false => summary.to_text(),
     })?;
     if let Some(message) = &ending.message {
-        terminal::eprint(&format!("{}: {message}\n", ending.severity));
+        terminal::say(ending.severity, message);
     }
     let is_taken = args.allow_nan || not_finite.is_none();
     if !is_taken {
         for words in not_finite.words() {
-            terminal::eprint(&format!("error: {words}\n"));
+            terminal::say("error", &words);
         }
-        terminal::eprint("hint: look for what computes it; --allow-nan takes such results\n");
+        terminal::say(
+            "hint",
+            "look for what computes it; --allow-nan takes such results",
+        );
     }
     let outcome = match run.ending {
         Ending::Completed | Ending::EndRequested { .. } if is_taken => Outcome::Done,
@@ -215,9 +218,10 @@ pub fn end(mut components: Components, outcome: Outcome) {
     }) = components.terminate()
     {
         let why = error_chain(source.as_ref());
-        terminal::eprint(&format!(
-            "warning: `{instance}` failed to {stage}, after the run: {why}\n"
-        ));
+        terminal::say(
+            "warning",
+            &format!("`{instance}` failed to {stage}, after the run: {why}"),
+        );
     }
 }
 
@@ -240,7 +244,9 @@ impl Args {
                 error.exit();
             }
             let text = error.to_string();
-            Failure::new(text.strip_prefix("error: ").unwrap_or(&text).trim_end())
+            let text = text.strip_prefix("error: ").unwrap_or(&text);
+            let (message, below) = text.split_once('\n').unwrap_or((text, ""));
+            Failure::new(message).below(below)
         };
         Ok(Line::try_parse_from(words).map_err(refused)?.args)
     }

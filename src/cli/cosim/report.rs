@@ -1,5 +1,6 @@
 //! The report of a co-simulation as text and as JSON.
 
+use crate::cli::terminal;
 use crate::cosim::{ConnectionReport, Divergence, Report};
 use pilotage_text::counted;
 use pilotage_text::number::short;
@@ -66,9 +67,9 @@ pub fn to_json(report: &Report) -> Value {
 /// The report as text: warnings and notes, then a few lines or, if `is_long`, all details.
 pub fn to_text(report: &Report, is_long: bool) -> String {
     let warnings = warnings(report).into_iter();
-    let warnings = warnings.map(|words| format!("warning: {words}\n"));
+    let warnings = warnings.map(|words| terminal::labelled("warning", &words));
     let notes = notes(report).into_iter();
-    let notes = notes.map(|words| format!("note: {words}\n"));
+    let notes = notes.map(|words| terminal::labelled("note", &words));
     warnings.chain(notes).collect::<String>()
         + &match is_long {
             true => details(report),

@@ -4,6 +4,7 @@ use super::ending::Words;
 use super::{Args, report};
 use crate::cli::Failure;
 use crate::cli::made::{made, with_sums};
+use crate::cli::terminal;
 use crate::cosim::recorder::Signal;
 use crate::cosim::{Algorithm, NotFinite, NotFiniteSignal, Run};
 use crate::report::{Simulation, simulation_page};
@@ -83,14 +84,14 @@ impl Summary<'_> {
             self.algorithm,
             counted(self.rows as usize, "row"),
             counted(self.signals.len(), "signal"),
-            self.args.output.display()
+            terminal::shown(&self.args.output)
         );
         let not_finite = match self.args.allow_nan {
             true => self.not_finite.words(),
             false => Vec::new(),
         };
         for note in self.notes().into_iter().chain(not_finite) {
-            text += &format!("note: {note}\n");
+            text += &terminal::labelled("note", &note);
         }
         text + &report::to_text(&self.run.report, self.args.coupling.details)
     }

@@ -154,11 +154,11 @@ impl Both {
         text += &aligned(&rows);
         text += &format!(
             "\nwrote {}\nwrote {}\n",
-            args.output().display(),
-            stick_file(args).display()
+            terminal::shown(args.output()),
+            terminal::shown(&stick_file(args))
         );
         if let Some(report) = &args.report {
-            text += &format!("wrote {}\n", report.display());
+            text += &format!("wrote {}\n", terminal::shown(report));
         }
         text
     }

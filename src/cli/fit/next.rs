@@ -2,6 +2,7 @@
 
 use super::Args;
 use crate::cli::made::{program, quoted};
+use crate::cli::terminal;
 use crate::identification::{Fit, FitOptions, Identification, InitialState};
 use crate::sqp::Status;
 
@@ -9,10 +10,10 @@ impl Args {
     /// The end of the summary.
     pub(super) fn next(&self, found: &Identification) -> String {
         let Identification { fit, options, .. } = found;
-        let pilot = self.output().display();
+        let pilot = terminal::shown(self.output());
         let mut text = format!("\nwrote {pilot}\n");
         if let Some(report) = &self.report {
-            text += &format!("wrote {}\n", report.display());
+            text += &format!("wrote {}\n", terminal::shown(report));
         }
         text + &match (fit.is_answer(), fit.converged) {
             (true, _) => format!(

@@ -2,6 +2,7 @@
 
 use super::describing;
 use super::refits::Refitted;
+use crate::cli::terminal;
 use crate::cli::{excitation, format};
 use crate::identification::{
     ClosedLoop, Diagnostic, Fit, FitOptions, Identification, InitialState, Objective, Uncertainty,
@@ -176,7 +177,7 @@ fn sureness(fit: &Fit) -> String {
     };
     let mut text = format!("  {}\n", how(own.spread.method));
     for note in own.notes() {
-        text += &format!("  note: {note}\n");
+        text += &terminal::labelled("  note", &note);
     }
     text
 }
@@ -266,7 +267,8 @@ pub fn to_text(found: &Identification) -> String {
         }
     );
     for diagnostic in &fit.diagnostics {
-        text += &format!("diagnostic ({}): {diagnostic}\n", diagnostic.code());
+        let label = format!("diagnostic ({})", diagnostic.code());
+        text += &terminal::labelled(&label, &diagnostic.to_string());
     }
     text += "\n";
     for (i, (value, unit)) in fit

@@ -1,7 +1,7 @@
 //! The iterations of a fit as a table on stderr, with the column names usual in SQP and interior-point solvers.
 
+use crate::cli::terminal::eprint;
 use crate::identification::solve::Iterate;
-use std::io::Write;
 
 /// Number of lines between two headers.
 const PAGE: usize = 20;
@@ -25,8 +25,7 @@ impl IterationTable {
         }
         self.lines += 1;
         text += &line(iterate);
-        // Errors are ignored: stderr may be closed.
-        let _ = std::io::stderr().lock().write_all(text.as_bytes());
+        eprint(&text);
     }
 }
 

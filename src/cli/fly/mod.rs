@@ -398,7 +398,7 @@ impl Args {
         }
         terminal::eprint(&format!(
             "{words} {address}\nflights go to {}; Ctrl-C ends\n",
-            self.output.display()
+            terminal::shown(&self.output)
         ));
     }
 }

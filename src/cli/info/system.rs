@@ -3,6 +3,7 @@
 use super::super::Failure;
 use super::super::format::aligned;
 use super::super::system::{Built, open};
+use crate::cli::terminal;
 use crate::cosim::description::{InstanceDescription, InstanceSource, SystemDescription};
 use crate::cosim::system::Link;
 use crate::cosim::{Conversion, System, Variable};
@@ -106,7 +107,7 @@ fn to_text(file: &Path, system: &System, description: &SystemDescription) -> Str
         table(["output", "type", "unit"], system.outputs().map(listed)),
     ];
     let tables: Vec<String> = tables.into_iter().flatten().collect();
-    format!("{}\n\n{}", file.display(), tables.join("\n"))
+    format!("{}\n\n{}", terminal::shown(file), tables.join("\n"))
 }
 
 /// A table with header; `None` if it has no rows.

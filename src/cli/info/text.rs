@@ -2,6 +2,7 @@
 
 use super::super::format::aligned;
 use super::{capabilities, dimensions, name_at, start, structure};
+use crate::cli::terminal;
 use crate::fmi::Fmu;
 use crate::fmi::description::{
     Alias, DefaultExperiment, ModelDescription, ScalarVariable, Unknown, VariableKind,
@@ -41,9 +42,9 @@ pub(super) fn of(fmu: &Fmu) -> String {
             lines.push(("capabilities", format!("{kind}: {}", names.join(" "))));
         }
     }
-    let mut text = format!("{}\n", fmu.path().display());
+    let mut text = format!("{}\n", terminal::shown(fmu.path()));
     for (name, value) in lines.iter().filter(|(_, value)| !value.is_empty()) {
-        text += &format!("  {name:<13} {value}\n");
+        text += &format!("  {name:<13} {}\n", terminal::line(value));
     }
     text + "\n" + &variables(d) + &enumerations(d) + &dependencies(d)
 }

@@ -4,6 +4,7 @@ use crate::cli::Failure;
 use crate::document::Place;
 use crate::estimation::search::begin::is_resting;
 use crate::estimation::{Posed, ProblemError, ProblemFile, part};
+use pilotage_text::printable::comment;
 use std::path::Path;
 
 /// Sections whose lines are independent of each other.
@@ -85,7 +86,7 @@ fn without(text: &str, place: &Place, fault: &str) -> Option<(String, String)> {
     let mut kept = String::new();
     for (k, line) in lines.iter().enumerate() {
         if k == refused.start {
-            kept += &format!("# {fault}:\n");
+            kept += &comment(&format!("{fault}:"));
         }
         if refused.contains(&k) && !line.starts_with('#') {
             kept += "# ";

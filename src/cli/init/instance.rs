@@ -116,7 +116,7 @@ impl Instance {
                 _ => 0.0,
             },
             unit: units(own).unwrap_or_default().to_owned(),
-            description: in_line(own.description.as_deref().unwrap_or_default()),
+            description: own.description.clone().unwrap_or_default(),
         });
         let tool = description.generation_tool.as_deref().unwrap_or_default();
         Self {
@@ -135,9 +135,4 @@ impl Instance {
 fn is_double(variable: &ScalarVariable) -> bool {
     let is_real = |kind: &VariableKind| matches!(kind, VariableKind::Real(real) if real.precision == Precision::Double);
     variable.dimensions.is_empty() && is_real(&variable.kind)
-}
-
-/// A text on one line, for a comment.
-fn in_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }

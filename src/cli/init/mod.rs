@@ -10,6 +10,7 @@ use crate::document::quoted;
 use crate::inference::are_stepped;
 use crate::series::Series;
 use instance::Instance;
+use pilotage_text::printable::comment;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -95,7 +96,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let typed = made::quoted(&output.to_string_lossy());
     terminal::print(&format!(
         "wrote {}\nnext: {} fit {typed}\n",
-        output.display(),
+        terminal::shown(output),
         made::program()
     ))?;
     Ok(Outcome::Done)
@@ -125,7 +126,7 @@ impl Args {
         if !wires.is_empty() {
             text += "\n[connect]                                # from = to\n";
             for (from, to) in &wires {
-                let _ = writeln!(text, "\"{from}\" = \"{to}\"");
+                let _ = writeln!(text, "{} = {}", quoted(from), quoted(to));
             }
         }
         write_inputs(&mut text, instances, &wires, runs);
@@ -233,17 +234,19 @@ fn write_inputs(
                 true if jumps(input, runs) => {
                     let _ = writeln!(
                         text,
-                        "\"{full}\" = {{ column = {}, hold = \"zero-order\" }}   # it jumps at samples, and keeps its values between",
+                        "{} = {{ column = {}, hold = \"zero-order\" }}   # it jumps at samples, and keeps its values between",
+                        quoted(&full),
                         quoted(input)
                     );
                 }
                 true => {
-                    let _ = writeln!(text, "\"{full}\" = {}", quoted(input));
+                    let _ = writeln!(text, "{} = {}", quoted(&full), quoted(input));
                 }
                 false => {
                     let _ = writeln!(
                         text,
-                        "# \"{full}\" = \"COLUMN\"                # no column is called so: it keeps its start value"
+                        "# {} = \"COLUMN\"                # no column is called so: it keeps its start value",
+                        quoted(&full)
                     );
                 }
             }
@@ -293,7 +296,8 @@ fn write_measured(
     for (signal, column) in measured {
         let _ = write!(
             text,
-            "\n[[measured]]\nsignal = \"{signal}\"\ncolumn = {}\n# sd = 0.05                              # of the noise, in the unit of the signal; 1 unless given\n",
+            "\n[[measured]]\nsignal = {}\ncolumn = {}\n# sd = 0.05                              # of the noise, in the unit of the signal; 1 unless given\n",
+            quoted(&signal),
             quoted(column)
         );
     }
@@ -323,7 +327,7 @@ fn write_parameters(text: &mut String, instances: &[Instance]) {
         let line = format!("{idle}{} = {{ start = {start}{fixed} }}", quoted(&name));
         let _ = match about.is_empty() {
             true => writeln!(text, "{line}"),
-            false => writeln!(text, "{line:<40} # {}", about.join(" ")),
+            false => write!(text, "{line:<40} {}", comment(&about.join(" "))),
         };
     }
 }
@@ -333,7 +337,7 @@ fn write_rest(text: &mut String, instances: &[Instance]) {
     if let [_, vehicle] = instances {
         let is_state = |name: &String| vehicle.states.contains(name);
         if let Some(position) = position(vehicle, "").filter(is_state) {
-            let line = format!("\"vehicle.{position}\" = \"free\"");
+            let line = format!("{} = \"free\"", quoted(&format!("vehicle.{position}")));
             let _ = writeln!(
                 text,
                 "{line:<40} # the first sample is a measurement like the others"
@@ -343,7 +347,8 @@ fn write_rest(text: &mut String, instances: &[Instance]) {
             position(vehicle, "2").filter(is_state),
             vehicle.inputs.contains(&"stick2".to_owned()),
         ) {
-            let _ = writeln!(text, "\"vehicle.{position}\" = \"free\"");
+            let own = quoted(&format!("vehicle.{position}"));
+            let _ = writeln!(text, "{own} = \"free\"");
         }
         *text += "\n[stability]\nmodels = [\"pilot\"]\nclosed_loop = true\n";
     } else {

@@ -3,7 +3,9 @@
 use super::View;
 use crate::cosim::{Linearization, Loop};
 use crate::linear::{Mode, StateSpace};
+use crate::series::cell;
 use nalgebra::DMatrix;
+use pilotage_text::printable::one_line;
 use serde_json::{Value, json};
 
 /// All results as one JSON object; angles in radians.
@@ -121,7 +123,7 @@ pub fn matlab(system: &StateSpace) -> String {
         ("outputs", &system.outputs),
     ] {
         let quoted: Vec<String> = (list.iter())
-            .map(|item| format!("'{}'", item.replace('\'', "''")))
+            .map(|item| format!("'{}'", one_line(item).replace('\'', "''")))
             .collect();
         text += &format!("{name} = {{{}}};\n", quoted.join(", "));
     }
@@ -130,13 +132,9 @@ pub fn matlab(system: &StateSpace) -> String {
 
 /// The table `[A B; C D]`: a row for each state derivative and output, a column for each state and input.
 pub fn table(system: &StateSpace) -> String {
-    let quoted = |name: &str| match name.contains([',', '"', '\n', '\r']) {
-        true => format!("\"{}\"", name.replace('"', "\"\"")),
-        false => name.to_owned(),
-    };
     let columns = system.states.iter().chain(&system.inputs);
     let mut text: String = std::iter::once("row".to_owned())
-        .chain(columns.map(|name| quoted(name)))
+        .chain(columns.map(|name| cell(name)))
         .collect::<Vec<_>>()
         .join(",")
         + "\n";
@@ -148,7 +146,7 @@ pub fn table(system: &StateSpace) -> String {
             true => (&system.a, &system.b, i),
             false => (&system.c, &system.d, i - n),
         };
-        text += &quoted(name);
+        text += &cell(name);
         for value in left.row(row).iter().chain(right.row(row).iter()) {
             text += &format!(",{value:?}");
         }

@@ -156,7 +156,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let Some(linearization) = linearization else {
         let ending = ending::Words::of(&run);
         let message = ending.message.unwrap_or_default();
-        terminal::eprint(&format!("{}: {message}\n", ending.severity));
+        terminal::say(ending.severity, &message);
         return Ok(Outcome::No);
     };
     let coupled = linearization.coupled()?;

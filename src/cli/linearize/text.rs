@@ -2,6 +2,7 @@
 
 use super::View;
 use crate::cli::format;
+use crate::cli::terminal;
 use crate::cosim::Linearization;
 use crate::linear::{Margins, Response, StateSpace};
 use nalgebra::DMatrix;
@@ -32,7 +33,7 @@ pub fn summary(
     }
     text.push('\n');
     for note in super::notes(linearization) {
-        text += &format!("note: {note}\n");
+        text += &terminal::labelled("note", &note);
     }
     let verdicts = views.iter().map(|view| view.words() + "\n");
     text + &verdicts.collect::<String>()

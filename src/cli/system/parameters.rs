@@ -6,6 +6,7 @@ use crate::cosim::description::{Setting, Spanned};
 use crate::cosim::{System, Unit};
 use crate::document::{self, Document, DocumentError, Place, TomlTable};
 use crate::series::Lines;
+use pilotage_text::printable::excerpt;
 use std::path::Path;
 
 /// An entry of the file.
@@ -113,7 +114,7 @@ fn rows(text: &str, file: &str) -> Result<Vec<Entry>, Failure> {
             if !(known && found.len() >= 2 && found[..2] == ["name", "value"]) {
                 return Err(wrong(format!(
                     "the header is `{}`; expected `name,value` or `name,value,unit`",
-                    found.join(",")
+                    excerpt(&found.join(","))
                 )));
             }
             header = Some(found);

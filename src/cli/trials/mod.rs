@@ -168,7 +168,7 @@ fn to_table(set: &TrialSet) -> String {
         );
     }
     for note in &set.notes {
-        text += &format!("note: {note}\n");
+        text += &terminal::labelled("note", &note);
     }
     for (trial, summary, _) in uses
         .iter()
@@ -189,7 +189,8 @@ fn to_table(set: &TrialSet) -> String {
         }
     }
     for diagnostic in diagnostics(set) {
-        text += &format!("diagnostic ({}): {diagnostic}\n", diagnostic.code());
+        let label = format!("diagnostic ({})", diagnostic.code());
+        text += &terminal::labelled(&label, &diagnostic.to_string());
     }
     text + &excited(set).map_or(String::new(), |own| excitation::to_text(&own))
 }

@@ -146,10 +146,13 @@ impl Synth {
         self.check_vehicle(&flights)?;
         folder::create_new(&self.output, self.force)?;
         let command = self.command(&hands);
-        let mut manifest = format!("# {command}\n");
+        let mut manifest = comment(&command);
         for flight in &flights {
             let file = format!("{}.csv", flight.name);
-            manifest += &format!("\n[[run]]\nfile = \"{file}\"\nweight = 1.0\nuse = \"fit\"\n");
+            manifest += &format!(
+                "\n[[run]]\nfile = {}\nweight = 1.0\nuse = \"fit\"\n",
+                crate::document::quoted(&file)
+            );
             self.save(&file, &to_csv(flight, &command, vehicle.unit()))?;
         }
         self.save("trials.toml", &manifest)?;
@@ -159,12 +162,15 @@ impl Synth {
 
     /// Written files and the suggested next command.
     fn summary(&self, vehicle: &Flown, count: usize) -> String {
-        let (folder, list) = (self.output.display(), self.output.join("trials.toml"));
+        let (folder, list) = (
+            terminal::shown(&self.output),
+            self.output.join("trials.toml"),
+        );
         let (program, typed) = (program(), quoted(&list.to_string_lossy()));
         let flights = if count == 1 { "flight" } else { "flights" };
         let text = format!(
             "{count} {flights} in {folder}, listed in {}\n",
-            list.display()
+            terminal::shown(&list)
         );
         match vehicle {
             Flown::Quadcopter(_) => format!(
@@ -306,8 +312,7 @@ impl Synth {
         for (name, value) in rest {
             command += &value.map_or_else(String::new, |value| format!(" --{name} {value}"));
         }
-        // The command is written into comments, which end with the line.
-        command.replace(char::is_control, " ")
+        command
     }
 
     /// Refuses to overwrite the vehicle file; other files in the folder have been checked before.

@@ -96,8 +96,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         }
         false => {
             let line = |(file, n): &&(PathBuf, usize)| match n {
-                1 => format!("{}: its connection fits\n", file.display()),
-                n => format!("{}: its {n} connections fit\n", file.display()),
+                1 => format!("{}: its connection fits\n", terminal::shown(file)),
+                n => format!("{}: its {n} connections fit\n", terminal::shown(file)),
             };
             let lines: String = systems.iter().map(line).collect();
             lines + &reports.iter().map(to_text).collect::<String>()

@@ -1,6 +1,7 @@
 //! Findings as text and as JSON.
 
 use super::Report;
+use crate::cli::terminal;
 use crate::fmi::description::{Place, Severity};
 use crate::fmi_check::Finding;
 use serde_json::{Value, json};
@@ -23,13 +24,13 @@ pub(in crate::cli) fn to_text(report: &Report) -> String {
         (true, false) => "valid; not run",
         (false, _) => "not valid",
     };
-    let mut text = format!("{}: {verdict}", report.path.display());
+    let mut text = format!("{}: {verdict}", terminal::shown(&report.path));
     if !counts.is_empty() {
         text += &format!(" ({})", counts.join(", "));
     }
     text += "\n";
     for finding in &report.findings {
-        text += &format!("  {finding}\n");
+        text += &format!("  {}\n", terminal::line(&finding.to_string()));
     }
     text
 }

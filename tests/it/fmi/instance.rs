@@ -356,7 +356,7 @@ fn messages_are_formatted_escaped_and_bounded() {
     }
     assert_eq!((messages[2].category.as_str(), texts[2]), ("", ""));
     assert_eq!(texts[3], "writes %n to memory");
-    assert_eq!(texts[4], "\\u{1b}[31mred\\u{7}");
+    assert_eq!(texts[4], "\\u001b[31mred\\u0007");
     assert!(texts[5].starts_with("xxx") && texts[5].len() <= 5002);
     assert!(instance.take_messages().is_empty());
 }

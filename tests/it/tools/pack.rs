@@ -110,7 +110,7 @@ fn what_cannot_be_packed_says_why_and_leaves_nothing() {
         ),
         (
             &["pack", "rlib"],
-            "error: rlib makes no shared library; its Cargo.toml needs\n[lib]\ncrate-type = [\"cdylib\"]",
+            "error: rlib makes no shared library; its Cargo.toml needs `crate-type = [\"cdylib\"]` below `[lib]`",
         ),
         (
             &["export", "quadcopter", "--binary", "win64"],

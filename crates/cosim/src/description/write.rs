@@ -3,7 +3,7 @@
 use pilotage_text::is_identifier;
 
 use super::{InstanceDescription, InstanceSource, SystemDescription};
-use pilotage_text::document::{Document, quoted};
+use pilotage_text::document::{Document, key, quoted};
 use std::path::{Component, Path, PathBuf, absolute};
 use thiserror::Error;
 
@@ -72,7 +72,7 @@ impl SystemDescription {
             text += &format!("kind = \"{}\"\n", interface.name());
         }
         let lines: String = (self.settings_of(name))
-            .map(|(variable, text)| format!("{} = {}\n", key_of(variable), value(text)))
+            .map(|(variable, text)| format!("{} = {}\n", key(variable), value(text)))
             .collect();
         if !lines.is_empty() {
             text += &format!("[system.{name}.set]\n{lines}");
@@ -91,13 +91,6 @@ impl SystemDescription {
             [one] => one.clone(),
             many => format!("[{}]", many.join(", ")),
         }
-    }
-}
-
-fn key_of(name: &str) -> String {
-    match is_identifier(name) {
-        true => name.to_owned(),
-        false => quoted(name),
     }
 }
 
@@ -161,6 +154,42 @@ fn relative(file: &Path, folder: &Path) -> Option<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::description::{Setting, Wire};
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            cases: 512,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(47),
+            ..ProptestConfig::default()
+        })]
+        /// FMUs call their variables as they like.
+        #[test]
+        fn whatever_names_and_values_are_the_file_reads_back(
+            (variable, value, end, file) in ("(?s).{1,12}", "(?s).{0,12}", "(?s).{1,12}", "[^/\\\\\0.]{1,12}"),
+        ) {
+            let [variable, end] = [variable, end].map(|name| format!("a.{name}"));
+            let instance = InstanceDescription {
+                name: "a".into(),
+                source: InstanceSource::Model(PathBuf::from(format!("/{file}.fmu"))).into(),
+                order: None,
+                interface: None,
+            };
+            let described = SystemDescription {
+                instances: vec![instance],
+                connections: vec![Wire { from: variable.clone().into(), to: end.into() }],
+                settings: vec![Setting { name: variable.into(), value }],
+            };
+            let text = described.to_toml(Path::new("/")).unwrap();
+            prop_assert_eq!(text.lines().count(), 9, "{}", text);
+            let read = SystemDescription::parse(&text, Path::new("/s.toml")).unwrap();
+            prop_assert_eq!(&read.connections[0].from.value, &described.connections[0].from.value);
+            prop_assert_eq!(&read.connections[0].to.value, &described.connections[0].to.value);
+            prop_assert_eq!(&read.settings[0].name.value, &described.settings[0].name.value);
+            prop_assert_eq!(&read.settings[0].value, &described.settings[0].value);
+            prop_assert_eq!(&read.instances[0].source.value, &described.instances[0].source.value);
+        }
+    }
 
     #[test]
     fn files_are_named_from_the_folder_of_the_system() {

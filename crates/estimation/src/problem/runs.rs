@@ -2,6 +2,7 @@
 
 use crate::problem::error::ProblemError;
 use crate::problem::file::{RunLine, Set};
+use pilotage_text::printable::one_line;
 use std::fs::canonicalize;
 use std::path::{Component, Path, PathBuf};
 
@@ -14,7 +15,7 @@ pub fn name(runs: &mut [RunLine]) {
         let others = || paths.iter().filter(|other| *other != own);
         let is_own = |count: &usize| others().all(|other| end(other, *count) != end(own, *count));
         let count = (1..own.len()).find(is_own).unwrap_or(own.len());
-        run.name = end(own, count).join("/");
+        run.name = one_line(&end(own, count).join("/")).into_owned();
         let before = paths[..k].iter().filter(|other| *other == own).count();
         if before > 0 {
             run.name += &format!("#{}", before + 1);

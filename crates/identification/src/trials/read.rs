@@ -4,9 +4,11 @@ use super::summary::median_step;
 use super::{ColumnNames, Trial, TrialError};
 use pilotage_series::{Column, Series};
 use pilotage_text::file;
+use pilotage_text::printable::one_line;
 use pilotage_text::suggestion::suggestion;
 use pilotage_units::Unit;
 use sha2::{Digest, Sha256};
+use std::ffi::OsStr;
 use std::path::Path;
 
 /// Limit on the magnitude of positions and targets \[m\]: more than twice the distance to the Moon.
@@ -100,7 +102,7 @@ impl Trial {
         let clipped = stick.as_mut().and_then(|stick| clip(stick));
         let notes = [doubtful_times(&series), clipped];
         let trial = Self {
-            name: stem.map_or_else(|| origin.into(), |stem| stem.to_string_lossy().into_owned()),
+            name: one_line(&stem.map_or(origin.into(), OsStr::to_string_lossy)).into_owned(),
             origin: origin.into(),
             sha256: sha256(bytes),
             time: series.time,

@@ -1,6 +1,6 @@
 //! The uncertainty of an instance's parameters, as stored in its model file.
 
-use crate::document::{number, quoted};
+use crate::document::{key, number, quoted};
 use crate::estimation::Fit;
 use crate::estimation::uncertainty::Uncertainty;
 use crate::inference::Interval;
@@ -33,16 +33,6 @@ pub fn table(fit: &Fit, prefix: &str) -> Option<String> {
         text += &format!("{name} = {{ sd = {sd}, low = {low}, high = {high} }}\n");
     }
     Some(text)
-}
-
-/// A name as a TOML key; names in FMUs may contain dots.
-fn key(name: &str) -> String {
-    let is_bare = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
-    if is_bare {
-        name.to_owned()
-    } else {
-        quoted(name)
-    }
 }
 
 /// The covariance of the parameters that the data determine, in their own units.

@@ -251,10 +251,10 @@ fn next(args: &Args, fit: &Fit, fitted: &[Fitted]) -> String {
     use crate::cli::made::{program, quoted};
     let mut text = String::from("\n");
     for own in fitted {
-        text += &format!("wrote {}\n", own.path.display());
+        text += &format!("wrote {}\n", terminal::shown(&own.path));
     }
     if let Some(report) = &args.report {
-        text += &format!("wrote {}\n", report.display());
+        text += &format!("wrote {}\n", terminal::shown(report));
     }
     if let (true, Some(own)) = (fit.is_answer(), fitted.first()) {
         let model = quoted(&own.path.to_string_lossy());

@@ -8,6 +8,7 @@ use crate::estimation::part::Part;
 use crate::estimation::result::Found;
 use crate::estimation::{Fit, Posed};
 use pilotage_language::{with_starts, with_uncertainty};
+use pilotage_text::printable::{comment, one_line};
 use std::path::{Path, PathBuf};
 
 /// Beginning of the file of a fitted model.
@@ -76,7 +77,8 @@ impl Fitted {
             return Ok(());
         };
         let prefix = format!("{}.", self.instance);
-        let mut head = format!("{HEAD} from {}: {}\n", problem.display(), fit.verdict());
+        let first = format!("{HEAD} from {}: {}", problem.display(), fit.verdict());
+        let mut head = one_line(&first).into_owned() + "\n";
         let mut values: Vec<(String, f64)> = Vec::new();
         for (found, is_sought) in all_of(posed, fit) {
             let Some(name) = found.name.strip_prefix(&prefix) else {
@@ -88,20 +90,22 @@ impl Fitted {
                 false => (found.values[0].1, "the first"),
             };
             if found.values.len() > 1 {
-                head += &format!("# {name} is {is} of {}\n", each(&found));
+                head += &comment(&format!("{name} is {is} of {}", each(&found)));
             }
             let delays = part.file.iter().flat_map(|compiled| &compiled.delays);
             if delays.into_iter().any(|delay| delay.name == name) {
-                head += &format!("# {name} began at {value}, which a model file cannot say\n");
+                head += &comment(&format!(
+                    "{name} began at {value}, which a model file cannot say"
+                ));
             }
             values.push((name.to_owned(), value));
         }
         let Some(compiled) = &part.file else {
             let (kept, lost) = settable(part, values);
             for (name, value) in lost {
-                head += &format!(
-                    "# {name} began at {value}; the FMU computes it, and it cannot be set\n"
-                );
+                head += &comment(&format!(
+                    "{name} began at {value}; the FMU computes it, and it cannot be set"
+                ));
             }
             return self.write_system(posed, head, &kept);
         };

@@ -6,6 +6,7 @@ use crate::cli::excitation;
 use crate::cli::fit::describing;
 use crate::cli::fit::refits::Refitted;
 use crate::cli::format::aligned;
+use crate::cli::terminal;
 use crate::estimation::beforehand::Beforehand;
 use crate::estimation::file::Noise;
 use crate::estimation::result::Beside;
@@ -354,7 +355,8 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
         (starts, count) => text += &format!("starts: {count} of {starts} ended at this optimum\n"),
     }
     for diagnostic in &fit.diagnostics {
-        text += &format!("diagnostic [{}]: {diagnostic}\n", diagnostic.code());
+        let label = format!("diagnostic [{}]", diagnostic.code());
+        text += &terminal::labelled(&label, &diagnostic.to_string());
     }
     text
 }

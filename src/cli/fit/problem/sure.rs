@@ -1,6 +1,7 @@
 //! The uncertainty of a problem fit, for people and for scripts.
 
 use crate::cli::fit::summary::{FIELDS, how, reals};
+use crate::cli::terminal;
 use crate::estimation::result::{Found, RunFit};
 use crate::estimation::uncertainty::Uncertainty;
 use crate::estimation::{Fit, Posed};
@@ -145,7 +146,7 @@ pub fn to_text(fit: &Fit) -> String {
     };
     let mut text = format!("{}\n", method(own));
     for note in &own.notes {
-        text += &format!("note: {note}\n");
+        text += &terminal::labelled("note", note);
     }
     text
 }
