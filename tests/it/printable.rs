@@ -93,10 +93,7 @@ fn columns_and_cells_are_shown_as_letters() {
     ] {
         let ended = folder.pilotage(arguments);
         assert_eq!(ended.code, 2, "{ended:?}");
-        assert!(
-            ended.stderr.contains("\\u001b"),
-            "{ended:?}"
-        );
+        assert!(ended.stderr.contains("\\u001b"), "{ended:?}");
         assert_plain(&ended);
     }
 }
@@ -211,7 +208,8 @@ fn a_description_with_lines_adds_none_to_a_problem_file() {
             "description=\"",
             "description=\"a&#10;[evil]&#10;x = 1 # &#x202e;",
         )
-        .replace("name=\"mass\"", "name=\"ma&quot;ss = 2&#10;[evil]\"");
+        .replace("name=\"mass\"", "name=\"ma&quot;ss = 2&#10;[evil]\"")
+        .replace("name=\"v\"", "name=\"v'&#10;[evil]\"");
     assert!(forged.matches("[evil]").count() > 3);
     folder.write("quadcopter/modelDescription.xml", forged);
     folder.write("run.csv", "time [s],stick [1],z [m]\n0,0,0\n1,0,0\n2,0,0\n");
@@ -231,7 +229,24 @@ fn a_description_with_lines_adds_none_to_a_problem_file() {
         "{problem}"
     );
     assert!(problem.contains("a [evil] x = 1 # \\u202e"), "{problem}");
-    for command in [&["info", "quadcopter"][..], &["validate", "quadcopter"]] {
-        assert_plain(&folder.pilotage(command));
+    let linearize = "linearize quadcopter --matrices --csv l.csv --matlab l.m";
+    let cosim = "cosim quadcopter --stop-time 1 --step 0.1 --details -o r.csv --save-system s.toml";
+    for command in ["info quadcopter", "validate quadcopter", linearize, cosim] {
+        let words: Vec<&str> = command.split(' ').collect();
+        let ended = folder.pilotage(&words);
+        assert!(
+            ended.stdout.contains("[evil]") || command == cosim,
+            "{ended:?}"
+        );
+        assert_plain(&ended);
     }
+    for file in ["l.csv", "l.m", "r.csv", "s.toml"] {
+        let text = folder.read(file);
+        assert!(
+            !text.lines().any(|line| line.starts_with("[evil]")),
+            "{text}"
+        );
+    }
+    let result = Series::read_table(&folder.path("r.csv")).unwrap();
+    assert!(result.column("quadcopter.v' [evil]").is_some());
 }
