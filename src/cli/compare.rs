@@ -110,6 +110,9 @@ fn lines<'a>(names: &[&'a str], compared: &'a Compared) -> Vec<Line<'a>> {
 
 /// The comparison as text for people.
 pub fn to_text(names: &[&str], compared: &Compared) -> String {
+    let names: Vec<String> = names.iter().map(|name| terminal::line(name)).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let names = names.as_slice();
     let all = &compared.candidates;
     let mut text = format!(
         "{} on {}, {} values. Left out: −2 log likelihood of the runs by fits to the others{}.\n\n",
@@ -130,7 +133,7 @@ pub fn to_text(names: &[&str], compared: &Compared) -> String {
             text += &format!("{name}: no fit without {run} predicts it\n");
         }
         let doubts = own.fit.diagnostics.iter();
-        doubts.for_each(|doubt| text += &format!("{name}: {doubt}\n"));
+        doubts.for_each(|doubt| text += &terminal::labelled(name, &doubt.to_string()));
     }
     match &compared.choice {
         None => text + &refusal(names, compared),

@@ -106,7 +106,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         (None, None) => return Err(content.unknown(&args.figure)),
     };
     overwrite::save(&output, bytes)?;
-    terminal::print(&format!("wrote {}\n", terminal::shown(output)))?;
+    terminal::print(&format!("wrote {}\n", terminal::shown(&output)))?;
     Ok(match content.is_doubtful {
         true => Outcome::No,
         false => Outcome::Done,

@@ -201,7 +201,8 @@ fn brief(report: &Report) -> String {
             lag if lag < 0.0 => format!("{:.6} s early", -lag),
             _ => "no lag".to_owned(),
         };
-        text += &format!("  {} -> {}: {}, {late}", c.from, c.to, c.transfer);
+        let [from, to] = [&c.from, &c.to].map(|name| terminal::line(name));
+        text += &format!("  {from} -> {to}: {}, {late}", c.transfer);
         if let Some(error) = c.error {
             text += &format!(
                 ", off by {}{} in the mean of a step",
@@ -262,7 +263,8 @@ fn details(report: &Report) -> String {
         steps.matrices
     );
     for c in &report.connections {
-        text += &format!("{} -> {}: {}, lag {:.6} s", c.from, c.to, c.transfer, c.lag);
+        let [from, to] = [&c.from, &c.to].map(|name| terminal::line(name));
+        text += &format!("{from} -> {to}: {}, lag {:.6} s", c.transfer, c.lag);
         if let Some(error) = c.error {
             text += &format!(
                 ", error {}{} (largest {})",

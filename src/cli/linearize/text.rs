@@ -26,6 +26,7 @@ pub fn summary(
     for view in views {
         text += &poles(view);
         for (connection, looped) in &view.loops {
+            let connection = terminal::line(&connection.to_string());
             text += &format!("\nloop at {connection}{}\n", view.in_steps());
             text += &low(&looped.response);
             text += &margins(&looped.margins);
@@ -35,7 +36,9 @@ pub fn summary(
     for note in super::notes(linearization) {
         text += &terminal::labelled("note", &note);
     }
-    let verdicts = views.iter().map(|view| view.words() + "\n");
+    let verdicts = views
+        .iter()
+        .map(|view| terminal::line(&view.words()) + "\n");
     text + &verdicts.collect::<String>()
 }
 
@@ -99,12 +102,16 @@ fn matrix_table(name: &str, matrix: &DMatrix<f64>, rows: &[String], columns: &[S
     if matrix.is_empty() {
         return String::new();
     }
+    let rows: Vec<String> = rows.iter().map(|row| terminal::line(row)).collect();
     let width = rows
         .iter()
         .map(|row| row.chars().count())
         .max()
         .unwrap_or(0);
-    let mut text = format!("\n{name}, columns {}\n", columns.join(", "));
+    let mut text = format!(
+        "\n{name}, columns {}\n",
+        terminal::line(&columns.join(", "))
+    );
     for (i, row) in rows.iter().enumerate() {
         text += &format!("  {row:<width$}");
         for value in matrix.row(i).iter() {

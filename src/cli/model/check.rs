@@ -103,10 +103,10 @@ impl Checked {
 
     fn to_text(&self) -> String {
         let file = &self.model.compiled().file;
-        let mut text = format!("{}: {}\n", file.file, file.name);
+        let mut text = terminal::labelled(&terminal::line(&file.file), &file.name);
         for line in [&file.description, &file.source] {
             if !line.is_empty() {
-                text += &format!("  {line}\n");
+                text += &format!("  {}\n", terminal::line(line));
             }
         }
         text += &self.table();

@@ -6,6 +6,7 @@ use super::super::{Failure, Outcome, folder, overwrite, terminal};
 use super::flown::{Equalisation, Flown, file};
 use crate::synthetic::{Flight, Flights, Hands, Human, Moving, Shape};
 use clap::ValueEnum;
+use pilotage_text::printable::comment;
 use std::path::PathBuf;
 
 /// Options of `pilotage trials synth`; the defaults are those of [`Human`] and [`Flights`].

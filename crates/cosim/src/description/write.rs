@@ -3,7 +3,7 @@
 use pilotage_text::is_identifier;
 
 use super::{InstanceDescription, InstanceSource, SystemDescription};
-use pilotage_text::document::{Document, key, quoted};
+use pilotage_text::document::{self, Document, quoted};
 use std::path::{Component, Path, PathBuf, absolute};
 use thiserror::Error;
 
@@ -72,7 +72,7 @@ impl SystemDescription {
             text += &format!("kind = \"{}\"\n", interface.name());
         }
         let lines: String = (self.settings_of(name))
-            .map(|(variable, text)| format!("{} = {}\n", key(variable), value(text)))
+            .map(|(variable, text)| format!("{} = {}\n", document::key(variable), value(text)))
             .collect();
         if !lines.is_empty() {
             text += &format!("[system.{name}.set]\n{lines}");
