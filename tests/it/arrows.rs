@@ -46,6 +46,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     // An instance knows the callbacks that it gives, and those what they reach; nobody of them knows it.
     ("crates/fmi/src/message", &["abi", "text"]),
+    ("crates/fmi/src/misuse", &[]),
     (
         "crates/fmi/src/binding",
         &[
@@ -54,14 +55,18 @@ const ARROWS: &[(&str, &[&str])] = &[
             "process",
             "archive",
             "description",
+            "misuse",
             "surroundings",
             "version",
         ],
     ),
-    ("crates/fmi/src/environment", &["abi", "binding", "message"]),
+    (
+        "crates/fmi/src/environment",
+        &["abi", "binding", "message", "misuse"],
+    ),
     (
         "crates/fmi/src/logger",
-        &["abi", "binding", "environment", "message"],
+        &["abi", "binding", "environment", "message", "misuse"],
     ),
 ];
 

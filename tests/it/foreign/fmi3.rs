@@ -375,6 +375,7 @@ unsafe extern "C" fn fmi3GetFloat64(c: *mut c_void, vr: *const u32, n: usize, to
     for i in 0..n {
         let v = &of(c).values;
         let values = match unsafe { *vr.add(i) } {
+            0 => vec![v.t],
             1 => vec![v.u],
             2 => vec![v.y],
             3 => vec![v.k],
