@@ -482,3 +482,42 @@ fn unit_tests_are_left_out_and_what_follows_them_is_not() {
         ["use a;", "use b;", "mod m {", "use d;", "}", "use f;"]
     );
 }
+
+/// Files that may be read without the limit of `pilotage_text::file`, and why: what is in them is the system's or ours.
+const UNLIMITED: &[(&str, &str)] = &[
+    ("crates/text/src/file.rs", "has the limit"),
+    ("crates/process/src/lock.rs", "/proc"),
+    ("crates/process/src/signals.rs", "/proc"),
+    ("crates/process/src/child.rs", "/proc"),
+    ("crates/fmi/src/surroundings.rs", "/proc"),
+    ("crates/fmi/src/fmu.rs", "unpacked, which has limits"),
+    ("crates/fly/src/joystick.rs", "a device, event by event"),
+    ("crates/fly/src/server.rs", "a page just written"),
+    ("src/cli/fly/jobs.rs", "a problem file just written"),
+    ("src/export/old_glibc.rs", "a library just linked"),
+];
+
+#[test]
+fn files_are_read_to_a_limit() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut files = Vec::new();
+    sources(&root.join("src"), &mut files);
+    for entry in fs::read_dir(root.join("crates")).unwrap() {
+        sources(&entry.unwrap().path().join("src"), &mut files);
+    }
+    let is_listed = |path: &Path| UNLIMITED.iter().any(|(own, _)| root.join(own) == path);
+    let readers: Vec<_> = (files.iter())
+        .filter(|path| path.file_name().is_none_or(|name| name != "tests.rs"))
+        .filter(|path| !is_listed(path))
+        .filter(|path| {
+            let code = code(path);
+            ["fs::read(", "fs::read_to_string(", "File::open("]
+                .iter()
+                .any(|call| code.contains(call))
+        })
+        .collect();
+    assert!(
+        readers.is_empty(),
+        "read by pilotage_text::file, or listed with a reason: {readers:?}"
+    );
+}

@@ -42,8 +42,8 @@ impl Kept {
         lock::take(&file)
             .map_err(|error| fail(error).hint("wait for it, or give --resume another file"))?;
         let mut text = String::new();
-        let read = Input::of(&mut file).read_to_string(&mut text);
-        read.map_err(|error| Failure::new(format!("cannot read {}: {error}", path.display())))?;
+        let all = Input::of(&mut file).read_to_string(&mut text);
+        all.map_err(|error| Failure::new(format!("cannot read {}: {error}", path.display())))?;
         let head = head(study, kind, seed);
         let whole = text.rfind('\n').map_or(0, |end| end + 1);
         let found = match text[..whole].strip_prefix(&head) {
