@@ -40,6 +40,9 @@
 //! `pilotage-identification` (trials, fit, diagnostics, vehicle files), `pilotage-cosim` (the master), `pilotage-fmi`
 //! (FMUs of other tools), `pilotage-linear` (poles and margins), `pilotage-sdk` (FMUs of user-written models), and the
 //! crates they build on: `pilotage-collocation`, `pilotage-sqp` and `pilotage-ode`.
+//!
+//! Two parts are features, on by default, since few programs need them: `fly`, the page on which a person flies, with its
+//! server, and `png`, figures as PNG, with fonts.
 
 #[doc(inline)]
 pub use export::{Export, Provenance};

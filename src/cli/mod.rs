@@ -10,6 +10,10 @@ mod excitation;
 mod export;
 mod failure;
 mod fit;
+#[cfg(feature = "fly")]
+mod fly;
+#[cfg(not(feature = "fly"))]
+#[path = "fly/left_out.rs"]
 mod fly;
 mod fmu_warnings;
 mod folder;

@@ -14,6 +14,10 @@ mod number;
 mod overlay;
 mod page;
 pub mod palette;
+#[cfg(feature = "png")]
+pub mod png;
+#[cfg(not(feature = "png"))]
+#[path = "png/left_out.rs"]
 pub mod png;
 pub mod poles;
 pub mod read;

@@ -1,4 +1,4 @@
-//! Who may know whom inside the crates: those arrows of README.md that cargo does not hold.
+//! Who may know whom inside the crates: those arrows of CONTRIBUTING.md that cargo does not hold.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -374,16 +374,16 @@ fn the_fmu_drags_in_no_toolkit() {
     }
 }
 
-/// The rows of README's table of dependencies: names on the left, words on the right.
-fn readmes_table() -> Vec<(BTreeSet<String>, BTreeSet<String>)> {
+/// The rows of CONTRIBUTING.md's table of dependencies: names on the left, words on the right.
+fn written_table() -> Vec<(BTreeSet<String>, BTreeSet<String>)> {
     let words = |text: &str| -> BTreeSet<String> {
         let is_between = |c: char| !(c.is_ascii_alphanumeric() || "_-".contains(c));
         let words = text.split(is_between).filter(|word| !word.is_empty());
         words.map(str::to_owned).collect()
     };
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let readme = fs::read_to_string(root.join("README.md")).unwrap();
-    let (_, table) = readme.split_once("Allowed dependencies").unwrap();
+    let text = fs::read_to_string(root.join("CONTRIBUTING.md")).unwrap();
+    let (_, table) = text.split_once("Allowed dependencies").unwrap();
     let (table, _) = table.split_once("\n## ").unwrap();
     let mut rows: Vec<(BTreeSet<String>, BTreeSet<String>)> = Vec::new();
     for line in table.lines().filter_map(|line| line.strip_prefix("    ")) {
@@ -397,9 +397,9 @@ fn readmes_table() -> Vec<(BTreeSet<String>, BTreeSet<String>)> {
     rows
 }
 
-/// What a crate may import is what its manifest lists; the README says no more and no less.
+/// What a crate may import is what its manifest lists; CONTRIBUTING.md says no more and no less.
 #[test]
-fn the_readmes_table_of_dependencies_is_that_of_the_manifests() {
+fn the_table_of_dependencies_is_that_of_the_manifests() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let crates = fs::read_dir(root.join("crates")).unwrap();
     let crates = crates.map(|entry| entry.unwrap().path());
@@ -409,7 +409,7 @@ fn the_readmes_table_of_dependencies_is_that_of_the_manifests() {
         .collect();
     let name = |folder: &PathBuf| folder.file_name().unwrap().to_str().unwrap().to_owned();
     let names: BTreeSet<String> = folders.iter().map(name).collect();
-    let table = readmes_table();
+    let table = written_table();
     for folder in &folders {
         let own = name(folder);
         let manifest = fs::read_to_string(folder.join("Cargo.toml")).unwrap();
@@ -424,9 +424,14 @@ fn the_readmes_table_of_dependencies_is_that_of_the_manifests() {
         });
         let listed: BTreeSet<String> = listed.collect();
         let mut rows = table.iter().filter(|(left, _)| left.contains(&own));
-        let (_, right) = rows.next().unwrap_or_else(|| panic!("README lacks {own}"));
+        let (_, right) = rows
+            .next()
+            .unwrap_or_else(|| panic!("CONTRIBUTING.md lacks {own}"));
         let said: BTreeSet<String> = right.intersection(&names).cloned().collect();
-        assert_eq!(said, listed, "of {own}: README, then its Cargo.toml");
+        assert_eq!(
+            said, listed,
+            "of {own}: CONTRIBUTING.md, then its Cargo.toml"
+        );
     }
 }
 

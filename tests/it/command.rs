@@ -105,7 +105,7 @@ impl Folder {
 }
 
 /// The search path with the program on it, so that it calls itself `pilotage`.
-fn path_with_program() -> OsString {
+pub fn path_with_program() -> OsString {
     let folder = Path::new(env!("CARGO_BIN_EXE_pilotage")).parent();
     let others = std::env::var_os("PATH").unwrap_or_default();
     let folders = folder

@@ -51,6 +51,16 @@ fn the_demo_fills_one_folder_and_says_what_lies_where() {
     let page = std::fs::read_to_string(made("report.html")).unwrap();
     assert_eq!(page.matches("<figure>").count(), 9);
     assert!(page.contains("FMUs, 10 m") && page.contains("FMUs, 20 m"));
+    // What README says of the last column of its runs.
+    let runs = page.split("<h2>Runs</h2>").nth(1).unwrap();
+    let runs = runs.split("</table>").next().unwrap().split("</td></tr>");
+    let last = runs.filter_map(|row| row.rsplit('>').next()?.parse::<f64>().ok());
+    let last: Vec<f64> = last.collect();
+    assert_eq!(last.len(), 6);
+    let [least, most] = [f64::min, f64::max].map(|of| last.iter().copied().reduce(of).unwrap());
+    let said = format!("within {least:.2} to {most:.2} m (rms)");
+    let readme = include_str!("../../README.md").replace('\n', " ");
+    assert!(readme.contains(&said), "README does not say: {said}");
     for entry in std::fs::read_dir(example("trials")).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
         let shipped = std::fs::read(example("trials").join(&name)).unwrap();

@@ -1,8 +1,8 @@
 //! Integration tests: one binary, one module for each topic, in two tiers. Those in [`tools`] need Python, the
 //! network, cargo or valgrind; all others need Rust alone:
 //!
-//!     cargo test --release --test it -- --skip tools::
-//!     cargo test --release --test it tools::
+//!     cargo test --profile quick --test it -- --skip tools::
+//!     cargo test --profile quick --test it tools::
 
 #[macro_use]
 extern crate pilotage_timed;

@@ -1,7 +1,8 @@
-//! What commands say to type next works as typed, whatever the program and the files are called.
+//! What commands say to type next works as typed, whatever the program and the files are called; and so does what README says.
 #![cfg(unix)]
 
-use crate::command::{Ended, Folder};
+use crate::command::{Ended, Folder, example, path_with_program};
+use std::ffi::OsStr;
 use std::process::Command;
 
 /// A search path on which the program is not.
@@ -18,10 +19,14 @@ fn next(ended: &Ended) -> Vec<String> {
 
 /// A command as a shell takes it.
 fn typed(folder: &Folder, command: &str) -> Ended {
+    typed_with(folder, command, ELSEWHERE[0].1.as_ref())
+}
+
+fn typed_with(folder: &Folder, command: &str, search_path: &OsStr) -> Ended {
     let mut shell = Command::new("sh");
     let output = shell
         .args(["-c", command])
-        .envs(ELSEWHERE)
+        .env("PATH", search_path)
         .current_dir(folder.path("."));
     let output = output.output().unwrap();
     let ended = Ended {
@@ -56,4 +61,40 @@ fn a_program_on_the_search_path_is_called_by_its_name() {
     let folder = Folder::new();
     let exported = folder.pilotage(&["export", "quadcopter", "-o", "a b.fmu"]);
     assert_eq!(next(&exported), ["pilotage validate 'a b.fmu'"]);
+}
+
+/// The commands of README, one after the other, in a folder with the example flights.
+#[test]
+fn what_readme_says_to_type_works() {
+    let folder = Folder::new();
+    let flights =
+        (std::fs::read_dir(example("trials")).unwrap()).map(|entry| entry.unwrap().path());
+    for (n, flight) in flights
+        .filter(|path| path.extension() == Some("csv".as_ref()))
+        .enumerate()
+    {
+        let (name, bytes) = (flight.file_name().unwrap(), std::fs::read(&flight).unwrap());
+        folder.write(&format!("examples/trials/{}", name.display()), &bytes);
+        folder.write(&format!("run{n}.csv"), &bytes);
+    }
+    let readme = include_str!("../../README.md").replace("\\\n", "");
+    // One block is a model file.
+    let (_, model) = readme.split_once("    [model]\n").unwrap();
+    let (model, _) = model.split_once("\n\n").unwrap();
+    folder.write("tracker.toml", format!("[model]\n{model}"));
+    let lines = readme.lines().filter_map(|line| line.strip_prefix("    "));
+    let inline = readme
+        .split('`')
+        .filter(|word| word.contains("tracker.toml"));
+    let commands: Vec<&str> = lines
+        .chain(inline)
+        .filter(|line| line.starts_with("pilotage "))
+        .collect();
+    assert_eq!(commands.len(), 11, "{commands:?}");
+    for command in commands {
+        typed_with(&folder, command, &path_with_program());
+    }
+    for made in ["fit.html", "problem.html", "result.csv", "tracker.fmu"] {
+        assert!(folder.path(made).is_file(), "{made}");
+    }
 }

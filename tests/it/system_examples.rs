@@ -92,11 +92,11 @@ fn a_controller_holds_the_speed_of_a_motor() {
     assert_as_scipy("motor", "1.5", "0.001", 2e-5);
 }
 
-/// The README's table of the loop u = 2 (1 - y), ẏ = u, whose exact value is 1 - e⁻² after a second.
+/// The table of docs/cosim.md of the loop u = 2 (1 - y), ẏ = u, whose exact value is 1 - e⁻² after a second.
 #[test]
-fn the_readmes_table_of_a_loop_is_what_it_prints() {
-    let readme = include_str!("../../README.md");
-    let rows = readme
+fn the_chapters_table_of_a_loop_is_what_it_prints() {
+    let chapter = include_str!("../../docs/cosim.md");
+    let rows = chapter
         .lines()
         .filter(|line| line.starts_with("| `--algorithm "));
     let mut seen = 0;

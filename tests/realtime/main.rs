@@ -1,7 +1,7 @@
 //! Tests in real time: they run one after another, and while no other test runs, since other load on the computer would
 //! be measured too.
 //!
-//!     cargo test --release --test realtime
+//!     cargo test --profile quick --test realtime
 
 #[macro_use]
 extern crate pilotage_timed;

@@ -48,6 +48,7 @@ pub struct Isolation {
 
 impl Isolation {
     /// Isolates all FMUs, or none. A call of more than two seconds counts as a hang, since a person is flying.
+    #[cfg(feature = "fly")]
     pub fn of_all(is_isolated: bool) -> Self {
         let all = is_isolated.then(|| ALL.to_owned());
         Self {

@@ -13,18 +13,21 @@
 mod advice;
 pub mod flags;
 pub mod isolation;
+#[cfg(feature = "fly")]
+mod one;
 mod parameters;
 mod resolve;
 mod save;
 pub mod tables;
 
 use self::isolation::Isolation;
+#[cfg(feature = "fly")]
+pub use self::one::open_one;
 use self::resolve::{Resolved, resolve};
 use self::tables::InputTable;
 use super::{Failure, recognise};
 use crate::cosim::master::Stage;
-use crate::cosim::{Component, MasterError, System, SystemDescription};
-use std::ffi::OsStr;
+use crate::cosim::{MasterError, System, SystemDescription};
 use std::path::{Path, PathBuf};
 
 /// A connected system, its sources, and the tables that feed it.
@@ -42,16 +45,6 @@ pub struct Built {
 /// Opens all instances of a description and connects them.
 pub fn open(description: SystemDescription) -> Result<Built, Failure> {
     build(description, &Isolation::default(), |_, _| Ok(()))
-}
-
-/// Opens a single model by the name or file of an argument.
-pub fn open_one(argument: &OsStr, is_isolated: bool) -> Result<Box<dyn Component>, Failure> {
-    let (name, file) = flags::instance(argument);
-    let instance = flags::described(name, flags::model_source(file));
-    match resolve(&instance, &Isolation::of_all(is_isolated))? {
-        Resolved::Model(component) => Ok(component),
-        Resolved::Table(file) => Err(Failure::new(format!("{} is a table", file.display()))),
-    }
 }
 
 /// Opens all instances and connects them; `finish` may change connections and values once the instances exist.

@@ -195,9 +195,9 @@ fn each_fault_is_found() {
     check(&cases());
 }
 
-/// The README's numbers are those of the lists.
+/// The numbers in the chapters are those of the lists.
 #[test]
-fn the_readme_counts_the_faults() {
+fn the_chapters_count_the_faults() {
     let [of2, of3] = [faults2::FAULTS, faults3::FAULTS].map(|faults| pairs(faults).len());
     let others = cases().len() + TERMINAL_FAULTS.len() + BUILD_FAULTS.len();
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -206,14 +206,14 @@ fn the_readme_counts_the_faults() {
             .unwrap()
             .replace('\n', " ")
     };
-    let readme = text("README.md");
+    let chapter = text("docs/fmus.md");
     for said in [
         format!(
             "each of {of2} faults planted in a good description of FMI 2.0 and {of3} in one of FMI 3.0"
         ),
         format!("It finds {others} more in archives"),
     ] {
-        assert!(readme.contains(&said), "README does not say: {said}");
+        assert!(chapter.contains(&said), "docs/fmus.md does not say: {said}");
     }
     let peers = text("docs/peers.md");
     for said in [format!("| FMI 2 | {of2} |"), format!("| FMI 3 | {of3} |")] {
