@@ -7,7 +7,7 @@ use crate::cosim::description::Setting;
 use crate::estimation::part::Part;
 use crate::estimation::result::Found;
 use crate::estimation::{Fit, Posed};
-use pilotage_language::{with_starts, with_uncertainty};
+use pilotage_language::{with_results, with_starts};
 use std::path::{Path, PathBuf};
 
 /// Beginning of the file of a fitted model.
@@ -97,6 +97,10 @@ impl Fitted {
             values.push((name.to_owned(), value));
         }
         let Some(compiled) = &part.file else {
+            for own in &fit.diagnostics {
+                let words = own.to_string().replace(char::is_control, " ");
+                head += &format!("# diagnostic [{}]: {words}\n", own.code());
+            }
             let (kept, lost) = settable(part, values);
             for (name, value) in lost {
                 head += &format!(
@@ -106,9 +110,11 @@ impl Fitted {
             return self.write_system(posed, head, &kept);
         };
         let mut text = with_starts(&compiled.file.text, &values);
-        if let Some(table) = kept::table(fit, &prefix) {
-            text = with_uncertainty(&text, &table);
-        }
+        let sureness = kept::table(fit, &prefix).map_or(String::new(), |table| table + "\n");
+        text = with_results(
+            &text,
+            &(sureness + &kept::provenance(posed, fit, &self.instance)),
+        );
         overwrite::save(&self.path, head + &text)?;
         for (name, table) in &compiled.tables {
             let beside = self.path.with_file_name(name);
