@@ -3,6 +3,7 @@
 use super::figure::{Axis, Figure, Look, Panel, Series};
 use super::html::{Made, escape, figure, header, section, table, whole};
 use super::number;
+use super::overlay;
 use super::palette::colour;
 use super::tables;
 use crate::linear::{Margins, Mode, Response};
@@ -101,7 +102,7 @@ pub fn loop_page(page: &LoopPage) -> String {
     }
     for stability in page.stability {
         let title = format!("Poles of the closed loop{}", in_steps(stability.step));
-        body += &section(&title, &tables::modes(stability.modes));
+        body += &section(&title, &overlay::table(&tables::modes(stability.modes)));
     }
     let files = page.files.iter().map(|(name, sum)| (&**name, &**sum));
     body += &section("Files", &tables::files(files));
