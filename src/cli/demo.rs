@@ -1,8 +1,8 @@
 //! `pilotage demo`: the complete workflow on the six example trials, into a new folder.
 
-use super::fit::summary;
+use super::deadline::Deadline;
+use super::fit::{Watch, summary};
 use super::made::{made, program, quoted};
-use super::progress::Progress;
 use super::{Failure, Outcome, folder, overwrite, terminal, validate};
 use crate::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuComponent, System};
 use crate::export::{Export, Provenance};
@@ -16,7 +16,6 @@ use crate::vehicle;
 use pilotage_inference::statistics::rms;
 use pilotage_text::counted;
 use pilotage_text::number::significant;
-use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 /// Arguments of `pilotage demo`.
@@ -103,12 +102,10 @@ impl Demo {
     }
 
     fn fit(&self, trials: TrialSet) -> Result<Identification, Failure> {
-        let mut progress = Progress::new();
-        let found = Identification::new(trials, self.options.clone(), &mut |iteration| {
-            progress.show(iteration);
-            ControlFlow::Continue(())
-        });
-        progress.clear();
+        let mut watch = Watch::new(Deadline::after(None), None, false);
+        let options = self.options.clone();
+        let found = Identification::new(trials, options, &mut |progress| watch.flights(progress));
+        watch.end();
         let found = found?;
         let fitted = &found.fit;
         let text = pilot_file::to_toml(&found);

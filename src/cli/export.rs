@@ -35,6 +35,9 @@ pub struct Args {
     /// FMU to write [default: the model's name].
     #[arg(short, long)]
     output: Option<PathBuf>,
+    /// Export the best iterate of a fit that did not converge, marked as such.
+    #[arg(long)]
+    allow_unconverged: bool,
     #[command(flatten)]
     fmu: FmuArgs,
 }
@@ -179,7 +182,9 @@ const UNSTABLE: &str =
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     let command = match (args.command, args.model) {
         (Some(command), _) => command,
-        (None, Some(model)) => return text(&model, args.output, &args.fmu),
+        (None, Some(model)) => {
+            return text(&model, args.output, args.allow_unconverged, &args.fmu);
+        }
         (None, None) => {
             return Err(Failure::new("no model is named")
                 .hint("name a model file, or `pilot` or `quadcopter`; `pilotage export --help` has examples"));
@@ -222,16 +227,35 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     }
 }
 
+/// Refuses the best iterate of a fit that has no answer, unless it is allowed.
+fn unconverged(file: &Path, objection: &str) -> Failure {
+    let message = format!("{}: the fit {objection}", file.display());
+    Failure::new(message).hint(
+        "fit again (more iterations, another --start), or pass --allow-unconverged to export \
+         its best iterate",
+    )
+}
+
 /// Exports a model file.
-fn text(args: &ModelArgs, output: Option<PathBuf>, fmu: &FmuArgs) -> Result<Outcome, Failure> {
+fn text(
+    args: &ModelArgs,
+    output: Option<PathBuf>,
+    allow_unconverged: bool,
+    fmu: &FmuArgs,
+) -> Result<Outcome, Failure> {
     let file = args.file();
     let model = args.open()?;
     let own = &model.compiled().file;
+    let is_answer = own.fit.as_ref().is_none_or(|fit| fit.converged);
+    if !is_answer && !allow_unconverged {
+        return Err(unconverged(Path::new(&own.file), "did not converge"));
+    }
     let output = output.unwrap_or_else(|| PathBuf::from(format!("{}.fmu", own.name)));
     fmu.check_output(file.as_deref(), &output)?;
     let shown = file.as_deref().and_then(Path::file_name);
     let shown = shown.map_or(own.file.clone(), |name| name.to_string_lossy().into());
     let mut provenance = Provenance::model_file(&shown, &own.source);
+    provenance.caveat = own.fit.as_ref().and_then(|fit| fit.caveat());
     fmu.sign(&mut provenance)?;
     Export::text(&model, &provenance)
         .options(fmu.options()?)
@@ -248,11 +272,7 @@ fn fitted(file: &Path, allow_unconverged: bool) -> Result<(Model, Provenance), F
     )?;
     let pilot = PilotFile::read(file)?;
     if let Some(objection) = pilot.objection().filter(|_| !allow_unconverged) {
-        let message = format!("{}: the fit {objection}", file.display());
-        return Err(Failure::new(message).hint(
-            "fit again (more iterations, another --start), or pass --allow-unconverged to export \
-             its best iterate",
-        ));
+        return Err(unconverged(file, &objection));
     }
     let order = pilot.theta.len() / 2;
     if order > Model::MAX_ORDER {

@@ -1,7 +1,7 @@
 //! Progress of long computations, shown on a terminal only.
 
+use super::fit::Iterate;
 use super::terminal::line;
-use crate::identification;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::borrow::Cow;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
@@ -25,33 +25,37 @@ impl Progress {
         }
     }
 
-    /// Shows the progress of a fit.
-    pub fn show(&mut self, progress: &identification::Progress) {
+    /// Shows the search for starts, of which this share is done.
+    pub fn search(&mut self, order: usize, done: f64) {
+        let message = || format!("percent: looking for starts of order {order}");
+        self.show((100.0 * done) as u64, 100, message);
+    }
+
+    /// Shows an iterate.
+    pub fn iterate(&mut self, at: &Iterate) {
+        let message = || {
+            let order = at.order.map(|order| format!("order {order}, "));
+            let mesh = (at.refinement > 0).then(|| format!("refinement {}, ", at.refinement));
+            format!(
+                "starts: {}{}iteration {}, objective {:.6e}, KKT residual {:.1e}",
+                order.unwrap_or_default(),
+                mesh.unwrap_or_default(),
+                at.iteration.number,
+                at.objective,
+                at.iteration.kkt.residual()
+            )
+        };
+        self.show(at.start as u64 + 1, at.starts as u64, message);
+    }
+
+    fn show(&mut self, position: u64, length: u64, message: impl Fn() -> String) {
         if self.begin.elapsed() <= PATIENCE {
             return;
         }
-        let (position, length, message) = match progress {
-            identification::Progress::Search { order, done } => (
-                (100.0 * done) as u64,
-                100,
-                format!("percent: looking for starts of order {order}"),
-            ),
-            identification::Progress::Iterate(at) => (
-                at.start as u64 + 1,
-                at.starts as u64,
-                format!(
-                    "starts: order {}, iteration {}, objective {:.6e}, KKT residual {:.1e}",
-                    at.order,
-                    at.iteration.number,
-                    at.iteration.objective,
-                    at.iteration.kkt.residual()
-                ),
-            ),
-        };
         let bar = self.bar.get_or_insert_with(bar);
         bar.set_length(length);
         bar.set_position(position);
-        bar.set_message(line(&message));
+        bar.set_message(line(&message()));
     }
 
     /// Clears the bar.

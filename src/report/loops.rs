@@ -3,6 +3,7 @@
 use super::figure::{Axis, Figure, Look, Panel, Series};
 use super::html::{Html, Made, figure, header, html, paragraph, section, table, whole};
 use super::number;
+use super::overlay;
 use super::palette::colour;
 use super::tables;
 use crate::linear::{Margins, Mode, Response};
@@ -95,7 +96,7 @@ pub fn loop_page(page: &LoopPage) -> String {
         @for note in page.notes { (paragraph(Some("caution"), note)) }
         @if !page.loops.is_empty() { (loops(page.loops)) }
         @for stability in page.stability {
-            (section(&format!("Poles of the closed loop{}", in_steps(stability.step)), &tables::modes(stability.modes)))
+            (section(&format!("Poles of the closed loop{}", in_steps(stability.step)), &overlay::table(&tables::modes(stability.modes))))
         }
         (section("Files", &tables::files(files)))
     };

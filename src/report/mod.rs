@@ -38,7 +38,7 @@ pub use overlay::{Overlay, Parameters, overlay_page};
 pub use page::{Report, page, well_determined};
 pub use simulation::{Simulation, result_figures, simulation_page};
 pub use steps::{StepFigure, step_page};
-pub use tables::target_of;
+pub use tables::{modes, target_of};
 
 /// A table as CSV, with quotes where required (RFC 4180).
 fn csv<R: AsRef<[String]>>(rows: &[R]) -> String {

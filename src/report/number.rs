@@ -13,10 +13,11 @@ pub fn html(value: f64, digits: usize) -> Html {
     marked_up(&significant(value, digits))
 }
 
-/// Formats the text of a number as HTML.
+/// Formats the text of a number as HTML; a word in the place of one stays as it is.
 pub fn marked_up(text: &str) -> Html {
+    let is_number = text.parse::<f64>().is_ok();
     let text = text.replace('-', "\u{2212}");
-    match text.split_once('e') {
+    match text.split_once('e').filter(|_| is_number) {
         Some((mantissa, exponent)) => html! { (mantissa) "\u{b7}10" sup { (exponent) } },
         None => html! { (text) },
     }

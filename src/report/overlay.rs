@@ -56,7 +56,7 @@ pub fn overlay_page(page: &Overlay<'_>, made: &Made) -> String {
 }
 
 /// A table with its notes; numbers have a true minus sign, and exponents as superscripts.
-fn table(own: &Parameters) -> Html {
+pub(super) fn table(own: &Parameters) -> Html {
     let cell = |(k, text): (usize, &String)| match own.numeric.contains(&k) {
         true => super::number::marked_up(text),
         false => html! { (text) },

@@ -2,6 +2,7 @@
 
 use super::html::{Html, html, paragraph, table};
 use super::number;
+use super::overlay::{self, Parameters};
 use crate::identification::pilot_file::units;
 use crate::identification::result::StartReport;
 use crate::identification::trials::Summary;
@@ -119,12 +120,12 @@ pub fn active(found: &Identification) -> Html {
 }
 
 pub fn poles(fit: &Fit, pilot: Pilot) -> Html {
-    modes(&Mode::of_poles(&pilot.poles(&fit.theta)))
+    overlay::table(&modes(&Mode::of_poles(&pilot.poles(&fit.theta))))
 }
 
 pub fn closed_loop(fit: &Fit) -> Html {
     match &fit.closed_loop {
-        Some(closed_loop) => modes(&Mode::of_poles(&closed_loop.poles)),
+        Some(closed_loop) => overlay::table(&modes(&Mode::of_poles(&closed_loop.poles))),
         None => paragraph(None, "Not known: the fit was given no vehicle."),
     }
 }
@@ -153,30 +154,37 @@ pub fn derived(found: &Identification) -> Html {
 }
 
 /// Poles, or conjugate pairs of poles.
-pub fn modes(modes: &[Mode]) -> Html {
-    let rows: Vec<_> = (modes.iter())
-        .map(|mode| {
-            let (re, im) = (number::html(mode.pole.re, 4), number::html(mode.pole.im, 4));
-            let pole = match mode.pole.im == 0.0 {
-                true => re,
-                false => html! { (re) " ± " (im) " i" },
-            };
-            let time = match mode.pole.re < 0.0 {
-                true => number::html(-1.0 / mode.pole.re, 4),
-                false if mode.pole.re == 0.0 => cell("–"),
-                false => cell("unstable"),
-            };
-            let frequency = number::html(mode.frequency, 4);
-            vec![pole, frequency, number::html(mode.damping, 3), time]
-        })
-        .collect();
-    let header = [
-        "pole [1/s]",
-        "frequency [rad/s]",
-        "damping",
-        "time constant [s]",
-    ];
-    table(&header, &[0, 1, 2, 3], &rows)
+pub fn modes(modes: &[Mode]) -> Parameters {
+    let row = |mode: &Mode| {
+        let imaginary = match mode.pole.im == 0.0 {
+            true => String::new(),
+            false => significant(mode.pole.im, 4),
+        };
+        let time = match mode.pole.re < 0.0 {
+            true => significant(-1.0 / mode.pole.re, 4),
+            false if mode.pole.re == 0.0 => "–".into(),
+            false => "unstable".into(),
+        };
+        vec![
+            significant(mode.pole.re, 4),
+            imaginary,
+            significant(mode.frequency, 4),
+            significant(mode.damping, 3),
+            time,
+        ]
+    };
+    Parameters {
+        header: vec![
+            "pole [1/s]",
+            "± i [1/s]",
+            "frequency [rad/s]",
+            "damping",
+            "time constant [s]",
+        ],
+        numeric: vec![0, 1, 2, 3, 4],
+        rows: modes.iter().map(row).collect(),
+        notes: Vec::new(),
+    }
 }
 
 /// The target of a run \[m\], or its range if it moves.

@@ -11,7 +11,7 @@ const SYNTH: &str =
 pub const RUNS: [&str; 3] = ["sines/run1.csv", "sines/run2.csv", "sines/run3.csv"];
 
 /// A problem with the human's own structure; delay and stick are told.
-const PROBLEM: &str = r#"
+pub const PROBLEM: &str = r#"
 [system.pilot]
 model = "extended_crossover"
 [system.vehicle]

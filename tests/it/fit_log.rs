@@ -94,6 +94,66 @@ fn the_log_tells_each_iteration_and_how_it_ended() {
     assert_eq!(rows.count(), iterations.len(), "{}", ended.stderr);
 }
 
+/// Problem files have the same lines; the solver's objective is scaled, and that of the lines is not.
+#[test]
+fn the_log_of_a_problem_has_the_same_lines() {
+    let folder = Folder::new();
+    let problem = example("problems/hare_lynx/problem.toml")
+        .display()
+        .to_string();
+    let fit = ["fit", &problem, "--random-starts=3", "-o=m.toml"];
+    let ended = folder.pilotage(&[&fit[..], &["--log=fit.jsonl", "--json", "--verbose"]].concat());
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let (log, summary) = (lines(&folder.read("fit.jsonl")), ended.json());
+    let (iterations, starts) = (of(&log, "iteration"), of(&log, "start"));
+    assert_eq!(log.len(), iterations.len() + starts.len() + 1);
+    assert_eq!(starts.len(), 4);
+    for (start, own) in starts.iter().zip(summary["starts"].as_array().unwrap()) {
+        for key in ["start", "status", "iterations", "objective", "kkt"] {
+            assert_eq!(start[key], own[key], "{key}");
+        }
+        let is_own = |line: &&&Value| line["start"] == start["start"] && line["refinement"] == 0;
+        let last = iterations.iter().rfind(is_own).unwrap();
+        assert_eq!(last["iteration"], start["iterations"]);
+        if start["status"] == "converged" {
+            assert_eq!(last["objective"], start["objective"]);
+        }
+    }
+    // The refined mesh has the last iterate, and that is the result.
+    let (last, closing) = (iterations.last().unwrap(), log.last().unwrap());
+    assert!(last["refinement"].as_u64().unwrap() > 0, "{last}");
+    assert_eq!(last["objective"], summary["objective"]);
+    for key in [
+        "status",
+        "converged",
+        "iterations",
+        "objective",
+        "kkt",
+        "curvature",
+        "skipped",
+    ] {
+        assert_eq!(closing[key], summary[key], "{key}");
+    }
+    let rows = (ended.stderr.lines()).filter(|line| !line.starts_with("order start"));
+    assert_eq!(rows.count(), iterations.len(), "{}", ended.stderr);
+
+    // On stdout it is alone there.
+    let ended = folder.pilotage(&[&fit[..], &["--log=-"]].concat());
+    assert_eq!(lines(&ended.stdout).last().unwrap()["status"], "converged");
+    assert!(ended.stderr.starts_with("converged: "), "{}", ended.stderr);
+    let ended = folder.pilotage(&[&fit[..], &["--log=-", "--json"]].concat());
+    let message = "error: --json and --log - both want stdout\n";
+    assert!(
+        ended.code == 2 && ended.stderr.starts_with(message),
+        "{ended:?}"
+    );
+    let ended = folder.pilotage(&[&fit[..], &["--evaluate", "--log=fit.jsonl"]].concat());
+    assert!(
+        ended.code == 2 && ended.stderr.contains("--evaluate makes none"),
+        "{ended:?}"
+    );
+}
+
 #[test]
 fn a_log_on_stdout_is_alone_there() {
     let folder = Folder::new();

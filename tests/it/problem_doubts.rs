@@ -201,7 +201,7 @@ fn a_refinement_that_moves_a_parameter_is_told() {
              [[run]]\nfile = \"run.csv\"\n[fit]\nmesh_tolerance = {tolerance}\n"
         );
         folder.write("problem.toml", text);
-        words(&fit(&folder).json(), "mesh-moves")
+        words(&fit(&folder).json(), "mesh-error")
     };
     assert!(
         mesh_moves("1e-3").unwrap().contains("3.5e-3"),
@@ -219,10 +219,15 @@ fn equations_and_constraints_that_are_not_met_are_told() {
             "[parameters]\n\"m.k\" = {{ min = {least}, max = 2 }}\n[[constraint]]\nexpression = \"m.x\"\nmin = 0.9\n"
         );
         let json = fit(&problem("", &rest, RUN)).json();
-        (words(&json, "not-met"), json)
+        (words(&json, "not-converged"), json)
     };
     let (not_met, json) = solve(0.5);
-    assert!(not_met.is_some(), "{json}");
+    assert!(
+        not_met
+            .unwrap()
+            .contains("do not fulfil equations and constraints"),
+        "{json}"
+    );
     assert_eq!(json["objective"], Value::Null);
     let (not_met, json) = solve(0.0);
     assert_eq!(not_met, None, "{json}");
@@ -416,16 +421,22 @@ fn samples_and_runs_that_stand_out_are_told() {
 #[test]
 fn flags_of_flights_are_refused_whatever_their_value() {
     let folder = problem("", "[parameters]\n\"m.k\" = {}\n", RUN);
-    for (flag, value) in [
-        ("--max-iterations", "200"),
-        ("--order", "3"),
-        ("--scheme", "hermite-simpson"),
-        ("--objective", "response"),
-        ("--column", "time=t"),
+    for (flag, place) in [
+        ("--order=3", "`order` of the pilot's instance in [system]"),
+        ("--objective=response", "[[measured]]"),
+        ("--column=time=t", "[inputs] and `column` of [[measured]]"),
+        ("--vehicle=m.toml", "`model` of an instance in [system]"),
+        ("--initial-state=free", "[initial]"),
+        ("--initial-position=known", "[initial]"),
+        ("--allow-unstable-loop", "`closed_loop` in [stability]"),
+        ("--stick-limit=1", "`limit` of the output in its model"),
     ] {
-        let ended = folder.pilotage(&["fit", "problem.toml", flag, value]);
+        let ended = folder.pilotage(&["fit", "problem.toml", flag]);
         assert_eq!(ended.code, 2, "{ended:?}");
-        let expected = format!("error: {flag} belongs to `pilotage fit run*.csv`");
+        let name = flag.split('=').next().unwrap();
+        let expected = format!(
+            "error: {name} belongs to `pilotage fit run*.csv`\nhint: in a problem file {place}"
+        );
         assert!(ended.stderr.starts_with(&expected), "{ended:?}");
     }
 }

@@ -6,6 +6,7 @@ use crate::compare::{RUNS, flights, problem};
 use pilotage::collocation::Scheme;
 use pilotage::estimation::file::Mesh;
 use pilotage::estimation::{Fit, Posed, ProblemFile, fit, part};
+use pilotage::identification::trials::sha256;
 use pilotage::inference::Method;
 use serde_json::Value;
 use std::ops::ControlFlow;
@@ -244,14 +245,6 @@ fn what_the_problem_says_itself_is_no_flag() {
     for (words, hint) in [
         (vec!["fit", "problem.toml", "--order", "2"], "--order"),
         (
-            vec!["fit", "problem.toml", "--max-iterations", "1"],
-            "--max-iterations",
-        ),
-        (
-            vec!["fit", "problem.toml", "--tolerance", "1e-2"],
-            "--tolerance",
-        ),
-        (
             vec!["fit", "problem.toml", "--column", "time=t"],
             "--column",
         ),
@@ -262,6 +255,157 @@ fn what_the_problem_says_itself_is_no_flag() {
         assert_eq!(ended.code, 2, "{ended:?}");
         assert!(ended.stderr.contains(hint), "{ended:?}");
     }
+}
+
+/// A fitted model says which fit it is from, and what is to be doubted; other commands read that.
+#[test]
+fn a_fitted_model_says_how_the_fit_ended() {
+    let folder = folder();
+    let fit = ["fit", "problem.toml", "--random-starts=0"];
+    let cut = folder.pilotage(&[&fit[..], &["--max-iterations=1"]].concat());
+    assert_eq!(cut.code, 1, "{cut:?}");
+    assert!(
+        cut.stdout.contains("      --max-iterations above 1\n"),
+        "{cut:?}"
+    );
+    let go_on = "      --start tank.rate=";
+    assert!(cut.stdout.contains(go_on), "{cut:?}");
+    let kept = |name: &str| folder.read(name).parse::<toml::Table>().unwrap()["fit"].clone();
+    let own = kept("tank-fitted.toml");
+    assert_eq!(own["converged"].as_bool(), Some(false));
+    assert_eq!(own["status"].as_str(), Some("iteration-limit"));
+    assert_eq!(own["doubt"][0]["code"].as_str(), Some("not-converged"));
+    let sum = sha256(&std::fs::read(folder.path("run.csv")).unwrap());
+    assert_eq!(own["data"][0]["sha256"].as_str(), Some(sum.as_str()));
+    let checked = folder.pilotage(&["model", "check", "tank-fitted.toml"]);
+    for words in [
+        "  start values of a fit: iteration-limit\n",
+        "  diagnostic [not-converged]: ",
+    ] {
+        assert!(checked.stdout.contains(words), "{checked:?}");
+    }
+    let cosim = [
+        "cosim",
+        "tank-fitted.toml",
+        "--stop-time=1",
+        "--step=0.1",
+        "-o",
+        "tank.csv",
+    ];
+    assert_eq!(folder.pilotage(&cosim).code, 0);
+    let refused = folder.pilotage(&["export", "tank-fitted.toml"]);
+    let message = "error: tank-fitted.toml: the fit did not converge\n";
+    assert!(
+        refused.code == 2 && refused.stderr.starts_with(message),
+        "{refused:?}"
+    );
+    let allowed = folder.pilotage(&["export", "tank-fitted.toml", "--allow-unconverged"]);
+    assert!(
+        allowed.stdout.contains("note: The fit did NOT converge"),
+        "{allowed:?}"
+    );
+    // What a fit of the fitted model says takes the place of that.
+    folder.write(
+        "again.toml",
+        PROBLEM.replace("decay.toml", "tank-fitted.toml"),
+    );
+    assert_eq!(
+        folder
+            .pilotage(&["fit", "again.toml", "-o", "again-fitted.toml"])
+            .code,
+        0
+    );
+    let own = kept("again-fitted.toml");
+    assert_eq!(own["status"].as_str(), Some("converged"));
+    assert_eq!(
+        (own.get("doubt"), own["data"].as_array().map(Vec::len)),
+        (None, Some(1))
+    );
+    assert_eq!(folder.pilotage(&["export", "again-fitted.toml"]).code, 0);
+}
+
+/// What the command says takes precedence over `[fit]`.
+#[test]
+fn flags_take_precedence_over_the_file() {
+    let folder = folder();
+    let options = "[fit]\nstarts = 4\nmax_iterations = 500\nscheme = \"trapezoid\"\n";
+    folder.write("problem.toml", PROBLEM.to_owned() + options);
+    let fit = |flags: &[&str]| {
+        let words = [&["fit", "problem.toml", "--json"], flags].concat();
+        folder.pilotage(&words).json()
+    };
+    let own = fit(&[]);
+    let count = |fit: &Value| fit["starts"].as_array().unwrap().len();
+    assert_eq!(
+        (count(&own), &own["mesh"]["scheme"]),
+        (4, &"trapezoid".into())
+    );
+    let other = fit(&["--random-starts=1", "--scheme=euler", "--mesh-step=0.02"]);
+    assert_eq!(
+        (count(&other), &other["mesh"]["scheme"]),
+        (2, &"euler".into())
+    );
+    assert_eq!(other["mesh"]["intervals"], 100);
+    let cut = fit(&["--max-iterations=1", "--random-starts=0"]);
+    assert_eq!(cut["status"], "iteration-limit");
+    let rough = fit(&["--tolerance=0.1", "--random-starts=0"]);
+    let is_less = |key: &str| rough[key].as_f64() < own[key].as_f64();
+    assert!(count(&rough) == 1 && is_less("iterations"), "{rough} {own}");
+}
+
+/// The recording has the rate 0.8, the model 0.5.
+#[test]
+fn a_problem_begins_where_the_command_says() {
+    let folder = folder();
+    let at = |start: &str| {
+        let words = [
+            "fit",
+            "problem.toml",
+            "--evaluate",
+            "--json",
+            "--start",
+            start,
+        ];
+        folder.pilotage(&words)
+    };
+    for start in ["0.8", "tank.rate=0.8"] {
+        let objective = at(start).json()["objective"].as_f64().unwrap();
+        assert!(objective < 1e-10, "{objective}");
+    }
+    // One that stands in a pattern, and has a range in its model.
+    let all = PROBLEM.replace("\"tank.rate\" = {}", "\"tank.*\" = {}");
+    folder.write("problem.toml", all);
+    assert!(at("tank.rate=0.8").json()["objective"].as_f64().unwrap() < 1e-10);
+    for (start, words) in [
+        (
+            "1,2",
+            "--start has 2 values, and 1 parameter is sought: tank.rate",
+        ),
+        (
+            "tank.rat=1",
+            "nothing that is sought is called `tank.rat`; did you mean `tank.rate`?",
+        ),
+        ("tank.rate=1,tank.rate=2", "--start has `tank.rate` twice"),
+        (
+            "tank.rate=1,2",
+            "--start has values with a name and values without one",
+        ),
+        (
+            "tank.rate=-1",
+            "`tank.rate` starts at -1, out of its range 0 to inf",
+        ),
+    ] {
+        let ended = at(start);
+        assert_eq!(ended.code, 2, "{ended:?}");
+        assert!(ended.stderr.contains(words), "{ended:?}");
+    }
+    let sensor = PROBLEM.replace("column = \"x\"", "column = \"x\"\ngain = \"free\"");
+    folder.write("problem.toml", sensor);
+    let ended = at("gain(x)=2");
+    assert!(
+        ended.code == 2 && ended.stderr.contains("`gain(x)` is of a sensor"),
+        "{ended:?}"
+    );
 }
 
 /// Of squares `Σ (y - x)²` with `x = 2 e^(-k t)`: value and derivative by hand.

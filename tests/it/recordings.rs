@@ -101,7 +101,7 @@ fn faults_of_one_recording_are_named_and_good_ones_are_not_doubted() {
             .map(|k| [rows[k][0], rows[own(k)][1], rows[k][2]])
             .collect()
     });
-    let frozen = find(frozen, "frozen-input");
+    let frozen = find(frozen, "frozen");
     assert!(
         frozen.starts_with(
             "stick of 1.csv, which drives an input, stands still from 15 s to 16.95 s"

@@ -120,7 +120,7 @@ fn subjects_are_fitted_alone() {
 }
 
 /// The linear model alone, from the input to what is recorded.
-fn linear(runs: usize) -> String {
+pub fn linear(runs: usize) -> String {
     let text =
         problem("one", runs).replace("model = \"one.toml\"", "model = \"linear\"\norder = 1");
     let text = text.replace("m.u", "m.target").replace("m.y", "m.stick");

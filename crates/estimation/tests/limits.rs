@@ -57,7 +57,7 @@ fn a_fit_that_is_cut_while_its_mesh_is_refined_is_no_answer() {
             _ => ControlFlow::Break(Status::TimeLimit),
         },
     );
-    assert_eq!(cut.starts[0].0, Status::Converged);
+    assert_eq!(cut.starts[0].status, Status::Converged);
     assert!(
         !cut.is_answer() && codes(&cut).contains(&"cut"),
         "{:?}",
@@ -83,7 +83,11 @@ fn a_fit_that_is_cut_during_its_starts_is_no_answer() {
         codes(&cut)
     );
     assert_eq!(cut.ending(), "interrupted");
-    assert!(cut.starts.iter().any(|own| own.0 == Status::Interrupted));
+    assert!(
+        cut.starts
+            .iter()
+            .any(|own| own.status == Status::Interrupted)
+    );
 }
 
 /// Half a million periods between two samples: nobody waits for them to be told.

@@ -41,6 +41,7 @@ impl Expressions {
                 states: Vec::new(),
                 locals: Vec::new(),
                 outputs: Vec::new(),
+                fit: None,
             },
             constants: Vec::new(),
         }

@@ -1,6 +1,7 @@
 //! The declarations of a model file.
 
 use crate::error::{Fault, ModelFileError};
+use crate::fitted::{self, Fitted};
 use crate::sure;
 use crate::syntax::{Expression, Part};
 use pilotage_text::document::{Document, DocumentError, Position, TomlTable, number};
@@ -38,6 +39,8 @@ pub struct ModelFile {
     pub locals: Vec<Variable>,
     /// Variables provided to the outside.
     pub outputs: Vec<Variable>,
+    /// The fit that the start values come from, if they do.
+    pub fit: Option<Fitted>,
 }
 
 /// A declared variable.
@@ -149,19 +152,23 @@ const SECTIONS: [Section; 5] = [
 /// Names with a predefined meaning.
 pub(crate) const RESERVED: [&str; 2] = ["time", "pi"];
 
-/// The text of a model file with this table `[uncertainty]` at its end, replacing an existing one.
-pub fn with_uncertainty(text: &str, table: &str) -> String {
+/// The text of a model file with these tables of a fit, `[uncertainty]` and `[fit]`, at its end, replacing existing ones.
+pub fn with_results(text: &str, tables: &str) -> String {
     let mut is_old = false;
     let mut kept = String::new();
+    let is_of_fit = |line: &str| {
+        let name = line.trim_start_matches('[').split([']', '.']).next();
+        name.is_some_and(|name| [sure::TITLE, fitted::TITLE].contains(&name))
+    };
     for line in text.split_inclusive('\n') {
         if line.starts_with('[') {
-            is_old = line.starts_with("[uncertainty]") || line.starts_with("[uncertainty.");
+            is_old = is_of_fit(line);
         }
         if !is_old {
             kept += line;
         }
     }
-    let whole = format!("{}\n\n{table}", kept.trim_end());
+    let whole = format!("{}\n\n{tables}", kept.trim_end());
     // A table written in another way, which no fit does, is kept.
     match Document::parse(&whole, "") {
         Ok(_) => whole,
@@ -247,6 +254,7 @@ impl ModelFile {
             "locals",
             "outputs",
             sure::TITLE,
+            fitted::TITLE,
         ])?;
         // Results of a fit for the parameters, which do not affect the equations.
         root.table(sure::TITLE)?;
@@ -283,6 +291,7 @@ impl ModelFile {
             states: next()?,
             locals: next()?,
             outputs: next()?,
+            fit: Fitted::read(root)?,
         };
         declared.check_names(&reader)?;
         if let Some(table) = root.table(sure::TITLE)? {

@@ -31,7 +31,7 @@
 //!
 //! | module | content |
 //! | --- | --- |
-//! | [mod@file], `sure` | the declarations of a file; the results of a fit for its parameters |
+//! | [mod@file], `sure`, `fitted` | the declarations of a file; the results of a fit for its parameters, and how it ended |
 //! | `token`, [`syntax`], [`functions`] | the parser of expressions |
 //! | `scope`, `units`, `dimension` | resolution of names, detection of circles, units of the equations |
 //! | [`tables`] | the files of `table("file.csv", x)` |
@@ -47,6 +47,7 @@ mod dimension;
 mod error;
 pub mod expressions;
 pub mod file;
+mod fitted;
 pub mod functions;
 mod scope;
 mod sure;
@@ -59,4 +60,5 @@ mod units;
 pub use compiled::{Compiled, Trouble, parse, read};
 pub use error::{Fault, ModelFileError};
 pub use expressions::Expressions;
-pub use file::{ModelFile, Variable, is_model, with_starts, with_uncertainty};
+pub use file::{ModelFile, Variable, is_model, with_results, with_starts};
+pub use fitted::Fitted;

@@ -60,7 +60,7 @@ pub fn run(
             vehicle_assumed: false,
             ..options.clone()
         };
-        let found = Identification::new(set, options, &mut |progress| watch.see(progress));
+        let found = Identification::new(set, options, &mut |progress| watch.flights(progress));
         watch.end();
         found
     };

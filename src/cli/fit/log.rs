@@ -1,20 +1,31 @@
 //! The log of a fit as JSON lines: one object for each iteration as it happens, one for each start and
-//! one for the fit at the end.
+//! one for the fit at the end. docs/json.md lists their keys.
 
+use super::watch::Iterate;
 use crate::cli::Failure;
 use crate::cli::terminal::Stdout;
-use crate::identification::result::StartReport;
-use crate::identification::{Fit, solve::Iterate};
 use pilotage_process::lock;
 use serde_json::{Value, json};
 use std::fs::OpenOptions;
 use std::io::{self, ErrorKind, LineWriter, Write};
 use std::path::{Path, PathBuf};
 
+/// Keys of the object of `--json` that the last line repeats.
+const CLOSING: [&str; 8] = [
+    "status",
+    "converged",
+    "iterations",
+    "objective",
+    "kkt",
+    "curvature",
+    "seconds",
+    "skipped",
+];
+
 /// Destination of the lines. Write errors are reported at the end, since they are no reason to stop a fit.
 pub struct Log {
     path: PathBuf,
-    out: Box<dyn Write>,
+    out: Box<dyn Write + Send>,
     failed: Option<io::Error>,
 }
 
@@ -26,7 +37,7 @@ pub fn is_stdout(path: &Path) -> bool {
 impl Log {
     /// Opens the file, which is written during the fit, or stdout for `-`.
     pub fn open(path: &Path) -> Result<Self, Failure> {
-        let out: Box<dyn Write> = match is_stdout(path) {
+        let out: Box<dyn Write + Send> = match is_stdout(path) {
             true => Box::new(LineWriter::new(Stdout)),
             false => {
                 let failed = |error: io::Error| Failure::cannot_write(path, &error);
@@ -53,12 +64,12 @@ impl Log {
     /// Writes one iteration.
     pub fn iteration(&mut self, iterate: &Iterate) {
         let iteration = iterate.iteration;
-        self.line(&json!({
+        let mut object = json!({
             "event": "iteration",
-            "order": iterate.order,
             "start": iterate.start + 1,
+            "refinement": iterate.refinement,
             "iteration": iteration.number,
-            "objective": iteration.objective,
+            "objective": iterate.objective,
             "primal": iteration.kkt.primal,
             "dual": iteration.kkt.dual,
             "complementarity": iteration.kkt.complementarity,
@@ -68,36 +79,28 @@ impl Log {
             "penalty": iteration.penalty,
             "active": iteration.active,
             "hessian": iteration.model.as_str(),
-        }));
+        });
+        if let Some(order) = iterate.order {
+            object["order"] = json!(order);
+        }
+        self.line(&object);
     }
 
-    /// Writes the results of the starts and of the fit.
-    pub fn close(mut self, fit: &Fit) -> Result<(), Failure> {
-        let mut starts: Vec<&StartReport> = fit.starts.iter().collect();
-        starts.sort_by_key(|start| start.number);
+    /// Writes the results of the starts and of the fit, from the object of `--json`.
+    pub fn close(mut self, found: &Value) -> Result<(), Failure> {
+        let starts = found["starts"].as_array();
+        let mut starts: Vec<&Value> = starts.into_iter().flatten().collect();
+        starts.sort_by_key(|start| start["start"].as_u64());
         for start in starts {
-            self.line(&json!({
-                "event": "start",
-                "start": start.number,
-                "status": start.status.as_str(),
-                "iterations": start.iterations,
-                "objective": start.objective,
-                "feasible": start.feasible,
-                "kkt": start.kkt,
-                "curvature": start.curvature,
-                "seconds": start.seconds,
-            }));
+            let mut line = start.clone();
+            line["event"] = json!("start");
+            self.line(&line);
         }
-        self.line(&json!({
-            "event": "fit",
-            "status": fit.status.as_str(),
-            "iterations": fit.iterations,
-            "objective": fit.objective,
-            "kkt": fit.kkt,
-            "curvature": fit.curvature,
-            "seconds": fit.seconds,
-            "skipped": fit.skipped,
-        }));
+        let mut line = json!({ "event": "fit" });
+        for key in CLOSING {
+            line[key] = found[key].clone();
+        }
+        self.line(&line);
         match self.failed {
             // A closed reader is no failure.
             Some(error) if error.kind() != ErrorKind::BrokenPipe => {

@@ -7,12 +7,13 @@ mod next;
 mod orders;
 mod problem;
 mod refits;
+mod start;
 pub mod summary;
 mod table;
 mod watch;
 
 use super::made::made;
-use super::number::{number, positive, whole, within};
+use super::number::{positive, whole, within};
 use super::overwrite::{OutputKind, Overwrite};
 use super::trials::Columns;
 use super::{Failure, Outcome, excitation, interrupt, terminal, vehicle};
@@ -38,18 +39,22 @@ pub use problem::{FITTED, page_of as page_of_problem};
 pub use refits::HEAD as REFITS;
 use refits::{Refits, Refitted};
 use serde_json::{Value, json};
+use start::Begin;
 use std::path::{Path, PathBuf};
 use summary::{to_json, to_text};
-use watch::Watch;
+pub use watch::{Iterate, Watch};
+
+/// Version of the JSON that a fit prints, docs/json.md. It grows when a key goes or changes its meaning.
+pub const SCHEMA: u32 = 1;
 
 const EXAMPLES: &str = "\
 Examples:
   # Identify a pilot from recorded flights, and write a report page.
   pilotage fit run*.csv --vehicle vehicle.toml -o pilot.toml --report fit.html
 
-  # Follow the iterations: as a table, or as JSON lines for scripts.
+  # Follow the iterations: as a table, or as JSON lines for scripts (docs/json.md).
   pilotage fit run*.csv --verbose
-  pilotage fit run*.csv --log fit.jsonl
+  pilotage fit problem.toml --log fit.jsonl
   pilotage fit run*.csv --log - | jq -c 'select(.event == \"iteration\") | [.start, .objective]'
 
   # Is there a better optimum? Twenty random starts in addition to those from the data.
@@ -79,6 +84,7 @@ Examples:
   # At most ten seconds, and a continuation from the result.
   pilotage fit run*.csv --time-limit 10
   pilotage fit run*.csv --start 0.25,1.25,1.02,-0.0005,0.005,-0.058
+  pilotage fit problem.toml --start pilot.gain=0.3,pilot.lag=0.2
 
 A fit that is stopped by a limit or Ctrl-C writes the best iterate, marked as not converged; a second
 Ctrl-C kills the process. Diagnostics are reasons to doubt the result; each has a code.
@@ -98,10 +104,9 @@ pub struct Args {
     /// [default: INSTANCE-fitted.toml].
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Collocation scheme; the paper uses `euler`.
-    #[arg(long, default_value_t = FitOptions::default().scheme)]
-    scheme: Scheme,
-    /// Approximate length of the mesh intervals [s] [default: the samples are the mesh].
+    #[arg(long, help = or_file("Collocation scheme; the paper uses `euler`", FitOptions::default().scheme, "scheme"))]
+    scheme: Option<Scheme>,
+    /// Approximate length of the mesh intervals [s] [default: the samples are the mesh; the mesh of a problem file].
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     mesh_step: Option<f64>,
     /// Assumption about the states at the first sample; the paper uses `free`.
@@ -119,17 +124,18 @@ pub struct Args {
     /// What is compared with the recording: the vehicle's response (as in the paper), the stick, or both in two fits.
     #[arg(long, value_parser = named(Compared::ALL, Compared::as_str), default_value = Compared::ALL[0].as_str())]
     objective: Compared,
-    /// Start values of θ: θ1,θ2,... [default: estimated from the data].
+    /// Start values of the parameters: one for each, in the order of the summary, or NAME=VALUE,... for some of a problem
+    /// file [default: estimated from the data; those of a problem file].
     #[arg(
         long,
-        value_name = "t1,t2,...",
+        value_name = "VALUES",
         value_delimiter = ',',
-        value_parser = number,
+        value_parser = start::begin,
         allow_hyphen_values = true
     )]
-    start: Option<Vec<f64>>,
+    start: Option<Vec<Begin>>,
     /// Number of additional random starts [default: for runs that begin at rest, up to 8, until a second start
-    /// reaches the best sum of squares].
+    /// reaches the best sum of squares; for a problem file its `starts`, less the given one].
     #[arg(long, value_name = "N", value_parser = whole::<usize>, allow_hyphen_values = true)]
     random_starts: Option<usize>,
     /// File of the vehicle that was flown (TOML) [default: the default vehicle].
@@ -146,16 +152,15 @@ pub struct Args {
     /// Limit of the stick |y_p| at every sample.
     #[arg(long, default_value_t = FitOptions::default().stick_limit, value_parser = positive, allow_hyphen_values = true)]
     stick_limit: f64,
-    /// Iteration limit of each start.
-    #[arg(long, default_value_t = FitOptions::default().max_iterations, value_parser = whole::<usize>,
-          allow_hyphen_values = true)]
-    max_iterations: usize,
+    #[arg(long, value_parser = whole::<usize>, allow_hyphen_values = true,
+          help = or_file("Iteration limit of each start", FitOptions::default().max_iterations, "max_iterations"))]
+    max_iterations: Option<usize>,
     /// Stop after this time [s] with the best iterate; with --orders with the best of the compared ones, if any.
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     time_limit: Option<f64>,
-    /// Scaled KKT residual at convergence.
-    #[arg(long, default_value_t = FitOptions::default().tolerance, value_parser = positive, allow_hyphen_values = true)]
-    tolerance: f64,
+    #[arg(long, value_parser = positive, allow_hyphen_values = true,
+          help = or_file("Scaled KKT residual at convergence", format!("{:e}", FitOptions::default().tolerance), "tolerance"))]
+    tolerance: Option<f64>,
     /// Write a report page (HTML).
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -175,7 +180,7 @@ pub struct Args {
     #[arg(long)]
     json: bool,
     /// Write each iteration as a JSON object on its own line, at the end one for each start and one for the fit; `-`
-    /// is stdout, with the summary on stderr. Not for problem files: see --verbose.
+    /// is stdout, with the summary on stderr.
     #[arg(long, value_name = "FILE|-")]
     log: Option<PathBuf>,
     /// Print a line per iteration on stderr.
@@ -185,26 +190,58 @@ pub struct Args {
     overwrite: Overwrite,
     /// The first given flag of [`OF_FLIGHTS`].
     #[arg(skip)]
-    of_flights: Option<&'static str>,
+    of_flights: Option<OfFlights>,
 }
 
-/// Flags for flights alone: names in the code, and on the command line.
-const OF_FLIGHTS: [(&str, &str); 15] = [
-    ("mesh_step", "--mesh-step"),
-    ("scheme", "--scheme"),
-    ("initial_state", "--initial-state"),
-    ("initial_position", "--initial-position"),
-    ("allow_unstable_loop", "--allow-unstable-loop"),
-    ("objective", "--objective"),
-    ("start", "--start"),
-    ("random_starts", "--random-starts"),
-    ("vehicle", "--vehicle"),
-    ("order", "--order"),
-    ("log", "--log"),
-    ("max_iterations", "--max-iterations"),
-    ("tolerance", "--tolerance"),
-    ("stick_limit", "--stick-limit"),
-    ("named", "--column"),
+/// Help on an option whose default a problem file states in `[fit]`.
+fn or_file(what: &str, default: impl std::fmt::Display, key: &str) -> String {
+    format!("{what} [default: {default}; `{key}` of a problem file]")
+}
+
+/// A flag for flights alone: its name in the code, on the command line, and what a problem file has in its place.
+type OfFlights = &'static (&'static str, &'static str, &'static str);
+
+const OF_FLIGHTS: [(&str, &str, &str); 8] = [
+    (
+        "vehicle",
+        "--vehicle",
+        "`model` of an instance in [system] names the vehicle",
+    ),
+    (
+        "order",
+        "--order",
+        "`order` of the pilot's instance in [system] says it; --orders compares several",
+    ),
+    (
+        "initial_state",
+        "--initial-state",
+        "[initial] says how each state begins; one without a line begins as its model says",
+    ),
+    (
+        "initial_position",
+        "--initial-position",
+        "[initial] says how each state begins: \"free\", \"first sample\" or a number",
+    ),
+    (
+        "allow_unstable_loop",
+        "--allow-unstable-loop",
+        "`closed_loop` in [stability] keeps the loop stable; without it the loop is free",
+    ),
+    (
+        "objective",
+        "--objective",
+        "[[measured]] says which signals are compared with the recording",
+    ),
+    (
+        "stick_limit",
+        "--stick-limit",
+        "`limit` of the output in its model is the limit; of the pilot `linear` it is the parameter `stick_limit`",
+    ),
+    (
+        "named",
+        "--column",
+        "[inputs] and `column` of [[measured]] name the columns",
+    ),
 ];
 
 /// What is compared with the recording.
@@ -264,10 +301,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
                 .hint("leave --log out, or fit one after the other"),
         );
     }
-    if args.json && args.logs_to_stdout() {
-        return Err(Failure::new("--json and --log - both want stdout")
-            .hint("give --log a file; or leave --json out: the log's last line has the result"));
-    }
+    args.check_alone()?;
     let mut options = args.options()?;
     let set = args.columns.read(&args.trials)?;
     for note in &set.notes {
@@ -281,11 +315,6 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     if let (Some(_), Some(flag)) = (&args.orders, args.refits.flag()) {
         let message = format!("{flag} takes one order, and --orders compares several");
         return Err(Failure::new(message).hint("give --order with that which was taken"));
-    }
-    if args.orders.is_some() && args.log.is_some() {
-        let message = "--log writes one fit, and --orders compares several";
-        return Err(Failure::new(message)
-            .hint("leave --log out, or give --order with that which was taken"));
     }
     if args.orders.is_some() && args.objective == Compared::Both {
         let message = "--orders compares one fit, and --objective both are two";
@@ -320,7 +349,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         None => {
             let log = args.log.as_deref().map(Log::open).transpose()?;
             let mut watch = Watch::new(deadline, log, args.verbose);
-            let found = Identification::new(set, options, &mut |iteration| watch.see(iteration));
+            let found = Identification::new(set, options, &mut |progress| watch.flights(progress));
             let log = watch.end();
             (found?, None, log)
         }
@@ -338,7 +367,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     }
     args.print_summary(&found, refitted.as_ref(), orders)?;
     if let Some(log) = log {
-        log.close(&found.fit)?;
+        log.close(&to_json(&found, None))?;
     }
     let is_whole = refitted.as_ref().is_none_or(Refitted::is_whole);
     let is_whole = is_whole && is_compared.unwrap_or(true) && found.fit.skipped == 0;
@@ -358,9 +387,27 @@ impl Args {
     /// their defaults.
     pub fn note_given(&mut self, matches: &ArgMatches) {
         let is_given =
-            |(id, _): &&(&str, &str)| matches.value_source(id) == Some(ValueSource::CommandLine);
-        let given = OF_FLIGHTS.iter().find(is_given);
-        self.of_flights = given.map(|(_, flag)| *flag);
+            |(id, ..): &OfFlights| matches.value_source(id) == Some(ValueSource::CommandLine);
+        self.of_flights = OF_FLIGHTS.iter().find(is_given);
+    }
+
+    /// Refuses what belongs to one fit where several are compared, and two outputs on stdout.
+    fn check_alone(&self) -> Result<(), Failure> {
+        if self.json && self.logs_to_stdout() {
+            return Err(Failure::new("--json and --log - both want stdout").hint(
+                "give --log a file; or leave --json out: the log's last line has the result",
+            ));
+        }
+        if self.orders.is_some() && self.log.is_some() {
+            let message = "--log writes one fit, and --orders compares several";
+            return Err(Failure::new(message)
+                .hint("leave --log out, or fit the order which was taken alone"));
+        }
+        if self.orders.is_some() && self.start.is_some() {
+            let message = "--start has the parameters of one order, and --orders compares several";
+            return Err(Failure::new(message).hint("leave --start out"));
+        }
+        Ok(())
     }
 
     fn options(&self) -> Result<FitOptions, Failure> {
@@ -368,8 +415,9 @@ impl Args {
             order: self.order.into(),
         };
         let vehicle = vehicle::resolve(self.vehicle.as_deref())?;
+        let default = FitOptions::default();
         Ok(FitOptions {
-            scheme: self.scheme,
+            scheme: self.scheme.unwrap_or(default.scheme),
             mesh: self.mesh_step.map_or(Mesh::Samples, Mesh::Step),
             initial_state: self.initial_state,
             initial_position: self.initial_position,
@@ -381,11 +429,15 @@ impl Args {
             pilot,
             vehicle,
             vehicle_assumed: self.vehicle.is_none(),
-            start: self.start.clone(),
+            start: self
+                .start
+                .as_deref()
+                .map(|all| start::theta(all, pilot))
+                .transpose()?,
             random_starts: self.random_starts,
             stick_limit: self.stick_limit,
-            tolerance: self.tolerance,
-            max_iterations: self.max_iterations,
+            tolerance: self.tolerance.unwrap_or(default.tolerance),
+            max_iterations: self.max_iterations.unwrap_or(default.max_iterations),
             covariance: self.covariance,
         })
     }
@@ -460,9 +512,14 @@ impl Args {
                 to_text(found) + &refits + &self.next(found)
             }
         };
+        self.print(&text)
+    }
+
+    /// Prints to stdout, or to stderr if the log goes to stdout.
+    fn print(&self, text: &str) -> Result<(), Failure> {
         match self.logs_to_stdout() {
-            true => terminal::eprint(&text),
-            false => terminal::print(&text)?,
+            true => terminal::eprint(text),
+            false => terminal::print(text)?,
         }
         Ok(())
     }

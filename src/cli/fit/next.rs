@@ -3,8 +3,11 @@
 use super::Args;
 use crate::cli::made::{program, quoted};
 use crate::cli::terminal;
-use crate::identification::{Fit, FitOptions, Identification, InitialState};
+use crate::identification::{Identification, InitialState};
 use crate::sqp::Status;
+
+const AT_REST: &str =
+    "      --initial-state vehicle-at-rest, if the vehicle hovered before each run\n";
 
 impl Args {
     /// The end of the summary.
@@ -23,18 +26,21 @@ impl Args {
                 quoted(&self.output().with_extension("fmu").to_string_lossy())
             ),
             (false, true) => "next: mend what the first diagnostic says, and fit again\n".into(),
-            (false, false) => self.what_else(fit, options),
+            (false, false) => {
+                let start = numbers(&fit.theta);
+                let is_free = options.initial_state == InitialState::Free;
+                let first = is_free.then_some(AT_REST).unwrap_or_default();
+                self.what_else(fit.status, first, &start, options.max_iterations)
+            }
         }
     }
 
-    /// Suggestions for a solve that did not converge.
-    fn what_else(&self, fit: &Fit, options: &FitOptions) -> String {
+    /// Suggestions for a solve that did not converge: some of its own, then those of how it ended, with the values of
+    /// `--start` at which it ended and its iteration limit.
+    pub(super) fn what_else(&self, end: Status, first: &str, start: &str, limit: usize) -> String {
         let mut text = String::from("next: this is the best iterate, not a result; try\n");
-        if options.initial_state == InitialState::Free {
-            text +=
-                "      --initial-state vehicle-at-rest, if the vehicle hovered before each run\n";
-        }
-        let ended_by = |status: Status| fit.status == status;
+        text += first;
+        let ended_by = |status: Status| end == status;
         let was_cut_short = [
             Status::IterationLimit,
             Status::TimeLimit,
@@ -43,17 +49,14 @@ impl Args {
         .into_iter()
         .any(ended_by);
         text += &match was_cut_short {
-            true => format!(
-                "      --start {}, to go on from here\n",
-                numbers(&fit.theta)
-            ),
-            false => "      --random-starts 20, or --start with other values of θ\n".into(),
+            true => format!("      --start {start}, to go on from here\n"),
+            false => "      --random-starts 20, or --start with other values\n".into(),
         };
         if let (true, Some(limit)) = (ended_by(Status::TimeLimit), self.time_limit) {
             text += &format!("      --time-limit above {limit}\n");
         }
         if ended_by(Status::IterationLimit) {
-            text += &format!("      --max-iterations above {}\n", options.max_iterations);
+            text += &format!("      --max-iterations above {}\n", limit);
         }
         text
     }

@@ -103,7 +103,7 @@ impl Orders {
         let mut watch = Watch::new(deadline, None, args.verbose);
         let range = usize::from(*self.0.start())..=usize::from(*self.0.end());
         let count = range.clone().count();
-        let all = orders::ordered(set, options, range, &mut |progress| watch.see(progress));
+        let all = orders::ordered(set, options, range, &mut |progress| watch.flights(progress));
         watch.end();
         let all = all?;
         let is_whole = all.len() == count && all.iter().all(|own| own.is_whole);
@@ -182,10 +182,6 @@ fn check(options: &FitOptions) -> Result<(), Failure> {
         let message = "--orders flies trials that are left out from rest, and --initial-state says that they are not";
         return Err(Failure::new(message)
             .hint("--initial-state at-rest, or a problem file, where free states are estimated"));
-    }
-    if options.start.is_some() {
-        let message = "--start has the parameters of one order, and --orders compares several";
-        return Err(Failure::new(message).hint("leave --start out"));
     }
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! The results of a fit, for people and for scripts.
 
+use super::SCHEMA;
 use super::describing;
 use super::refits::Refitted;
 use crate::cli::terminal;
@@ -53,6 +54,7 @@ pub fn to_json(found: &Identification, refitted: Option<&Refitted>) -> Value {
         })
         .collect();
     json!({
+        "schema": SCHEMA,
         "status": fit.status.as_str(),
         "converged": fit.converged,
         "objective": fit.objective,

@@ -1,12 +1,12 @@
 //! The iterations of a fit as a table on stderr, with the column names usual in SQP and interior-point solvers.
 
+use super::watch::Iterate;
 use crate::cli::terminal::eprint;
-use crate::identification::solve::Iterate;
 
 /// Number of lines between two headers.
 const PAGE: usize = 20;
 
-const HEADER: &str = "order start  iter     objective    inf_pr    inf_du     compl     alpha     |d|    lg(rg)   penalty \
+const HEADER: &str = "order start  mesh  iter     objective    inf_pr    inf_du     compl     alpha     |d|    lg(rg)   penalty \
                       active  hessian";
 
 /// Prints one line for each iteration.
@@ -36,11 +36,12 @@ fn line(iterate: &Iterate) -> String {
         false => "-".into(),
     };
     format!(
-        "{:>5} {:>5} {:>5} {:>13.6e} {:>9.2e} {:>9.2e} {:>9.2e} {:>9.2e} {:>7.0e} {damping:>9} {:>9.2e} {:>6}  {}\n",
-        iterate.order,
+        "{:>5} {:>5} {:>5} {:>5} {:>13.6e} {:>9.2e} {:>9.2e} {:>9.2e} {:>9.2e} {:>7.0e} {damping:>9} {:>9.2e} {:>6}  {}\n",
+        iterate.order.map_or("-".into(), |order| order.to_string()),
         iterate.start + 1,
+        iterate.refinement,
         i.number,
-        i.objective,
+        iterate.objective,
         i.kkt.primal,
         i.kkt.dual,
         i.kkt.complementarity,
@@ -75,14 +76,16 @@ mod tests {
             model: StepModel::GaussNewton,
         };
         let text = line(&Iterate {
-            order: 3,
+            order: Some(3),
             start: 1,
             starts: 4,
+            refinement: 0,
+            objective: iteration.objective,
             iteration: &iteration,
         });
         insta::assert_snapshot!(format!("{HEADER}\n{text}"), @"
-        order start  iter     objective    inf_pr    inf_du     compl     alpha     |d|    lg(rg)   penalty active  hessian
-            3     2    12   -2.682500e2   2.50e-9   1.00e-3    0.00e0   5.00e-1    3e-2      -4.0    1.70e1     41  gauss-newton
+        order start  mesh  iter     objective    inf_pr    inf_du     compl     alpha     |d|    lg(rg)   penalty active  hessian
+            3     2     0    12   -2.682500e2   2.50e-9   1.00e-3    0.00e0   5.00e-1    3e-2      -4.0    1.70e1     41  gauss-newton
         ");
     }
 }

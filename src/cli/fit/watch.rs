@@ -4,9 +4,27 @@ use super::log::Log;
 use super::table::IterationTable;
 use crate::cli::deadline::Deadline;
 use crate::cli::progress::Progress;
-use crate::identification;
-use crate::sqp::Status;
+use crate::estimation::fit::Progress as OfProblem;
+use crate::identification::Progress as OfFlights;
+use crate::sqp::{Iteration, Status};
 use std::ops::ControlFlow;
+
+/// An iterate of a fit, of flights or of a problem file.
+#[derive(Debug, Clone, Copy)]
+pub struct Iterate<'a> {
+    /// Order of the linear pilot; lower orders lead to starts. None if there are none.
+    pub order: Option<usize>,
+    /// The start that it belongs to, from 0.
+    pub start: usize,
+    /// Number of starts so far.
+    pub starts: usize,
+    /// Number of refinements of the mesh.
+    pub refinement: usize,
+    /// The objective, not scaled.
+    pub objective: f64,
+    /// The iterate of the solver.
+    pub iteration: &'a Iteration,
+}
 
 /// The observer of a fit.
 pub struct Watch {
@@ -34,20 +52,46 @@ impl Watch {
         }
     }
 
-    /// Shows the progress and returns whether to continue.
-    pub fn see(&mut self, progress: &identification::Progress) -> ControlFlow<Status> {
-        if let identification::Progress::Iterate(iterate) = progress {
-            if let Some(log) = &mut self.log {
-                log.iteration(iterate);
-            }
-            if let Shown::Table(table) = &mut self.shown {
-                table.show(iterate);
-            }
-        }
-        if let Shown::Bar(bar) = &mut self.shown {
-            bar.show(progress);
+    /// Shows the progress of a fit of flights and returns whether to continue.
+    pub fn flights(&mut self, progress: &OfFlights) -> ControlFlow<Status> {
+        match (progress, &mut self.shown) {
+            (OfFlights::Iterate(own), _) => self.iterate(&Iterate {
+                order: Some(own.order),
+                start: own.start,
+                starts: own.starts,
+                refinement: 0,
+                objective: own.iteration.objective,
+                iteration: own.iteration,
+            }),
+            (OfFlights::Search { order, done }, Shown::Bar(bar)) => bar.search(*order, *done),
+            (OfFlights::Search { .. }, Shown::Table(_)) => {}
         }
         self.deadline.ask()
+    }
+
+    /// The same for a problem, with the factor by which the solver's objective differs from its own.
+    pub fn problem(&mut self, progress: &OfProblem, factor: f64) -> ControlFlow<Status> {
+        if let Some(iteration) = progress.iteration {
+            self.iterate(&Iterate {
+                order: None,
+                start: progress.start,
+                starts: progress.starts,
+                refinement: progress.refinement,
+                objective: iteration.objective / factor,
+                iteration,
+            });
+        }
+        self.deadline.ask()
+    }
+
+    fn iterate(&mut self, iterate: &Iterate) {
+        if let Some(log) = &mut self.log {
+            log.iteration(iterate);
+        }
+        match &mut self.shown {
+            Shown::Table(table) => table.show(iterate),
+            Shown::Bar(bar) => bar.iterate(iterate),
+        }
     }
 
     /// Clears the bar and returns the log.

@@ -109,6 +109,12 @@ impl Checked {
                 text += &format!("  {}\n", terminal::line(line));
             }
         }
+        if let Some(fit) = &file.fit {
+            text += &format!("  start values of a fit: {}\n", fit.status);
+            for (code, words) in &fit.doubts {
+                text += &format!("  diagnostic [{code}]: {words}\n");
+            }
+        }
         text += &self.table();
         text += "\nEquations\n";
         for line in file.equations().lines() {
@@ -204,6 +210,13 @@ impl Checked {
             "name": file.name,
             "description": file.description,
             "source": file.source,
+            "fit": file.fit.as_ref().map(|fit| json!({
+                "status": fit.status,
+                "converged": fit.converged,
+                "doubts": (fit.doubts.iter())
+                    .map(|(code, words)| json!({ "code": code, "words": words }))
+                    .collect::<Vec<_>>(),
+            })),
             "variables": variables,
             "equations": equations.lines().collect::<Vec<_>>(),
             "is_linear": self.model.compiled().is_linear(),

@@ -9,9 +9,11 @@
 //! | `unfinished` | the best parameters if no start has converged |
 //! | `check` | simulation with the same parameters |
 //! | `predicted` | fit of one-step predictions, if noise drives the system |
+//! | [`alone`](mod@alone) | simulation without the estimated initial states |
 //! | [`evaluate`] | the problem at its start values, without a search |
 //! | `watch` | the observer, who may end the fit |
 
+pub mod alone;
 mod check;
 pub mod evaluate;
 mod kinks;
@@ -27,13 +29,13 @@ pub use solve::{SeeIterates, nearer, solve};
 
 use crate::innovations;
 use crate::posed::Posed;
-use crate::result::Fit;
 use crate::result::describing::describing;
 use crate::result::diagnostics::diagnostics;
 use crate::result::events::{Events, events};
 use crate::result::left_over::beside_inputs;
 use crate::result::loops::Looped;
 use crate::result::uncertainty::{Unsure, linearised, method, uncertainty};
+use crate::result::{Fit, StartEnd};
 use crate::search::solved::{Refinement, Solved};
 use crate::search::starts::starts;
 use crate::search::trouble;
@@ -69,7 +71,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let starts = starts(posed, posed.file.options.starts);
     let watch = Watch::new(observer, starts.len());
     let mut solved = raced(posed, &starts, &watch);
-    let ends: Vec<(Status, f64)> = solved
+    let ends: Vec<StartEnd> = solved
         .iter()
         .map(|own| end(posed, own.as_ref(), &watch))
         .collect();
@@ -114,7 +116,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let figures = looped.iter().flat_map(Looped::found);
     found.derived.extend(figures);
     // After a refinement of the mesh the objective may be lower.
-    found.lower = lower.filter(|start| found.starts[*start].1 < found.objective);
+    found.lower = lower.filter(|start| found.starts[*start].objective < found.objective);
     found.events = seen_events(posed, &last, &found, &watch);
     found.cut = cut(&found, &watch);
     let mut linear = None;
@@ -159,24 +161,31 @@ fn seen_events(posed: &Posed<'_>, solved: &Solved, fit: &Fit, watch: &Watch<'_, 
     }
 }
 
-/// Status and objective of a start; NaN if its states are far from satisfying the equations.
-fn end(posed: &Posed<'_>, solved: Option<&Solved>, watch: &Watch<'_, '_>) -> (Status, f64) {
+/// How a start ended.
+fn end(posed: &Posed<'_>, solved: Option<&Solved>, watch: &Watch<'_, '_>) -> StartEnd {
     match solved {
         Some(own) => {
             let nearly = Some(own.nearly()).filter(|own| own.is_finite());
-            (
-                own.solution.status,
-                nearly.map_or(f64::NAN, |f| f / posed.factor),
-            )
+            StartEnd {
+                status: own.solution.status,
+                objective: nearly.map_or(f64::NAN, |f| f / posed.factor),
+                iterations: own.solution.work.iterations,
+                kkt: Some(own.solution.kkt.residual()),
+            }
         }
-        None => (watch.over().unwrap_or(Status::Stopped), f64::NAN),
+        None => StartEnd {
+            status: watch.over().unwrap_or(Status::Stopped),
+            objective: f64::NAN,
+            iterations: 0,
+            kkt: None,
+        },
     }
 }
 
 /// What ended a fit before all starts and refinements were completed, if anything.
 fn cut(fit: &Fit, watch: &Watch<'_, '_>) -> Option<Status> {
     let status = watch.over()?;
-    let is_undone = |own: &(Status, f64)| own.0 == status;
+    let is_undone = |own: &StartEnd| own.status == status;
     let is_whole = fit.refinement.is_done && fit.events.is_whole;
     let is_cut = fit.starts.iter().any(is_undone) || !is_whole;
     is_cut.then_some(status)

@@ -13,7 +13,7 @@ use crate::result::diagnostics::diagnostics;
 use crate::result::left_over::beside_inputs;
 use crate::result::loops::Looped;
 use crate::result::uncertainty::{method, uncertainty};
-use crate::result::{Fit, RunFit};
+use crate::result::{Fit, RunFit, StartEnd};
 use crate::search::active::beyond;
 use crate::search::solved::Refinement;
 use crate::search::solved::Solved;
@@ -44,13 +44,19 @@ pub(super) fn predicted(
     let doubled = best.program.likelihood.doubled().value(&best.unknowns());
     found.status = best.solution.status;
     found.kkt = best.solution.kkt;
+    found.curvature = best.solution.curvature;
     found.iterations = best.solution.work.iterations;
     found.objective = best.objective();
     found.simulated_objective = Some(doubled).filter(|_| is_whole);
     (found.chi2, found.nllh) = likelihoods(posed, &found.runs);
     found.starts = all
         .iter()
-        .map(|own| (own.solution.status, own.objective()))
+        .map(|own| StartEnd {
+            status: own.solution.status,
+            objective: own.objective(),
+            iterations: own.solution.work.iterations,
+            kkt: Some(own.solution.kkt.residual()),
+        })
         .collect();
     found.refinement = Refinement {
         iterations: refinement.iterations + best.iterations,

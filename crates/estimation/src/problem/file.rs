@@ -57,6 +57,30 @@ impl ProblemFile {
 }
 
 impl ProblemFile {
+    /// Starts the search of a parameter elsewhere. Returns false if `[parameters]` does not seek one of this name, in a line
+    /// of its own or by a pattern.
+    pub fn begin_at(&mut self, name: &str, start: f64) -> bool {
+        let own = |line: &Sought| line.name.value == name;
+        let k = self.parameters.iter().position(own).or_else(|| {
+            let names = [name.to_owned()];
+            let is_pattern = |line: &Sought| !matching(&line.name.value, &names).is_empty();
+            let mut line = self
+                .parameters
+                .iter()
+                .find(|line| is_pattern(line))?
+                .clone();
+            line.name.value = name.to_owned();
+            self.parameters.push(line);
+            Some(self.parameters.len() - 1)
+        });
+        let line = k.map(|k| &mut self.parameters[k]);
+        let Some(line) = line.filter(|line| !line.fixed && line.value.is_none()) else {
+            return false;
+        };
+        line.start = Some(start);
+        true
+    }
+
     /// Index of the line of `[initial]` that applies to a state: the line with its name, else the last matching
     /// pattern.
     pub(crate) fn initial_line(&self, state: &str) -> Option<usize> {
@@ -354,6 +378,14 @@ pub struct Options {
     pub limits: Limits,
     /// Estimator of the covariance. If none, it is selected by the number of runs.
     pub covariance: Option<Method>,
+}
+
+impl Options {
+    /// Maximum number of iterations of a start.
+    pub const MOST_ITERATIONS: usize = 100_000;
+
+    /// Maximum number of starts of a fit. All are kept in memory until the best is known.
+    pub const MOST_STARTS: usize = 1000;
 }
 
 impl Default for Options {

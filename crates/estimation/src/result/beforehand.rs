@@ -89,10 +89,15 @@ impl Beforehand {
     /// Diagnostics of a fit: more is sought than the spectral lines determine, or a parameter that was not identifiable
     /// before the solve is still undetermined after it and the fit does not report this itself.
     pub fn doubts(&self, fit: &Fit) -> Vec<Diagnostic> {
-        let is_flat = fit
-            .diagnostics
-            .iter()
-            .any(|own| matches!(own, Diagnostic::Flat(_)));
+        let is_flat = fit.diagnostics.iter().any(|own| {
+            matches!(
+                own,
+                Diagnostic::Undetermined {
+                    curvature: Some(_),
+                    ..
+                }
+            )
+        });
         let is_open = match &fit.uncertainty {
             Ok(own) => fit
                 .parameters

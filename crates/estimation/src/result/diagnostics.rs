@@ -42,7 +42,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     if let Some(status) = fit.cut {
         all.push(Diagnostic::Cut {
             status,
-            starts: fit.starts.iter().filter(|own| own.0 == status).count(),
+            starts: fit.starts.iter().filter(|own| own.status == status).count(),
             refinement: !fit.refinement.is_done,
             events: !fit.events.is_whole,
         });
@@ -65,10 +65,6 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
             .filter(|own| *own > SMALL_OFFSET)
             .map(Diagnostic::AtKinks),
     );
-    let is_undefined = fit.status == Status::UndefinedStart;
-    if !fit.is_met() && !is_undefined {
-        all.push(Diagnostic::NotMet(fit.kkt.primal));
-    }
     if fit.status == Status::Infeasible {
         let violated = violated(posed, solved).into_iter();
         all.extend(violated.map(|(name, by)| Diagnostic::Violated { name, by }));
@@ -100,14 +96,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
         })
     };
     all.extend(fit.parameters.iter().filter_map(at_bound));
-    let curvature = solved.solution.curvature;
-    all.extend(
-        curvature
-            .filter(|own| fit.status == Status::Converged && *own < FLAT)
-            .map(Diagnostic::Flat),
-    );
-    let is_flat = all.iter().any(|own| matches!(own, Diagnostic::Flat(_)));
-    all.extend(undetermined(fit).filter(|_| !is_flat));
+    all.extend(undetermined(solved, fit));
     // A stick at its stops is not linear, and its describing function differs.
     // Nor is a pilot with kinks: a dead zone, a rate limit.
     if posed.unlimited.is_none() && !posed.has_kinks_in(PILOT) {
@@ -156,16 +145,20 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
 }
 
 /// The parameters whose intervals are as wide as their ranges and whose deviations exceed their values, so that what is
-/// linear near the estimate says little, if they are not all without a curvature.
-fn undetermined(fit: &Fit) -> Option<Diagnostic> {
-    let uncertainty = fit.uncertainty.as_ref().ok().filter(|_| fit.is_answer())?;
-    let pairs = fit.parameters.iter().zip(&uncertainty.intervals);
+/// linear near the estimate says little; or no curvature in some direction.
+fn undetermined(solved: &Solved, fit: &Fit) -> Option<Diagnostic> {
+    let curvature = solved.solution.curvature;
+    let curvature = curvature.filter(|own| fit.status == Status::Converged && *own < FLAT);
+    let known = fit.uncertainty.as_ref().ok().filter(|_| fit.is_answer());
+    let intervals = known.map_or(&[][..], |own| &own.intervals);
+    let pairs = fit.parameters.iter().zip(intervals);
     let names = pairs.filter(|(own, all)| {
         let mut each = all.iter().zip(&own.values);
         each.any(|(interval, value)| interval.class == Class::Flat && interval.sd > value.1.abs())
     });
     let names: Vec<String> = names.map(|(own, _)| format!("`{}`", own.name)).collect();
-    (!names.is_empty()).then_some(Diagnostic::Undetermined(names))
+    (curvature.is_some() || !names.is_empty())
+        .then_some(Diagnostic::Undetermined { names, curvature })
 }
 
 /// Inputs that are driven along lines by columns that jump.
@@ -203,6 +196,8 @@ fn not_converged(posed: &Posed<'_>, fit: &Fit) -> Diagnostic {
         status: fit.status,
         has_kinks: posed.has_kinks(),
         is_resting: is_resting(posed),
+        violation: Some(fit.kkt.primal)
+            .filter(|_| !fit.is_met() && fit.status != Status::UndefinedStart),
     }
 }
 
@@ -306,12 +301,12 @@ fn has_residuals(fit: &Fit) -> bool {
 
 fn of_lower(fit: &Fit) -> Option<Diagnostic> {
     let start = fit.lower?;
-    let (status, objective) = fit.starts[start];
+    let own = &fit.starts[start];
     Some(Diagnostic::LowerStart {
         start: start + 1,
         // The cause that ended the fit also ended this start, which would have continued.
-        status: fit.cut.unwrap_or(status),
-        objective,
+        status: fit.cut.unwrap_or(own.status),
+        objective: own.objective,
     })
 }
 

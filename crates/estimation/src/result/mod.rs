@@ -2,6 +2,7 @@
 
 pub mod beforehand;
 mod begun;
+pub mod courses;
 pub mod describing;
 pub mod diagnostic;
 pub(crate) mod diagnostics;
@@ -61,6 +62,8 @@ pub struct Fit {
     pub iterations: usize,
     /// Last KKT residual of the solver.
     pub kkt: Kkt,
+    /// Smallest scaled curvature of the objective at the solution. None if the solver did not compute it.
+    pub curvature: Option<f64>,
     /// If the solve stalled at an optimum with kinks, with a larger KKT residual than its tolerance: the length of a
     /// Gauss–Newton step from there, in standard deviations over the square root of the number of unknowns.
     pub offset: Option<f64>,
@@ -70,8 +73,8 @@ pub struct Fit {
     pub refinement: Refinement,
     /// An objective that is zero up to the solver's tolerance.
     pub resolution: f64,
-    /// For each start, its status and its objective.
-    pub starts: Vec<(Status, f64)>,
+    /// How each start ended.
+    pub starts: Vec<StartEnd>,
     /// A start that did not converge but had a lower objective.
     pub lower: Option<usize>,
     /// The outputs at whose wires the loops are opened for crossover and margins. Empty if there is no loop.
@@ -99,6 +102,19 @@ pub struct Fit {
     /// The expression that is not finite where the search begins, for a solve that ended with
     /// [`Status::UndefinedStart`].
     pub trouble: Option<String>,
+}
+
+/// How a start ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StartEnd {
+    /// Its status.
+    pub status: Status,
+    /// Its objective; NaN if its states are far from satisfying the equations.
+    pub objective: f64,
+    /// Iterations of its last solve.
+    pub iterations: usize,
+    /// Its scaled KKT residual. None if the fit was ended before it began.
+    pub kkt: Option<f64>,
 }
 
 /// An estimated or derived parameter.
@@ -265,6 +281,7 @@ impl Fit {
             derived: expressed(posed, &states, &theta, &posed.quantities.derived),
             iterations: solution.work.iterations,
             kkt: solution.kkt,
+            curvature: solution.curvature,
             offset: None,
             poles: states[0].last().map_or_else(Vec::new, |x| {
                 let poles = poles(posed, x, &theta);
@@ -326,6 +343,11 @@ impl Fit {
         }
     }
 
+    /// Number of starts that were not begun when the fit was ended.
+    pub fn skipped(&self) -> usize {
+        self.starts.iter().filter(|own| own.kkt.is_none()).count()
+    }
+
     /// Whether the connected system is stable.
     pub fn is_stable(&self) -> bool {
         !self.poles.is_empty() && self.poles.iter().all(|pole| pole[0] < 0.0)
@@ -337,8 +359,8 @@ impl Fit {
         let converged = self
             .starts
             .iter()
-            .filter(|(status, _)| *status == Status::Converged);
-        let objectives = converged.map(|(_, own)| *own);
+            .filter(|own| own.status == Status::Converged);
+        let objectives = converged.map(|own| own.objective);
         let best = objectives.clone().fold(f64::INFINITY, f64::min);
         let size = best.abs().max(self.resolution);
         let refined = 2.0 * (self.objective - best).abs();

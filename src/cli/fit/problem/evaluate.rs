@@ -1,5 +1,6 @@
 //! `--evaluate`: evaluates a problem at its start values.
 
+use crate::cli::fit::SCHEMA;
 use crate::cli::format::aligned;
 use crate::cli::{Failure, Outcome, terminal};
 use crate::estimation::Posed;
@@ -31,6 +32,7 @@ fn to_json(posed: &Posed<'_>, found: &Evaluation) -> Value {
         json!({ "name": posed.data[j].name(), "residuals": Value::Object(all.collect()) })
     });
     json!({
+        "schema": SCHEMA,
         "objective": found.objective,
         "gradient": Value::Object(gradient.collect()),
         "runs": residuals.collect::<Vec<_>>(),

@@ -1,9 +1,75 @@
-//! The uncertainty of an instance's parameters, as stored in its model file.
+//! What a fit leaves in the model file of an instance: the uncertainty of its parameters, and how the fit ended.
 
+use crate::cli::made::with_sums;
 use crate::document::{key, number, quoted};
-use crate::estimation::Fit;
 use crate::estimation::uncertainty::Uncertainty;
+use crate::estimation::{Fit, Posed};
 use crate::inference::Interval;
+
+/// The table `[fit]`: how the fit ended, the diagnostics, and the data with their SHA-256. The time it took is left out, so that
+/// the same fit gives the same bytes.
+pub fn provenance(posed: &Posed<'_>, fit: &Fit, instance: &str) -> String {
+    let options = &posed.file.options;
+    let mut text = format!(
+        "[fit]                              # where the start values are from\ntool = \"pilotage {}\"\nproblem = {}\n\
+         instance = {}\nstatus = {}\nconverged = {}\n",
+        env!("CARGO_PKG_VERSION"),
+        quoted(&posed.file.file),
+        quoted(instance),
+        quoted(fit.ending()),
+        fit.is_answer(),
+    );
+    if fit.is_met() {
+        text += &format!(
+            "objective = {}\nchi2 = {}\nnllh = {}\n",
+            number(fit.objective),
+            number(fit.chi2),
+            number(fit.nllh)
+        );
+    }
+    text += &format!(
+        "samples = {}\nkkt = {}\ntolerance = {}\nscheme = {}\niterations = {}\n",
+        fit.samples,
+        number(fit.kkt.residual()),
+        number(options.tolerance),
+        quoted(&fit.refinement.scheme.to_string()),
+        fit.refinement.iterations,
+    );
+    let poles = fit
+        .poles
+        .iter()
+        .map(|[re, im]| format!("[{}, {}]", number(*re), number(*im)));
+    let poles: Vec<String> = poles.collect();
+    if !poles.is_empty() {
+        text += &format!(
+            "stable = {}                      # the whole system, linearised where the first run ends\npoles = [{}] # [1/s]\n",
+            fit.is_stable(),
+            poles.join(", ")
+        );
+    }
+    for own in &fit.diagnostics {
+        text += &format!(
+            "\n[[fit.doubt]]\ncode = {}\nwords = {}\n",
+            quoted(own.code()),
+            quoted(&own.to_string())
+        );
+    }
+    for run in &posed.file.runs {
+        let sum = with_sums(std::slice::from_ref(&run.file)).remove(0).1;
+        text += &format!(
+            "\n[[fit.data]]\nfile = {}\nsha256 = {}\nuse = \"{}\"\nweight = {}\n",
+            quoted(&run.file.display().to_string()),
+            quoted(&sum),
+            if run.fits { "fit" } else { "validation" },
+            number(run.weight)
+        );
+        text += &run
+            .subject
+            .as_ref()
+            .map_or(String::new(), |own| format!("subject = {}\n", quoted(own)));
+    }
+    text
+}
 
 /// The table `[uncertainty]` of the instance whose variables have this prefix; `None` if no uncertainty is known.
 pub fn table(fit: &Fit, prefix: &str) -> Option<String> {

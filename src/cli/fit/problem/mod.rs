@@ -7,20 +7,22 @@ mod models;
 mod page;
 mod summary;
 mod sure;
+mod tables;
 
+use super::log::Log;
 use super::refits::{NOTHING, Plan, Refitted};
-use super::{Args, orders};
+use super::{Args, Watch, log, orders, start};
 use crate::cli::deadline::Deadline;
-use crate::cli::made::made;
+use crate::cli::made::{made, program, quoted};
 use crate::cli::overwrite::{self, OutputKind};
-use crate::cli::progress::Spinner;
 use crate::cli::{Failure, Outcome, excitation, interrupt, recognise, terminal};
 use crate::estimation::beforehand::beforehand;
-use crate::estimation::fit::Progress;
+use crate::estimation::file::{Mesh, Options};
+use crate::estimation::fit::alone::alone;
 use crate::estimation::left_over::processes;
 use crate::estimation::validation::validated;
 use crate::estimation::{Diagnostic, Fit, Posed, ProblemFile, part, refits};
-use crate::sqp::{Iteration, Status};
+use crate::sqp::Status;
 pub use checks::Checks;
 use models::Fitted;
 pub use models::HEAD as FITTED;
@@ -40,9 +42,9 @@ pub fn of(args: &Args) -> Result<Option<&Path>, Failure> {
         );
         return Err(Failure::new(message).hint("give the problem file alone"));
     }
-    if let Some(flag) = args.of_flights {
+    if let Some((_, flag, place)) = args.of_flights {
         let message = format!("{flag} belongs to `pilotage fit run*.csv`");
-        return Err(Failure::new(message).hint("put it in the problem file; see docs/problems.md"));
+        return Err(Failure::new(message).hint(format!("in a problem file {place}")));
     }
     Ok(Some(problem))
 }
@@ -50,7 +52,8 @@ pub fn of(args: &Args) -> Result<Option<&Path>, Failure> {
 /// Fits a problem.
 pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     let mut file = ProblemFile::read(path)?;
-    file.options.covariance = args.covariance.or(file.options.covariance);
+    args.override_options(&mut file.options)?;
+    args.check_alone()?;
     let deadline = Deadline::after(args.time_limit);
     let mut chosen = None;
     let mut known = None;
@@ -64,9 +67,17 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         }
         chosen = Some((found.json, found.is_whole));
     }
+    if let Some(given) = &args.start {
+        let mut begun = file.clone();
+        start::set(given, &Posed::new(&file, &part::open)?, &mut begun)?;
+        file = begun;
+    }
     let posed = {
         let _shown = Spinner::new("reading the runs");
-        Posed::new(&file, &part::open)?
+        Posed::new(&file, &part::open).map_err(|error| match &args.start {
+            Some(_) => Failure::from(error).hint("--start has other values than the file"),
+            None => error.into(),
+        })?
     };
     let solves_again = args.refits.flag().or(args.checks.flag());
     if let (true, Some(flag)) = (args.evaluate, solves_again) {
@@ -76,6 +87,7 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     let written = [
         ("--report", args.report.is_some()),
         ("--output", args.output.is_some()),
+        ("--log", args.log.is_some()),
     ];
     if let (true, Some((flag, _))) = (
         args.evaluate,
@@ -101,15 +113,19 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         beforehand(&posed, &|| deadline.ask().is_break())
     };
     if let Some(own) = before.excitation.as_ref().filter(|_| !args.json) {
-        terminal::print(&excitation::first_lines(own))?;
+        args.print(&excitation::first_lines(own))?;
     }
     (before.words().iter()).for_each(|words| terminal::note(words));
-    let mut fit = known.unwrap_or_else(|| solved(args, &posed, deadline));
+    let log = args.log.as_deref().map(Log::open).transpose()?;
+    let (mut fit, log) = match known {
+        Some(known) => (known, log),
+        None => solved(args, &posed, deadline, log),
+    };
     let doubts = before.doubts(&fit);
     // It names what cannot be told apart, too.
     let tells = |own: &Diagnostic| matches!(own, Diagnostic::Unidentifiable(_));
     if doubts.iter().any(tells) {
-        (fit.diagnostics).retain(|own| !matches!(own, Diagnostic::Undetermined(_)));
+        (fit.diagnostics).retain(|own| !matches!(own, Diagnostic::Undetermined { .. }));
     }
     fit.diagnostics.extend(doubts);
     // A user who stopped the fit still wants to see its validation.
@@ -127,6 +143,7 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         None => None,
     };
     let checked = args.checks.run((&file, &fit), deadline)?;
+    let alone = alone(&posed, &fit, &|| deadline.ask().is_break());
     let outcome = summary::Outcomes {
         posed: &posed,
         fit: &fit,
@@ -135,6 +152,7 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         before: Some(&before),
         processes: &processes(&posed, &fit),
         checked: &checked,
+        alone: alone.as_deref(),
     };
     for own in &fitted {
         own.write(&posed, &fit, path)?;
@@ -143,10 +161,15 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         overwrite::save(path, page::page(&outcome, &made()))?;
     }
     let (orders, is_compared) = chosen.unzip();
-    terminal::print(&match args.json {
+    args.print(&match args.json {
         true => format!("{:#}\n", with_orders(summary::to_json(&outcome), orders)),
-        false => summary::to_text(&outcome) + &next(args, &fit, &fitted),
+        false => {
+            summary::to_text(&outcome) + &next(args, &fit, &fitted, file.options.max_iterations)
+        }
     })?;
+    if let Some(log) = log {
+        log.close(&summary::to_json(&outcome))?;
+    }
     let is_whole = refitted.as_ref().is_none_or(Refitted::is_whole) && checked.is_whole;
     let is_cut = |own: &Diagnostic| matches!(own, Diagnostic::Cut { .. });
     let is_whole = is_whole && is_compared.unwrap_or(true) && !fit.diagnostics.iter().any(is_cut);
@@ -189,6 +212,7 @@ pub fn page_of(path: &Path) -> Result<(String, bool), Failure> {
     let posed = Posed::new(&file, &part::open)?;
     let fit = crate::estimation::fit(&posed, &mut |_| ControlFlow::Continue(()));
     let judged = validated(&file, &fit, &part::open, &|| ControlFlow::Continue(()))?;
+    let alone = alone(&posed, &fit, &|| false);
     let outcome = summary::Outcomes {
         posed: &posed,
         fit: &fit,
@@ -197,6 +221,7 @@ pub fn page_of(path: &Path) -> Result<(String, bool), Failure> {
         before: None,
         processes: &processes(&posed, &fit),
         checked: &checks::Checked::default(),
+        alone: alone.as_deref(),
     };
     if !fit.is_answer() {
         terminal::note(&format!("{}: {}", path.display(), fit.verdict()));
@@ -212,43 +237,51 @@ fn check_outputs(args: &Args, path: &Path, fitted: &[Fitted]) -> Result<(), Fail
             .map(|own| (own.path.as_path(), OutputKind::Fitted)),
     );
     outputs.extend(args.report.as_deref().map(|path| (path, OutputKind::Page)));
+    let log = args.log.as_deref().filter(|log| !log::is_stdout(log));
+    outputs.extend(log.map(|path| (path, OutputKind::Log)));
     outputs.extend(args.refits.output());
     args.overwrite.check(&[path.to_owned()], &outputs)
 }
 
-/// Computes the fit with progress output, time limit and Ctrl-C.
-fn solved(args: &Args, posed: &Posed<'_>, deadline: Deadline) -> Fit {
-    let spinner = Spinner::new("solving");
-    crate::estimation::fit(posed, &mut |progress| {
-        if let Some(iteration) = progress.iteration {
-            let line = line(posed, progress, iteration);
-            match args.verbose {
-                true => terminal::eprint(&line),
-                false => spinner.show(line.trim_end().to_owned()),
-            }
-        }
-        deadline.ask()
-    })
+/// Computes the fit with progress output, log, time limit and Ctrl-C.
+fn solved(
+    args: &Args,
+    posed: &Posed<'_>,
+    deadline: Deadline,
+    log: Option<Log>,
+) -> (Fit, Option<Log>) {
+    let mut watch = Watch::new(deadline, log, args.verbose);
+    let fit = crate::estimation::fit(posed, &mut |progress| watch.problem(progress, posed.factor));
+    (fit, watch.end())
 }
 
-/// One line per iteration.
-fn line(posed: &Posed<'_>, progress: &Progress<'_>, iteration: &Iteration) -> String {
-    let of = match progress.refinement {
-        0 => format!("start {} of {}", progress.start + 1, progress.starts),
-        round => format!("refinement {round}"),
-    };
-    format!(
-        "{of}, iteration {:3}: objective {:.9e}, KKT residual {:.1e}, step {:.1e}\n",
-        iteration.number,
-        iteration.objective / posed.factor,
-        iteration.kkt.residual(),
-        iteration.step
-    )
+impl Args {
+    /// Options that take precedence over those of the file.
+    fn override_options(&self, own: &mut Options) -> Result<(), Failure> {
+        let within = |flag: &str, value: usize, most: usize| match (1..=most).contains(&value) {
+            true => Ok(value),
+            false => Err(
+                Failure::new(format!("{flag} is out of range for a problem file"))
+                    .hint(format!("at most {most} in all")),
+            ),
+        };
+        if let Some(limit) = self.max_iterations {
+            own.max_iterations = within("--max-iterations", limit, Options::MOST_ITERATIONS)?;
+        }
+        if let Some(random) = self.random_starts {
+            let starts = random.saturating_add(1);
+            own.starts = within("--random-starts", starts, Options::MOST_STARTS)?;
+        }
+        own.tolerance = self.tolerance.unwrap_or(own.tolerance);
+        own.scheme = self.scheme.or(own.scheme);
+        own.mesh = self.mesh_step.map_or(own.mesh, Mesh::Step);
+        own.covariance = self.covariance.or(own.covariance);
+        Ok(())
+    }
 }
 
 /// Written files and the suggested next command.
-fn next(args: &Args, fit: &Fit, fitted: &[Fitted]) -> String {
-    use crate::cli::made::{program, quoted};
+fn next(args: &Args, fit: &Fit, fitted: &[Fitted], limit: usize) -> String {
     let mut text = String::from("\n");
     for own in fitted {
         text += &format!("wrote {}\n", terminal::shown(&own.path));
@@ -265,5 +298,22 @@ fn next(args: &Args, fit: &Fit, fitted: &[Fitted]) -> String {
             false => format!("next: {} export {model} -o {fmu}\n", program()),
         };
     }
+    if !fit.is_answer() {
+        let end = fit.cut.unwrap_or(match fit.refinement.is_limited {
+            true => Status::IterationLimit,
+            false => fit.status,
+        });
+        text += &args.what_else(end, "", &values(fit), limit);
+    }
     text
+}
+
+/// The estimates as values of `--start`; a parameter with a value for each run begins at their mean.
+fn values(fit: &Fit) -> String {
+    let sought = fit
+        .parameters
+        .iter()
+        .filter(|own| !own.is_tied && !own.name.ends_with(')'));
+    let values = sought.map(|own| quoted(&format!("{}={}", own.name, own.mean())));
+    values.collect::<Vec<_>>().join(",")
 }

@@ -7,7 +7,7 @@ use crate::cosim::description::Setting;
 use crate::estimation::part::Part;
 use crate::estimation::result::Found;
 use crate::estimation::{Fit, Posed};
-use pilotage_language::{with_starts, with_uncertainty};
+use pilotage_language::{with_results, with_starts};
 use pilotage_text::printable::{comment, one_line};
 use std::path::{Path, PathBuf};
 
@@ -101,6 +101,9 @@ impl Fitted {
             values.push((name.to_owned(), value));
         }
         let Some(compiled) = &part.file else {
+            for own in &fit.diagnostics {
+                head += &comment(&format!("diagnostic [{}]: {own}", own.code()));
+            }
             let (kept, lost) = settable(part, values);
             for (name, value) in lost {
                 head += &comment(&format!(
@@ -110,9 +113,11 @@ impl Fitted {
             return self.write_system(posed, head, &kept);
         };
         let mut text = with_starts(&compiled.file.text, &values);
-        if let Some(table) = kept::table(fit, &prefix) {
-            text = with_uncertainty(&text, &table);
-        }
+        let sureness = kept::table(fit, &prefix).map_or(String::new(), |table| table + "\n");
+        text = with_results(
+            &text,
+            &(sureness + &kept::provenance(posed, fit, &self.instance)),
+        );
         overwrite::save(&self.path, head + &text)?;
         for (name, table) in &compiled.tables {
             let beside = self.path.with_file_name(name);

@@ -1,9 +1,13 @@
 //! The report page of a problem: each measured signal as recorded and as predicted by the model, and the residuals.
 
-use super::summary::{Outcomes, run_header};
+use super::summary::Outcomes;
 use super::sure;
+use super::tables::tables;
 use crate::cli::fit::refits::Refitted;
 use crate::estimation::describing::FittedLoop;
+use crate::estimation::file::{Fed, Quantity};
+use crate::estimation::result::RunFit;
+use crate::estimation::result::courses::courses;
 use crate::estimation::{Fit, OpenLoops, PilotPaths};
 use crate::identification::Spread;
 use crate::report::certainty::{correlation_figure, waterfall_figure};
@@ -13,7 +17,7 @@ use crate::report::frequency::{Curve, crossover, loop_figure, path_figure};
 use crate::report::palette::colour;
 use crate::report::poles::wired_figure;
 use crate::report::residuals::{Residuals, crossed_panel, residual_figure};
-use crate::report::{Made, Overlay, Parameters, overlay_page};
+use crate::report::{Made, Overlay, overlay_page};
 use crate::sqp::Status;
 use nalgebra::Complex;
 use pilotage_text::number::significant;
@@ -29,12 +33,6 @@ pub fn page(outcomes: &Outcomes<'_>, made: &Made) -> String {
         (true, true) => "good",
     };
     let diagnostics = fit.diagnostics.iter();
-    let parameters = parameters(fit);
-    let mut tables = vec![("Parameters", parameters)];
-    tables.extend((outcomes.refitted).map(|own| ("Profiles and bootstrap", own.table())));
-    tables.push(("Active constraints", active(fit)));
-    tables.extend(outcomes.checked.tables(fit));
-    tables.push(("Data", data(outcomes)));
     let page = Overlay {
         title: &format!("fit of {}", posed.file.file),
         ending: (class, &verdict),
@@ -44,7 +42,7 @@ pub fn page(outcomes: &Outcomes<'_>, made: &Made) -> String {
         facts: facts(outcomes),
         sureness: sure::in_a_sentence(fit),
         figures: figures(outcomes),
-        tables,
+        tables: tables(outcomes),
     };
     overlay_page(&page, made)
 }
@@ -74,6 +72,7 @@ fn facts(outcomes: &Outcomes<'_>) -> Vec<(&'static str, String)> {
 fn figures(outcomes: &Outcomes<'_>) -> Vec<Figure> {
     let fit = outcomes.fit;
     let mut all = vec![response(outcomes)];
+    all.extend(signals(outcomes));
     all.extend(bode(outcomes));
     all.extend(poles(outcomes));
     if fit.is_met() {
@@ -87,7 +86,7 @@ fn figures(outcomes: &Outcomes<'_>) -> Vec<Figure> {
     let starts = fit
         .starts
         .iter()
-        .map(|(status, objective)| (*status == Status::Converged, *objective));
+        .map(|own| (own.status == Status::Converged, own.objective));
     all.push(waterfall_figure("", &starts.collect::<Vec<_>>()));
     // A column may be measured twice, or have the name of another figure.
     for k in 1..all.len() {
@@ -103,7 +102,7 @@ fn figures(outcomes: &Outcomes<'_>) -> Vec<Figure> {
 fn response(outcomes: &Outcomes<'_>) -> Figure {
     let posed = outcomes.posed;
     let panel = |(k, label): (usize, &String)| {
-        let mut series = Vec::new();
+        let mut series = goals(outcomes, k);
         for own in outcomes.runs() {
             let (run, name) = (own.run, own.name());
             series.push(recorded(&run.time, &run.recorded[k]).of(&name));
@@ -140,6 +139,70 @@ fn response(outcomes: &Outcomes<'_>) -> Figure {
         panels: labels.iter().enumerate().map(panel).collect(),
         ..Figure::of("response", "Response", caption, Panel::default())
     }
+}
+
+/// The columns that drive inputs of a measured signal's unit: a target, beside what follows it.
+fn goals(outcomes: &Outcomes<'_>, k: usize) -> Vec<Series> {
+    let posed = outcomes.posed;
+    let is_alike = |own: &&Fed| {
+        let unit = posed.joint.unit(&own.signal.value);
+        unit.is_some() && unit == posed.unit_of(k)
+    };
+    let alike: Vec<&Fed> = posed.file.inputs.iter().filter(is_alike).collect();
+    let names: Vec<&str> = alike.iter().map(|own| own.signal.value.as_str()).collect();
+    let mut all = Vec::new();
+    for (own, course) in alike.iter().zip(along(outcomes, &names)) {
+        for (run, values) in outcomes.fit.runs.iter().zip(course.into_iter().flatten()) {
+            let line = Series::line(&own.column.value, "goal", &run.time, &values);
+            all.push(line.of(&run.name).looks(Look::Dashed));
+        }
+    }
+    all
+}
+
+/// Signals along the solution, for each run; none if there is no solution.
+fn along(outcomes: &Outcomes<'_>, names: &[&str]) -> Vec<Option<Vec<Vec<f64>>>> {
+    let solved = outcomes.fit.solved.as_deref();
+    let solved = solved.filter(|_| outcomes.fit.is_met() && !names.is_empty());
+    solved.map_or(Vec::new(), |solved| courses(outcomes.posed, solved, names))
+}
+
+/// What runs along the wires and is not measured, such as the stick; `None` if there is nothing.
+fn signals(outcomes: &Outcomes<'_>) -> Option<Figure> {
+    let posed = outcomes.posed;
+    let is_measured = |name: &str| {
+        let mut measured = posed.file.measured.iter();
+        measured.any(|own| matches!(&own.of, Quantity::Signal(of) if of == name))
+    };
+    let mut names: Vec<&str> = Vec::new();
+    for wire in &posed.file.system.connections {
+        let name = wire.from.value.as_str();
+        let is_seen = is_measured(name) || is_measured(&wire.to.value);
+        if !is_seen && !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    let known = names.iter().zip(along(outcomes, &names));
+    let panel = |(name, course): (&&str, Option<Vec<Vec<f64>>>)| {
+        let runs = outcomes.fit.runs.iter().zip(course?);
+        let line = |(run, values): (&RunFit, Vec<f64>)| {
+            Series::line("model", "line-1", &run.time, &values).of(&run.name)
+        };
+        Some(Panel {
+            x: Axis::time(),
+            y: Axis::of(name, posed.joint.unit(name).unwrap_or_default()),
+            height: 220.0,
+            series: runs.map(line).collect(),
+            ..Panel::default()
+        })
+    };
+    let panels: Vec<Panel> = known.filter_map(panel).collect();
+    let caption =
+        "Signals between the models that are not measured, as the fitted models say them.";
+    (!panels.is_empty()).then(|| Figure {
+        panels,
+        ..Figure::of("signals", "Signals", caption, Panel::default())
+    })
 }
 
 /// A recorded signal: a line if there are many samples, otherwise circles.
@@ -323,89 +386,4 @@ fn beside(fit: &Fit) -> Option<Figure> {
             Panel::default(),
         )
     })
-}
-
-fn parameters(fit: &Fit) -> Parameters {
-    let mut rows = Vec::new();
-    for (found, intervals) in sure::of(fit).chain(sure::derived(fit)) {
-        for (k, (name, value)) in found.named().enumerate() {
-            let unit = found.unit.clone().unwrap_or_default();
-            let [sd, low, high, meaning] = sure::cells(intervals.and_then(|all| all.get(k)));
-            let [bound, insensitivity] = sure::percents(fit, &name);
-            let value = significant(value, 7);
-            rows.push(vec![
-                name,
-                value,
-                sd,
-                low,
-                high,
-                unit,
-                bound,
-                insensitivity,
-                meaning,
-            ]);
-        }
-    }
-    let header = [
-        "parameter",
-        "value",
-        "sd",
-        "95 % low",
-        "95 % high",
-        "unit",
-        "Cramér–Rao [%]",
-        "insensitivity [%]",
-        "",
-    ];
-    Parameters {
-        header: header.to_vec(),
-        numeric: vec![1, 2, 3, 4, 6, 7],
-        rows,
-        notes: sure::to_text(fit).lines().map(str::to_owned).collect(),
-    }
-}
-
-/// Parameters at a bound of their range.
-fn active(fit: &Fit) -> Parameters {
-    let on_bound = fit
-        .parameters
-        .iter()
-        .filter_map(|own| Some((own, own.bound?)));
-    let rows: Vec<Vec<String>> = on_bound
-        .map(|(own, bound)| {
-            let unit = own.unit.clone().unwrap_or_default();
-            vec![own.name.clone(), significant(bound, 6), unit]
-        })
-        .collect();
-    let notes = if rows.is_empty() {
-        vec!["No parameter is at an end of its range.".to_owned()]
-    } else {
-        Vec::new()
-    };
-    Parameters {
-        header: vec!["parameter", "at its bound", "unit"],
-        numeric: vec![1],
-        rows,
-        notes,
-    }
-}
-
-const ONE_STEP: &str = "One step: variance accounted for by the model and an autoregressive process of its residuals, each \
-                        sample predicted from those before it; vaf is that of the model alone.";
-
-/// The runs, with the residuals of each signal.
-fn data(outcomes: &Outcomes<'_>) -> Parameters {
-    let header = run_header(outcomes.posed);
-    let rows = super::summary::run_rows(outcomes.posed, outcomes)
-        .into_iter()
-        .skip(1);
-    Parameters {
-        header: header.to_vec(),
-        numeric: (2..header.len()).collect(),
-        rows: rows.collect(),
-        notes: match outcomes.posed.filter {
-            Some(_) => Vec::new(),
-            None => vec![ONE_STEP.to_owned()],
-        },
-    }
 }

@@ -3,6 +3,7 @@
 use super::checks::Checked;
 use super::sure;
 use crate::cli::excitation;
+use crate::cli::fit::SCHEMA;
 use crate::cli::fit::describing;
 use crate::cli::fit::refits::Refitted;
 use crate::cli::format::aligned;
@@ -38,6 +39,8 @@ pub struct Outcomes<'a> {
     pub processes: &'a [Option<Autoregression>],
     /// Fits of the same problem to some of its runs.
     pub checked: &'a Checked,
+    /// The fitted runs without the estimated initial states, if there are such.
+    pub alone: Option<&'a [RunFit]>,
 }
 
 /// A run and its usage.
@@ -83,6 +86,40 @@ impl<'a> Outcomes<'a> {
             .one_step(k, self.posed.file.measured[k].noise, process)
     }
 
+    /// Root mean square of the residuals of a fitted run without the estimated initial states.
+    fn rms_alone(self, own: Used<'_>, k: usize) -> Option<f64> {
+        let all = self.alone.filter(|_| own.judged.is_none())?;
+        let alone = all.iter().find(|alone| alone.name == own.run.name)?;
+        Some(plain_rms(alone, k))
+    }
+
+    /// A note if free initial states, rather than the pilot, reproduce the recorded motion.
+    pub fn carried(self) -> Option<String> {
+        const FAR: f64 = 3.0;
+        let measured = 0..self.posed.file.measured.len();
+        let has_pilot = self
+            .posed
+            .joint
+            .parts
+            .iter()
+            .any(|(name, _)| name == "pilot");
+        let mut far = measured.filter_map(|k| {
+            let sum = |of: &dyn Fn(&RunFit) -> f64, all: &[RunFit]| -> f64 {
+                all.iter().map(|run| of(run).powi(2)).sum()
+            };
+            let squares = |all| sum(&|run| plain_rms(run, k), all);
+            let ratio = (squares(self.alone?) / squares(&self.fit.runs)).sqrt();
+            (ratio > FAR).then_some((k, ratio))
+        });
+        let (k, ratio) = far.find(|_| has_pilot)?;
+        Some(format!(
+            "without its estimated initial states {} is {} times as far off: they carry the runs; if nobody moved before the \
+             target did, say in [initial] how the runs began",
+            self.posed.file.measured[k].column.value,
+            significant(ratio, 2)
+        ))
+    }
+
     /// All runs with their usage.
     pub fn runs(self) -> impl Iterator<Item = Used<'a>> {
         let has_figures = self.fit.is_met();
@@ -106,10 +143,17 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
     let runs: Vec<Value> = outcomes.runs().map(|own| run(outcomes, own)).collect();
     // An iterate that violates the equations has no objective.
     let if_met = |figure: f64| fit.is_met().then_some(figure);
-    let starts = fit.starts.iter();
-    let starts = starts
-        .map(|(status, objective)| json!({ "status": status.as_str(), "objective": objective }));
+    let starts = fit.starts.iter().enumerate().map(|(k, own)| {
+        json!({
+            "start": k + 1,
+            "status": own.status.as_str(),
+            "objective": own.objective,
+            "iterations": own.iterations,
+            "kkt": own.kkt,
+        })
+    });
     let mut object = json!({
+        "schema": SCHEMA,
         "status": fit.ending(),
         "converged": fit.is_answer(),
         "objective": if_met(fit.objective),
@@ -132,7 +176,9 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
         },
         "doubts": fit.diagnostics.iter().map(|own| json!({ "code": own.code(), "words": own.to_string() })).collect::<Vec<_>>(),
         "iterations": fit.refinement.iterations,
+        "unknowns": fit.solved.as_ref().map(|own| own.solution.iterate.z.len()),
         "kkt": fit.kkt.residual(),
+        "curvature": fit.curvature,
         "offset": fit.offset,
         "mesh": {
             "intervals": fit.refinement.intervals,
@@ -142,6 +188,8 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
             "changes": fit.refinement.changes,
         },
         "starts": starts.collect::<Vec<_>>(),
+        "starts_agreeing": fit.agreeing(),
+        "skipped": fit.skipped(),
         "runs": runs,
         "cross_correlations": fit.beside.iter().map(beside).collect::<Vec<_>>(),
         "seconds": fit.seconds,
@@ -282,6 +330,9 @@ fn measured(outcomes: &Outcomes<'_>, own: Used<'_>) -> Value {
         if let Some(rms) = own.run.rms_ahead(k) {
             entry["rms_one_step"] = json!(rms);
         }
+        if let Some(rms) = outcomes.rms_alone(own, k) {
+            entry["rms_alone"] = json!(rms);
+        }
         all.insert(measured.column.value.clone(), entry);
     }
     Value::Object(all)
@@ -289,14 +340,22 @@ fn measured(outcomes: &Outcomes<'_>, own: Used<'_>) -> Value {
 
 /// Root mean square of the residuals of a measured signal, absolute and relative to their standard deviation.
 fn rms(run: &RunFit, k: usize, noise: Noise) -> (f64, f64) {
-    let mean = |residuals: Vec<f64>| {
-        let known = residuals.iter().filter(|r| !r.is_nan());
-        let sum: f64 = known.clone().map(|r| r * r).sum();
-        (sum / known.count() as f64).sqrt()
-    };
-    let plain = run.recorded[k].iter().zip(&run.predicted[k]);
-    let plain = plain.map(|(y, h)| y - h).collect();
-    (mean(plain), mean(run.residuals(k, noise)))
+    (
+        plain_rms(run, k),
+        mean_square(&run.residuals(k, noise)).sqrt(),
+    )
+}
+
+/// Root mean square of what was recorded of a measured signal minus what the model says.
+fn plain_rms(run: &RunFit, k: usize) -> f64 {
+    let pairs = run.recorded[k].iter().zip(&run.predicted[k]);
+    mean_square(&pairs.map(|(y, h)| y - h).collect::<Vec<f64>>()).sqrt()
+}
+
+fn mean_square(residuals: &[f64]) -> f64 {
+    let known = residuals.iter().filter(|r| !r.is_nan());
+    let sum: f64 = known.clone().map(|r| r * r).sum();
+    sum / known.count() as f64
 }
 
 /// How far from an optimum the solve ended.
@@ -347,6 +406,9 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
     }
     text += &aligned(&run_rows(posed, outcomes));
     text += &judged(outcomes);
+    text += &outcomes
+        .carried()
+        .map_or(String::new(), |note| format!("note: {note}\n"));
     text += &outcomes.checked.to_text(fit);
     text += &mesh(posed, fit);
     match (fit.starts.len(), fit.agreeing()) {
@@ -478,29 +540,33 @@ fn initial_rows(all: &[Found], fit: &Fit) -> Vec<[String; 6]> {
 
 /// Columns for each run and measured signal: free run of the model, and one-step-ahead prediction. With process noise,
 /// the innovations are compared with their standard deviations.
-pub fn run_header(posed: &Posed<'_>) -> &'static [&'static str] {
-    match posed.filter {
-        Some(_) => &[
+pub fn run_header(outcomes: &Outcomes<'_>) -> &'static [&'static str] {
+    match (&outcomes.posed.filter, outcomes.alone) {
+        (Some(_), _) => &[
             "run",
             "column",
             "rms residual, free run",
             "one step ahead",
             "over its sd",
         ],
-        None => &[
-            "run",
-            "column",
-            "rms residual",
-            "over sd",
-            "vaf [%]",
-            "one step [%]",
-        ],
+        (None, None) => &RUNS[..6],
+        (None, Some(_)) => &RUNS,
     }
 }
 
+const RUNS: [&str; 7] = [
+    "run",
+    "column",
+    "rms residual",
+    "over sd",
+    "vaf [%]",
+    "one step [%]",
+    "rms, no free states",
+];
+
 /// A row of residuals for each run and measured signal.
 pub fn run_rows(posed: &Posed<'_>, outcomes: &Outcomes<'_>) -> Vec<Vec<String>> {
-    let header = run_header(posed).iter().map(|&own| own.to_owned());
+    let header = run_header(outcomes).iter().map(|&own| own.to_owned());
     let mut rows = vec![header.collect::<Vec<_>>()];
     for own in outcomes.runs() {
         for (k, measured) in posed.file.measured.iter().enumerate() {
@@ -518,6 +584,8 @@ pub fn run_rows(posed: &Posed<'_>, outcomes: &Outcomes<'_>) -> Vec<Vec<String>> 
                 let explained = own.run.explained(k).filter(|_| own.has_figures);
                 row.push(shown(explained.map(|own| own.vaf)));
                 row.push(shown(outcomes.one_step(own, k).map(|own| own.vaf)));
+                let alone = outcomes.alone.map(|_| outcomes.rms_alone(own, k));
+                row.extend(alone.map(shown));
             }
             rows.push(row);
         }

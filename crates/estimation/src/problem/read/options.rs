@@ -26,12 +26,6 @@ pub(super) fn stability(root: TomlTable<'_>) -> Read<Stability> {
     })
 }
 
-/// Maximum number of iterations of a start.
-const MOST: usize = 100_000;
-
-/// Maximum number of starts of a fit. All are kept in memory until the best is known.
-const MOST_STARTS: usize = 1000;
-
 pub(super) fn options(root: TomlTable<'_>) -> Read<Options> {
     let mut options = Options::default();
     let Some(table) = root.table("fit")? else {
@@ -75,8 +69,9 @@ pub(super) fn options(root: TomlTable<'_>) -> Read<Options> {
     }
     options.mesh = word(table, "mesh", &[("samples", Mesh::Samples)], options.mesh)?;
     options.tolerance = tolerance(table, "tolerance")?.unwrap_or(options.tolerance);
-    options.starts = whole(table, "starts", options.starts, MOST_STARTS)?;
-    options.max_iterations = whole(table, "max_iterations", options.max_iterations, MOST)?;
+    options.starts = whole(table, "starts", options.starts, Options::MOST_STARTS)?;
+    let most = Options::MOST_ITERATIONS;
+    options.max_iterations = whole(table, "max_iterations", options.max_iterations, most)?;
     let limits = [
         ("constrain", Limits::Constrain),
         ("saturate", Limits::Saturate),

@@ -1,366 +1,11 @@
-//! Diagnostics of a result, with the message and the code of each.
+//! The message of each diagnostic: what was found, and what to do.
 
+use super::Diagnostic;
 use crate::posed::stability::CLOSED_LOOP;
-use crate::result::events::Event;
-use pilotage_inference::spectrum::{Contradiction, Starved};
 use pilotage_sqp::Status;
 use pilotage_text::counted;
 use pilotage_text::number::{rounded, short};
 use std::fmt;
-
-/// A reason to doubt a result.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Diagnostic {
-    /// The solver did not converge.
-    NotConverged {
-        /// How it ended.
-        status: Status,
-        /// Whether derivatives of the equations jump where states move: `min`, `if`, a dead zone.
-        has_kinks: bool,
-        /// Whether a dead zone opens the loop whose stability is asked for.
-        is_resting: bool,
-    },
-    /// The solve ended at kinks of the equations, away from an optimum by this many standard deviations.
-    AtKinks(f64),
-    /// The states do not satisfy the equations, or constraints are violated: the largest scaled violation.
-    NotMet(f64),
-    /// A parameter lies on a bound of its range.
-    AtBound {
-        /// Its name.
-        name: String,
-        /// The bound.
-        bound: f64,
-        /// Whether it is tied to other parameters.
-        is_tied: bool,
-    },
-    /// A constraint that is violated by a solve that did not converge.
-    Violated {
-        /// The constraint.
-        name: String,
-        /// Its violation, scaled.
-        by: f64,
-    },
-    /// The limit of an output is exceeded by a simulation without process noise. With process noise it is not a
-    /// constraint.
-    BeyondLimit {
-        /// The limit, and the run.
-        name: String,
-        /// The largest excess, in the output's unit.
-        by: f64,
-    },
-    /// The limit of an output is active as a constraint.
-    OnLimit {
-        /// The limit.
-        name: String,
-        /// Number of samples at which it is active.
-        samples: usize,
-    },
-    /// With process noise: the innovations are not white.
-    Coloured {
-        /// The column.
-        measured: String,
-        /// The smallest p-value of a run's innovations under the hypothesis of whiteness.
-        p: f64,
-    },
-    /// With process noise: a sample is predicted almost exactly, and the likelihood may have no maximum.
-    Unbounded {
-        /// The column.
-        measured: String,
-        /// Smallest standard deviation of an innovation, in the column's unit.
-        sd: f64,
-    },
-    /// The system is unstable.
-    UnstableLoop {
-        /// Growth rate \[1/s\].
-        growth: f64,
-        /// Whether `[stability]` keeps it stable where the first run begins.
-        is_kept: bool,
-    },
-    /// Stable only because of a constraint: a condition of `[stability]` is active.
-    OnStabilityBound(String),
-    /// The mesh could not be refined to the requested error.
-    MeshError {
-        /// The estimated relative error of the states.
-        error: f64,
-        /// The requested tolerance.
-        tolerance: f64,
-        /// Whether the iteration limit ended the refinement.
-        is_limited: bool,
-        /// Number of refinements, if no more are made.
-        rounds: Option<usize>,
-    },
-    /// The estimated relative error of the states is large on a mesh given by the problem.
-    CoarseMesh(f64),
-    /// A simulation with the estimates has a different objective.
-    Simulated {
-        /// The objective of the collocation.
-        objective: f64,
-        /// That of the simulation. None if the simulation fails.
-        simulated: Option<f64>,
-    },
-    /// A limit or the user ended the fit before all starts and refinements were completed.
-    Cut {
-        /// What ended it.
-        status: Status,
-        /// Number of starts that were not completed.
-        starts: usize,
-        /// Whether the mesh still had to be refined.
-        refinement: bool,
-        /// Whether events of FMUs still had to be searched for.
-        events: bool,
-    },
-    /// A start had a lower objective than the result but did not converge.
-    LowerStart {
-        /// Its number, from 1.
-        start: usize,
-        /// How it ended.
-        status: Status,
-        /// Its objective.
-        objective: f64,
-    },
-    /// The last refinement of the mesh still changed the parameters, by this fraction of their size.
-    MeshMoves(f64),
-    /// Only one of this many starts led to the result.
-    Alone(usize),
-    /// The model explains little of the recording.
-    PoorFit {
-        /// The measured column.
-        measured: String,
-        /// Variance accounted for, at most 1.
-        explained: f64,
-    },
-    /// Residuals are correlated with earlier values of an input.
-    InputLeft {
-        /// The measured column.
-        measured: String,
-        /// The column that drives an input.
-        input: String,
-        /// Lag of the residuals behind the input at the largest correlation \[s\].
-        lag: f64,
-        /// The correlation at that lag.
-        correlation: f64,
-    },
-    /// A column that keeps its values and jumps drives an input, linear between its samples unless stated otherwise.
-    Stepped {
-        /// The input.
-        input: String,
-        /// The column.
-        column: String,
-    },
-    /// Outliers: samples whose residuals deviate from those of their neighbours on both sides.
-    Outlier {
-        /// The measured column.
-        measured: String,
-        /// Run of the largest outlier.
-        run: String,
-        /// Its time \[s\].
-        time: f64,
-        /// Its residual: recorded minus modelled.
-        value: f64,
-        /// Its unit.
-        unit: Option<String>,
-        /// Number of such samples.
-        count: usize,
-        /// Their fraction of the column's sum of squares, 0 to 1.
-        share: f64,
-    },
-    /// Residuals that jump and do not return.
-    Jump {
-        /// The measured column.
-        measured: String,
-        /// Name of the run.
-        run: String,
-        /// Time of the first sample after the jump \[s\].
-        time: f64,
-        /// Size of the jump.
-        size: f64,
-        /// Its unit.
-        unit: Option<String>,
-    },
-    /// A measured signal repeats a value while the model moves on.
-    Frozen {
-        /// The measured column.
-        measured: String,
-        /// Name of the run.
-        run: String,
-        /// The value.
-        value: f64,
-        /// Time of the first such sample \[s\].
-        from: f64,
-        /// Time of the last such sample \[s\].
-        to: f64,
-        /// The next sample relative to the value; none at the end of the run.
-        size: Option<f64>,
-        /// Unit of value and size.
-        unit: Option<String>,
-        /// Number of such stretches, of which this is the longest.
-        count: usize,
-    },
-    /// A column that drives an input along lines repeats a value and then jumps, and moves before and afterwards.
-    FrozenInput {
-        /// The column.
-        column: String,
-        /// Name of the run.
-        run: String,
-        /// Time of the first such sample \[s\].
-        from: f64,
-        /// Time of the last such sample \[s\].
-        to: f64,
-    },
-    /// A run without rows for a time in which inputs are driven along lines.
-    Gap {
-        /// Name of the run.
-        run: String,
-        /// Time of the last row before \[s\].
-        from: f64,
-        /// Time of the first row afterwards \[s\].
-        to: f64,
-    },
-    /// The runs with a pilot are so short, or their samples so sparse, that another time unit is likely.
-    TimeScale {
-        /// Duration of the longest run \[s\].
-        duration: f64,
-        /// Median time between its samples \[s\].
-        step: f64,
-    },
-    /// A run that is fitted far worse than the others.
-    Misfit {
-        /// The measured column.
-        measured: String,
-        /// Name of the run.
-        run: String,
-        /// Its rms residual divided by the median over all runs.
-        ratio: f64,
-    },
-    /// A measured signal is that of a sensor that is slower than the recording.
-    SlowSensor {
-        /// The measured column.
-        measured: String,
-        /// Name of the first such run.
-        run: String,
-        /// Number of rows for each value.
-        rows: usize,
-    },
-    /// A run in which a measured signal is later or earlier against the model than in the others.
-    Late {
-        /// The measured column.
-        measured: String,
-        /// Name of the run.
-        run: String,
-        /// Time by which it is later than in the other runs \[s\].
-        by: f64,
-    },
-    /// A measured signal stays at its largest or smallest value within runs: a stop, or the end of a sensor's range.
-    Clipped {
-        /// The measured column.
-        measured: String,
-        /// The run in which most samples do so.
-        run: String,
-        /// That value, in the signal's unit.
-        value: f64,
-        /// Its unit.
-        unit: Option<String>,
-        /// Fraction of its samples at this or the opposite extreme, 0 to 1.
-        part: f64,
-    },
-    /// Two runs of different files have the same samples.
-    Copy {
-        /// Name of the run.
-        run: String,
-        /// Name of the earlier run.
-        of: String,
-        /// Number of such copies.
-        count: usize,
-    },
-    /// Flights that do not belong together according to their own comments.
-    Mixed(String),
-    /// A quantity that is not finite where the search begins.
-    Undefined(String),
-    /// The solver did not converge, and a simulation with the start values ends early.
-    EarlyEnd {
-        /// Name of the run.
-        run: String,
-        /// The time that it reaches, with its unit.
-        time: String,
-    },
-    /// The solver did not converge, and a call of an FMU failed during the solve.
-    FmuFailed {
-        /// The instance.
-        instance: String,
-        /// The last call that failed, and why.
-        trouble: String,
-    },
-    /// An FMU would have an event in a run.
-    Event(Event),
-    /// The description of an FMU is incorrect.
-    Description {
-        /// The instance.
-        instance: String,
-        /// What is incorrect.
-        note: String,
-    },
-    /// The objective is flat along some direction: the data do not distinguish all parameters.
-    Flat(f64),
-    /// The describing function of the runs contradicts that of the fit.
-    Contradicted(Contradiction),
-    /// The spectral lines determine fewer numbers than are sought.
-    Starved(Starved),
-    /// A direction that does not affect any measured signal, at several starts and after the fit.
-    Unidentifiable(String),
-    /// The intervals of these parameters are as wide as their ranges.
-    Undetermined(Vec<String>),
-}
-
-impl Diagnostic {
-    /// Its code, for scripts.
-    pub fn code(&self) -> &'static str {
-        match self {
-            Self::NotConverged { .. } => "not-converged",
-            Self::AtKinks(_) => "kinks",
-            Self::NotMet(_) => "not-met",
-            Self::AtBound { .. } => "at-bound",
-            Self::Violated { .. } => "violated",
-            Self::BeyondLimit { .. } => "beyond-limit",
-            Self::OnLimit { .. } => "on-limit",
-            Self::Coloured { .. } => "coloured",
-            Self::Unbounded { .. } => "unbounded",
-            Self::UnstableLoop { .. } => "unstable-loop",
-            Self::OnStabilityBound(of) if of == CLOSED_LOOP => "loop-on-bound",
-            Self::OnStabilityBound(_) => "model-on-bound",
-            Self::MeshError { .. } | Self::CoarseMesh(_) => "mesh-error",
-            Self::MeshMoves(_) => "mesh-moves",
-            Self::Simulated { .. } => "simulation",
-            Self::Cut { .. } => "cut",
-            Self::LowerStart { .. } => "lower-start",
-            Self::Alone(_) => "alone",
-            Self::PoorFit { .. } => "poor-fit",
-            Self::InputLeft { .. } => "input-left",
-            Self::Stepped { .. } => "stepped-input",
-            Self::Outlier { .. } => "outlier",
-            Self::Jump { .. } => "jump",
-            Self::Frozen { .. } => "frozen",
-            Self::FrozenInput { .. } => "frozen-input",
-            Self::Gap { .. } => "gap",
-            Self::TimeScale { .. } => "time-scale",
-            Self::Misfit { .. } => "misfit",
-            Self::SlowSensor { .. } => "slow-sensor",
-            Self::Late { .. } => "late",
-            Self::Clipped { .. } => "clipped",
-            Self::Copy { .. } => "copy",
-            Self::Mixed(_) => "mixed",
-            Self::Flat(_) => "flat",
-            Self::Contradicted(_) => "describing-function",
-            Self::Starved(_) => "few-lines",
-            Self::Unidentifiable(_) => "unidentifiable",
-            Self::Undetermined(_) => "undetermined",
-            Self::Undefined(_) => "undefined",
-            Self::EarlyEnd { .. } => "early-end",
-            Self::FmuFailed { .. } => "fmu-failed",
-            Self::Event(_) => "event",
-            Self::Description { .. } => "fmu-description",
-        }
-    }
-}
 
 impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -369,10 +14,14 @@ impl fmt::Display for Diagnostic {
                 status,
                 has_kinks,
                 is_resting,
+                violation,
             } => write!(
                 f,
-                "the solver ended with \"{status}\": this is its best iterate, not a result; {}try other start values, ranges \
+                "the solver ended with \"{status}\": this is its best iterate, not a result{}; {}try other start values, ranges \
                  (min, max) or more `starts`",
+                violation.map_or(String::new(), |violation| format!(
+                    ", and its states do not fulfil equations and constraints (largest scaled violation {violation:.1e})"
+                )),
                 match has_kinks {
                     true if *is_resting =>
                         "`closed_loop = true` asks that the loop is stable where the first run begins, and a dead zone opens it \
@@ -388,11 +37,6 @@ impl fmt::Display for Diagnostic {
                 "the solver ended at kinks of the equations (`min`, `max`, `abs`, `if`, `sat`, `deadzone` ...): the parameters \
                  may be {} of a standard deviation beside the optimum; a smaller mesh_tolerance or a smooth form may do better",
                 short(*offset, 1)
-            ),
-            Self::NotMet(violation) => write!(
-                f,
-                "the states that were found do not fulfil the equations and constraints (largest scaled violation \
-                 {violation:.1e}): they have no objective, and the parameters are to be checked by a simulation"
             ),
             Self::AtBound {
                 name,
@@ -702,23 +346,24 @@ impl fmt::Display for Diagnostic {
                     "{words}: fix a parameter, give it a prior, or measure more"
                 )
             }
-            Self::Undetermined(names) => write!(
-                f,
-                "the data do not determine {}: fix {}, give a prior, or measure more; the intervals of other parameters hold \
-                 near this estimate alone (`pilotage fit --profile` goes further)",
-                names.join(", "),
-                match names.len() {
-                    1 => "it",
-                    _ => "one",
-                }
-            ),
+            Self::Undetermined { names, curvature } => {
+                let flat = curvature.map(|own| {
+                    format!("in some direction the objective is flat (scaled curvature {own:.1e}): ")
+                });
+                let (which, what) = match names.as_slice() {
+                    [] => ("all parameters".to_owned(), "one"),
+                    [one] => (one.clone(), "it"),
+                    all => (all.join(", "), "one"),
+                };
+                write!(
+                    f,
+                    "{}the data do not determine {which}: fix {what}, give a prior, begin where all have an effect, or measure \
+                     more; the intervals of other parameters hold near this estimate alone (`pilotage fit --profile` goes further)",
+                    flat.unwrap_or_default()
+                )
+            }
             Self::Event(event) => event.fmt(f),
             Self::Description { instance, note } => write!(f, "the FMU of `{instance}`: {note}"),
-            Self::Flat(curvature) => write!(
-                f,
-                "in some direction the objective is flat (scaled curvature {curvature:.1e}): the data do not \
-                 distinguish all parameters; fix one, give it a prior, or begin where all have an effect"
-            ),
         }
     }
 }

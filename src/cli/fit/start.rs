@@ -1,0 +1,108 @@
+//! `--start`: start values of the parameters, in their order or by name.
+
+use crate::cli::Failure;
+use crate::cli::number::number;
+use crate::estimation::{Posed, ProblemFile};
+use crate::models::Pilot;
+use crate::suggestion::{did_you_mean, suggestion};
+use pilotage_text::counted;
+
+/// A start value, and the parameter if it is named.
+#[derive(Debug, Clone)]
+pub struct Begin {
+    name: Option<String>,
+    value: f64,
+}
+
+/// Parses `VALUE` or `NAME=VALUE`.
+pub fn begin(text: &str) -> Result<Begin, String> {
+    let (name, value) = match text.rsplit_once('=') {
+        // Tables write θ.
+        Some((name, value)) => (Some(name.trim().replace('θ', "theta")), value.trim()),
+        None => (None, text),
+    };
+    let value = number(value)?;
+    Ok(Begin { name, value })
+}
+
+/// θ of a pilot: all of it.
+pub fn theta(given: &[Begin], pilot: Pilot) -> Result<Vec<f64>, Failure> {
+    if given.iter().all(|own| own.name.is_none()) {
+        return Ok(given.iter().map(|own| own.value).collect());
+    }
+    let names: Vec<String> = (1..=2 * pilot.order).map(|k| format!("theta{k}")).collect();
+    let found = placed(given, &names)?;
+    let value = |k: usize| found.iter().find(|own| own.0 == k).map(|own| own.1);
+    let all: Option<Vec<f64>> = (0..names.len()).map(value).collect();
+    all.ok_or_else(|| {
+        let message = format!(
+            "--start has {} of {}",
+            counted(found.len(), "value"),
+            names.len()
+        );
+        Failure::new(message).hint(format!("give all of {}", names.join(", ")))
+    })
+}
+
+/// Starts the search of a problem at these values.
+pub fn set(given: &[Begin], posed: &Posed<'_>, file: &mut ProblemFile) -> Result<(), Failure> {
+    let names: Vec<String> = (posed.unknowns.iter())
+        .map(|(unknown, _)| unknown.name.clone())
+        .collect();
+    for (k, value) in placed(given, &names)? {
+        if !file.begin_at(&names[k], value) {
+            let message = format!(
+                "--start: `{}` is of a sensor and begins as its gain is 1 and its offset 0",
+                names[k]
+            );
+            return Err(Failure::new(message).hint(
+                "declare a parameter of the problem, and name it in [[measured]], as in gain = \"g\"",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// The place of each value among these names.
+fn placed(given: &[Begin], names: &[String]) -> Result<Vec<(usize, f64)>, Failure> {
+    let all = || names.join(", ");
+    let named = given.iter().filter(|own| own.name.is_some()).count();
+    if named == 0 && given.len() != names.len() {
+        let message = format!(
+            "--start has {}, and {} sought: {}",
+            counted(given.len(), "value"),
+            match names.len() {
+                1 => "1 parameter is".to_owned(),
+                count => format!("{count} parameters are"),
+            },
+            all()
+        );
+        return Err(Failure::new(message).hint("give one for each, in this order, or NAME=VALUE"));
+    }
+    if named > 0 && named < given.len() {
+        return Err(
+            Failure::new("--start has values with a name and values without one")
+                .hint("give each its name, or none"),
+        );
+    }
+    let mut found: Vec<(usize, f64)> = Vec::new();
+    for (place, own) in given.iter().enumerate() {
+        let Some(name) = &own.name else {
+            found.push((place, own.value));
+            continue;
+        };
+        let Some(k) = names.iter().position(|known| known == name) else {
+            let near = did_you_mean(suggestion(name, names.iter().map(String::as_str)));
+            let message = format!(
+                "--start: nothing that is sought is called `{name}`{near}; there are {}",
+                all()
+            );
+            return Err(Failure::new(message));
+        };
+        if found.iter().any(|known| known.0 == k) {
+            return Err(Failure::new(format!("--start has `{name}` twice")).hint("leave one out"));
+        }
+        found.push((k, own.value));
+    }
+    Ok(found)
+}
