@@ -1,7 +1,7 @@
 //! The origin of a page, and commands as the user can type them.
 
 use crate::date;
-use crate::identification::trials::sha256;
+use crate::flights::trials::sha256;
 use crate::report::Made;
 use std::path::{Path, PathBuf};
 

@@ -2,9 +2,9 @@
 
 use super::html::{escape, table};
 use super::number;
+use crate::flights::trials::Summary;
 use crate::identification::pilot_file::units;
 use crate::identification::result::StartReport;
-use crate::identification::trials::Summary;
 use crate::identification::{
     Fit, FitOptions, Identification, InitialState, Mesh, Objective, RunFit,
 };

@@ -6,7 +6,7 @@ use self::jobs::{Flown, Jobs};
 use super::number::number;
 use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, interrupt, made, system, terminal};
-use crate::identification::trials::sha256;
+use crate::flights::trials::sha256;
 use crate::series::flown;
 use clap::builder::NonEmptyStringValueParser;
 use pilotage_fly::craft::{Craft, Maker, Names};

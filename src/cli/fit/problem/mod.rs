@@ -19,7 +19,8 @@ use crate::estimation::beforehand::beforehand;
 use crate::estimation::fit::Progress;
 use crate::estimation::left_over::processes;
 use crate::estimation::validation::validated;
-use crate::estimation::{Diagnostic, Fit, Posed, ProblemFile, part, refits};
+use crate::estimation::{Diagnostic, Fit, Posed, ProblemFile, refits};
+use crate::flights;
 use crate::sqp::{Iteration, Status};
 pub use checks::Checks;
 use models::Fitted;
@@ -64,7 +65,8 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         }
         chosen = Some((found.json, found.is_whole));
     }
-    let posed = Posed::new(&file, &part::open)?;
+    let posed = Posed::new(&file, &flights::open)?;
+    (posed.words_of_left_out().iter()).for_each(|words| terminal::note(words));
     let solves_again = args.refits.flag().or(args.checks.flag());
     if let (true, Some(flag)) = (args.evaluate, solves_again) {
         let message = format!("{flag} solves again, and --evaluate solves nothing");
@@ -90,6 +92,7 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     args.checks.check(posed.runs.len())?;
     let fitted = models::planned(&posed, args.output.as_deref())?;
     check_outputs(args, path, &fitted)?;
+    models::make_folder(args.output.as_deref(), &fitted)?;
     if args.orders.is_none() {
         interrupt::listen("stopping")?;
     }
@@ -112,7 +115,7 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         true => ControlFlow::Break(Status::Interrupted),
         false => ControlFlow::Continue(()),
     };
-    let judged = validated(&file, &fit, &part::open, &goes_on)?;
+    let judged = validated(&file, &fit, &flights::open, &goes_on)?;
     let refitted = match &plan {
         Some(plan) => refitted(plan, &posed, &fit, deadline)?,
         None => None,
@@ -177,9 +180,9 @@ fn refitted(
 /// Fits a problem and returns its page, and whether the fit has an answer.
 pub fn page_of(path: &Path) -> Result<(String, bool), Failure> {
     let file = ProblemFile::read(path)?;
-    let posed = Posed::new(&file, &part::open)?;
+    let posed = Posed::new(&file, &flights::open)?;
     let fit = crate::estimation::fit(&posed, &mut |_| ControlFlow::Continue(()));
-    let judged = validated(&file, &fit, &part::open, &|| ControlFlow::Continue(()))?;
+    let judged = validated(&file, &fit, &flights::open, &|| ControlFlow::Continue(()))?;
     let outcome = summary::Outcomes {
         posed: &posed,
         fit: &fit,

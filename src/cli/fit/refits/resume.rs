@@ -1,7 +1,7 @@
 //! The file of a bootstrap: a line for each completed refit, so that a killed command can be resumed.
 
 use crate::cli::Failure;
-use crate::identification::trials::sha256;
+use crate::flights::trials::sha256;
 use crate::refits::{Kind, Replicate, Study};
 use std::collections::HashSet;
 use std::fs::{File, OpenOptions};
