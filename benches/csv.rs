@@ -2,7 +2,7 @@
 //! the largest table takes 300 MB on the disk.
 
 use pilotage::cosim::Source;
-use pilotage::identification::Trial;
+use pilotage::flights::Trial;
 use pilotage::series::Series;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};

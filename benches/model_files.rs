@@ -9,7 +9,7 @@
 use pilotage::cosim::{Component, fmu_component};
 use pilotage::estimation::{Fit, Posed, ProblemFile, fit, part};
 use pilotage::export::{Export, Provenance};
-use pilotage::identification::TrialSet;
+use pilotage::flights::TrialSet;
 use pilotage::models::{Model, Pilot, Quadcopter, TextModel, library, traced};
 use pilotage_collocation::{
     Bound, Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme,

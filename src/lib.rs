@@ -37,7 +37,7 @@
 //! ```
 //!
 //! These names cover what most programs need. Everything else is in the crates from which they are re-exported:
-//! `pilotage-identification` (trials, fit, diagnostics, vehicle files), `pilotage-cosim` (the master), `pilotage-fmi`
+//! `pilotage-identification` (fit, diagnostics, pilot files), `pilotage-flights` (trials, vehicle files), `pilotage-cosim` (the master), `pilotage-fmi`
 //! (FMUs of other tools), `pilotage-linear` (poles and margins), `pilotage-sdk` (FMUs of user-written models), and the
 //! crates they build on: `pilotage-collocation`, `pilotage-sqp` and `pilotage-ode`.
 //!
@@ -51,7 +51,9 @@ pub use pilotage_cosim::{
     Algorithm, Clock, FmuComponent, SeriesRecorder, System, run as co_simulate,
 };
 #[doc(inline)]
-pub use pilotage_identification::{Fit, FitOptions, Trial, TrialSet, fit};
+pub use pilotage_flights::{Trial, TrialSet};
+#[doc(inline)]
+pub use pilotage_identification::{Fit, FitOptions, fit};
 #[doc(inline)]
 pub use pilotage_models::Model;
 
@@ -70,11 +72,12 @@ pub mod report;
 pub use {
     pilotage_collocation as collocation, pilotage_cosim as cosim,
     pilotage_estimation as estimation, pilotage_expression as expression,
-    pilotage_filter as filter, pilotage_fmi as fmi, pilotage_fmi_check as fmi_check,
-    pilotage_identification as identification,
-    pilotage_identification::{synthetic, vehicle},
-    pilotage_inference as inference, pilotage_linear as linear, pilotage_models as models,
-    pilotage_ode as ode, pilotage_refits as refits, pilotage_series as series, pilotage_sqp as sqp,
+    pilotage_filter as filter, pilotage_flights as flights,
+    pilotage_flights::{synthetic, vehicle},
+    pilotage_fmi as fmi, pilotage_fmi_check as fmi_check,
+    pilotage_identification as identification, pilotage_inference as inference,
+    pilotage_linear as linear, pilotage_models as models, pilotage_ode as ode,
+    pilotage_refits as refits, pilotage_series as series, pilotage_sqp as sqp,
     pilotage_text::{document, error_chain, file, suggestion},
 };
 

@@ -1,6 +1,6 @@
 """Recordings of synthetic humans, and the problem files beside them, in target/race/problems.
 
-They are not the pilots that are fitted, as in crates/identification/src/synthetic: gain and lead on the error seen an
+They are not the pilots that are fitted, as in crates/flights/src/synthetic: gain and lead on the error seen an
 exact delay ago, through the second-order lag of the arm, with coloured noise (remnant), and the stick ends at its
 stops.
 """

@@ -1,6 +1,6 @@
 //! The humans of the study and their flights. The tests use them too.
 
-use pilotage::identification::Trial;
+use pilotage::flights::Trial;
 use pilotage::models::Quadcopter;
 use pilotage::synthetic::{Flight, Flights, Human, SyntheticError};
 

@@ -5,8 +5,9 @@ use super::format::aligned;
 use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, interrupt, terminal};
 use crate::cli::deadline::Deadline;
+use crate::estimation::ProblemFile;
 use crate::estimation::comparison::{Candidate, Compared, compare};
-use crate::estimation::{ProblemFile, part};
+use crate::flights;
 use crate::inference::choice::{Comparison, Contender, FEWEST_RUNS, SIZE};
 use crate::inference::residuals::{LjungBox, autocorrelation};
 use pilotage_text::counted;
@@ -52,7 +53,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let files: Vec<ProblemFile> = files.collect::<Result<_, _>>()?;
     interrupt::listen("stopping")?;
     let folds = Folds::until(Deadline::after(args.time_limit));
-    let compared = compare(&files, &part::open, &|done, all| folds.ask(done, all))?;
+    let compared = compare(&files, &flights::open, &|done, all| folds.ask(done, all))?;
     let is_whole = folds.end_with_note();
     let names: Vec<&str> = files.iter().map(|file| file.file.as_str()).collect();
     terminal::print(&match args.json {

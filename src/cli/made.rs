@@ -2,7 +2,7 @@
 
 use crate::date;
 use crate::file;
-use crate::identification::trials::sha256;
+use crate::flights::trials::sha256;
 use crate::report::Made;
 use pilotage_text::printable::{escaped, is_hidden};
 use std::path::{Path, PathBuf};

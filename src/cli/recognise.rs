@@ -2,11 +2,9 @@
 
 use super::Failure;
 use super::overwrite::head;
-use crate::cosim::description::KEYS;
 use crate::document::Document;
-use crate::estimation::OWN_KEYS;
 use crate::file;
-use crate::models::COEFFICIENTS;
+use crate::flights::kind::Kind;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use zip::ZipArchive;
@@ -138,19 +136,14 @@ fn archive(path: &Path) -> FileKind {
 /// The kind of a TOML file, by its fields.
 fn toml(text: &str) -> Option<FileKind> {
     let document = Document::parse(text, "").ok()?;
-    let names = document.root().names();
-    let is_coefficient = |name: &&str| COEFFICIENTS.iter().any(|field| field.name == *name);
-    match names.as_slice() {
-        names if names.contains(&"theta") => Some(FileKind::Pilot),
-        _ if document.root().is_table("model") => Some(FileKind::Model),
-        names if OWN_KEYS.iter().any(|key| names.contains(key)) => Some(FileKind::Problem),
-        names if KEYS.iter().any(|key| names.contains(key)) => Some(FileKind::System),
-        names if names.contains(&"run") => Some(FileKind::Manifest),
-        names if names.iter().filter(|name| is_coefficient(name)).count() >= 3 => {
-            Some(FileKind::Vehicle)
-        }
-        _ => None,
-    }
+    Some(match Kind::of(document.root())? {
+        Kind::Pilot => FileKind::Pilot,
+        Kind::Vehicle => FileKind::Vehicle,
+        Kind::Model => FileKind::Model,
+        Kind::System => FileKind::System,
+        Kind::Problem => FileKind::Problem,
+        Kind::Manifest => FileKind::Manifest,
+    })
 }
 
 /// The kind of a CSV file, by its header.

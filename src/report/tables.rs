@@ -3,9 +3,9 @@
 use super::html::{Html, html, paragraph, table};
 use super::number;
 use super::overlay::{self, Parameters};
+use crate::flights::trials::Summary;
 use crate::identification::pilot_file::units;
 use crate::identification::result::StartReport;
-use crate::identification::trials::Summary;
 use crate::identification::{
     Fit, FitOptions, Identification, InitialState, Mesh, Objective, RunFit,
 };

@@ -28,6 +28,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "units",
             "models",
             "vehicle",
+            "flights",
             "identification",
             "cosim",
             "linear",
@@ -37,11 +38,11 @@ const ARROWS: &[(&str, &[&str])] = &[
         ],
     ),
     (
-        "crates/identification/src/vehicle",
+        "crates/flights/src/vehicle",
         &["models", "units", "linear", "text"],
     ),
     (
-        "crates/identification/src/synthetic",
+        "crates/flights/src/synthetic",
         &["models", "sdk", "series", "linear", "text"],
     ),
     // An instance knows the callbacks that it gives, and those what they reach; nobody of them knows it.

@@ -6,7 +6,7 @@ use crate::compare::{RUNS, flights, problem};
 use pilotage::collocation::Scheme;
 use pilotage::estimation::file::Mesh;
 use pilotage::estimation::{Fit, Posed, ProblemFile, fit, part};
-use pilotage::identification::trials::sha256;
+use pilotage::flights::trials::sha256;
 use pilotage::inference::Method;
 use serde_json::Value;
 use std::ops::ControlFlow;

@@ -1,9 +1,7 @@
-//! Identification of a pilot from recorded flights: the paper's multi-run problem (its eq. 5), with the vehicle that
-//! was flown ([`vehicle`]) and a synthetic human that differs from the fitted model ([`synthetic`]).
+//! Identification of a pilot from recorded flights: the paper's multi-run problem (its eq. 5).
 //!
 //! | module | content |
 //! | --- | --- |
-//! | [`trials`](mod@trials) | recorded flights |
 //! | [`problem`](mod@problem) | the paper's problem, of trials and options |
 //! | [`joint`](mod@joint) | pilot and vehicle as one system |
 //! | [`constraints`](mod@constraints) | stability of pilot and closed loop, as constraints |
@@ -28,9 +26,6 @@
 //! | [`diagnostics`](mod@diagnostics) | why a fit may be less reliable than it seems |
 //! | [`simulate`](mod@simulate) | a run flown by the identified pilot alone |
 //! | [`pilot_file`](mod@pilot_file) | the result file |
-//! | `names` | names of options on the command line and in files |
-//! | [`vehicle`](mod@vehicle) | the vehicle's coefficients as a file, and its pitch loop |
-//! | [`synthetic`](mod@synthetic) | a synthetic human |
 
 pub mod closed_loop;
 pub mod constraints;
@@ -41,7 +36,6 @@ pub mod identification;
 pub mod joint;
 mod linearised;
 pub mod multi_start;
-mod names;
 pub mod options;
 pub mod orders;
 pub mod pilot_file;
@@ -55,11 +49,8 @@ pub mod simulate;
 pub mod solve;
 mod spread;
 pub mod start;
-pub mod synthetic;
-pub mod trials;
 mod tumbles;
 pub mod uncertainty;
-pub mod vehicle;
 
 pub use closed_loop::ClosedLoop;
 pub use diagnostics::{Diagnostic, diagnostics};
@@ -67,9 +58,9 @@ pub use identification::Identification;
 pub use options::{FitOptions, InitialPosition, InitialState, Mesh, Objective};
 pub use pilot_file::PilotFileError;
 pub use pilotage_collocation::Scheme;
+pub use pilotage_flights::{Trial, TrialError, TrialSet};
 pub use result::{Fit, PilotDiagnostic, PilotFile, RunFit};
 pub use simulate::{simulate, simulate_from};
 pub use solve::{FitError, Progress, fit};
 pub use spread::Spread;
-pub use trials::{Trial, TrialError, TrialSet};
 pub use uncertainty::Uncertainty;

@@ -1,6 +1,7 @@
 //! Options of a fit.
 
 use pilotage_collocation::Scheme;
+pub use pilotage_flights::options::{InitialPosition, InitialState, Objective};
 use pilotage_inference::Method;
 use pilotage_models::{Pilot, Quadcopter};
 
@@ -11,35 +12,6 @@ pub enum Mesh {
     Samples,
     /// Equal intervals of about this length \[s\], finer or coarser than the samples.
     Step(f64),
-}
-
-/// What is known about the states at the first sample.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum InitialState {
-    /// Nothing: every state of every run is free (the paper's implicit states).
-    Free,
-    /// The vehicle hovers at the position given by [`InitialPosition`]; the pilot's states are free.
-    VehicleAtRest,
-    /// The vehicle hovers at the position given by [`InitialPosition`], and the pilot's states are zero.
-    AtRest,
-}
-
-/// What is known about the vehicle's position at the first sample, if the vehicle is at rest.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum InitialPosition {
-    /// It is measured like every other sample, and estimated.
-    Estimated,
-    /// It equals the first recorded one exactly, as if set by a simulator.
-    Known,
-}
-
-/// The signal whose residuals are minimised.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Objective {
-    /// The vehicle's response: sum of squared position residuals \[m²\] (the paper's).
-    Response,
-    /// The stick, with the pilot driven by the recorded error: sum of squared stick residuals \[1\].
-    Stick,
 }
 
 /// Options of a fit, with their defaults.

@@ -5,8 +5,9 @@ use super::{
     ClosedLoop, Diagnostic, Fit, FitOptions, Identification, Mesh, PilotFile, Spread, Trial,
     Uncertainty,
 };
-use crate::vehicle::{self, Mode, VehicleError};
 use nalgebra::Complex;
+use pilotage_flights::pilot::{FittedPilot, PilotError};
+use pilotage_flights::vehicle::{self, Mode, VehicleError};
 use pilotage_models::{COEFFICIENTS, Pilot};
 use pilotage_text::document::{self, Document, DocumentError, number, quoted};
 use pilotage_text::printable::comment;
@@ -16,36 +17,15 @@ use std::path::Path;
 /// Errors of a pilot file.
 #[derive(Debug, thiserror::Error)]
 pub enum PilotFileError {
-    /// Not a TOML file with the fields of a pilot.
+    /// Not TOML, or a field of the wrong type.
     #[error(transparent)]
     Document(#[from] DocumentError),
+    /// Not the fields of a pilot, or θ is missing or out of range.
+    #[error(transparent)]
+    Pilot(#[from] PilotError),
     /// The vehicle is invalid.
     #[error(transparent)]
     Vehicle(#[from] VehicleError),
-    /// The number of parameters is not that of a pilot.
-    #[error(
-        "{file}:{line}: [theta] has {found} parameters; a pilot of order n has 2n: theta1 to theta2n"
-    )]
-    Count {
-        /// The file.
-        file: String,
-        /// Line of the table `[theta]`.
-        line: usize,
-        /// Number of parameters.
-        found: usize,
-    },
-    /// A parameter is not finite.
-    #[error("{file}:{line}: {field} = {value}; expected a finite number")]
-    NotFinite {
-        /// The file.
-        file: String,
-        /// Line of the value.
-        line: usize,
-        /// The parameter.
-        field: String,
-        /// Its value.
-        value: f64,
-    },
     /// The table `[uncertainty]` is invalid.
     #[error("{file}:{line}: [uncertainty] {fault}")]
     Uncertainty {
@@ -56,37 +36,10 @@ pub enum PilotFileError {
         /// The field and its fault.
         fault: String,
     },
-    /// The stick limit is not positive.
-    #[error("{file}:{line}: stick_limit = {value}; expected a finite number above 0")]
-    StickLimit {
-        /// The file.
-        file: String,
-        /// Line of the value.
-        line: usize,
-        /// The value.
-        value: f64,
-    },
 }
 
 /// Code of the diagnostic for a loop that was allowed to be unstable.
 const UNSTABLE: &str = "unstable-loop";
-
-/// Fields at the file's top level. Those that only document where θ comes from are optional.
-const FIELDS: [&str; 12] = [
-    "tool",
-    "status",
-    "converged",
-    "stick_limit",
-    "theta",
-    "uncertainty",
-    "pole",
-    "closed_loop",
-    // The diagnostics; existing pilot files use this name for them.
-    "doubt",
-    "fit",
-    "vehicle",
-    "data",
-];
 
 impl PilotFile {
     /// Reads a pilot file.
@@ -105,16 +58,7 @@ impl PilotFile {
     pub fn parse(text: &str, file: &str) -> Result<Self, PilotFileError> {
         let document = Document::parse(text, file)?;
         let root = document.root();
-        root.only(&FIELDS)?;
-        let stick_limit = root.number("stick_limit")?.unwrap_or(1.0);
-        if !(stick_limit.is_finite() && stick_limit > 0.0) {
-            return Err(PilotFileError::StickLimit {
-                file: file.into(),
-                line: root.line("stick_limit"),
-                value: stick_limit,
-            });
-        }
-        let theta = theta(&root.required("theta", root.table("theta")?)?)?;
+        let FittedPilot { theta, stick_limit } = FittedPilot::of_table(root)?;
         let vehicle = match (root.table("closed_loop")?, root.table("vehicle")?) {
             (Some(_), Some(table)) => Some(vehicle::of_table(&table)?),
             _ => None,
@@ -195,30 +139,6 @@ impl PilotDiagnostic {
             fatal: table.boolean("fatal")?.unwrap_or(false),
         })
     }
-}
-
-/// Reads θ from its table.
-fn theta(table: &document::TomlTable) -> Result<Vec<f64>, PilotFileError> {
-    let (file, found) = (table.file().to_owned(), table.count());
-    if found == 0 || found % 2 == 1 {
-        let line = table.line("");
-        return Err(PilotFileError::Count { file, line, found });
-    }
-    let names: Vec<String> = (1..=found).map(|i| format!("theta{i}")).collect();
-    table.only(&names.iter().map(String::as_str).collect::<Vec<_>>())?;
-    let value = |name: &String| {
-        let value = table.required(name, table.number(name)?)?;
-        match value.is_finite() {
-            true => Ok(value),
-            false => Err(PilotFileError::NotFinite {
-                file: file.clone(),
-                line: table.line(name),
-                field: name.clone(),
-                value,
-            }),
-        }
-    };
-    names.iter().map(value).collect()
 }
 
 /// Text of a pilot file. An invalid fit is marked as such at the top.

@@ -178,8 +178,8 @@ impl OneRun {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synthetic::{Flights, Human};
     use crate::{InitialState, Trial, problem, start};
+    use pilotage_flights::synthetic::{Flights, Human};
     use pilotage_models::Quadcopter;
 
     /// Two flights with free initial states, and a pilot that flies similarly; the variables are derived from the data

@@ -37,6 +37,7 @@
 //! | [`statistics`] | rms and range of values with gaps |
 //! | `stepped` | signals that keep their values and jump |
 //! | [`timing`] | runs whose recordings are late |
+//! | [`sampling`] | gaps, and times in another unit |
 
 mod autoregression;
 mod burg;
@@ -53,6 +54,7 @@ pub mod outliers;
 pub mod residuals;
 mod restricted;
 mod row;
+pub mod sampling;
 pub mod spectrum;
 pub mod statistics;
 mod stepped;

@@ -26,7 +26,7 @@ impl Series {
     /// # Errors
     /// If the file cannot be read or is not of that form; the message names file, line and column.
     pub fn read(path: &Path) -> Result<Self, SeriesError> {
-        Self::read_as(path, Form::Recording)
+        Self::read_as(path, Form::Recording, TIME)
     }
 
     /// Reads a CSV file written by a simulation. Several rows may have the same time: the signals jump there, from the
@@ -35,7 +35,15 @@ impl Series {
     /// # Errors
     /// As [`Series::read`], except for repeated times and non-finite samples.
     pub fn read_table(path: &Path) -> Result<Self, SeriesError> {
-        Self::read_as(path, Form::Table)
+        Self::read_as(path, Form::Table, TIME)
+    }
+
+    /// As [`Series::read_table`], with another name for the time column.
+    ///
+    /// # Errors
+    /// As [`Series::read_table`].
+    pub fn read_table_with_time(path: &Path, time: &str) -> Result<Self, SeriesError> {
+        Self::read_as(path, Form::Table, time)
     }
 
     /// Parses a CSV file's bytes; `file` is the name used in messages.
@@ -54,13 +62,13 @@ impl Series {
         Self::parse_as(bytes, file, Form::Recording, time)
     }
 
-    fn read_as(path: &Path, form: Form) -> Result<Self, SeriesError> {
+    fn read_as(path: &Path, form: Form, time: &str) -> Result<Self, SeriesError> {
         let opened = file::open(path).map_err(|source| SeriesError::Read {
             file: path.to_owned(),
             source,
         })?;
         let from = BufReader::with_capacity(1 << 16, opened);
-        Self::parse_as(from, &path.display().to_string(), form, TIME)
+        Self::parse_as(from, &path.display().to_string(), form, time)
     }
 
     /// Parses from a source that can be read only once: a file of any length, or a pipe.

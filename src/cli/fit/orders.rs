@@ -8,7 +8,8 @@ use crate::cli::folds::Folds;
 use crate::cli::{Failure, terminal};
 use crate::estimation::comparison::{Candidate, Compared};
 use crate::estimation::orders::Ordered as Solved;
-use crate::estimation::{self, Fit, ProblemFile, part};
+use crate::estimation::{self, Fit, ProblemFile};
+use crate::flights;
 use crate::identification::orders::{self, Ordered};
 use crate::identification::{FitOptions, InitialState, Objective, TrialSet};
 use crate::inference::choice::{Comparison, Contender, choose};
@@ -52,7 +53,7 @@ impl Orders {
         let folds = Folds::until(deadline);
         let range = u32::from(*self.0.start())..=u32::from(*self.0.end());
         let ask = |done: usize, all: usize| folds.ask(done, all);
-        let all = estimation::orders::ordered(file, range, &part::open, &ask)?;
+        let all = estimation::orders::ordered(file, range, &flights::open, &ask)?;
         let is_whole = folds.end();
         let is_known = |own: &Solved| own.candidate.fit.is_answer() && own.is_whole;
         let (known, last): (Vec<Solved>, Vec<Solved>) = all.into_iter().partition(is_known);

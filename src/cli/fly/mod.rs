@@ -7,7 +7,7 @@ use super::number::number;
 use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, interrupt, made, system, terminal};
 use crate::file;
-use crate::identification::trials::sha256;
+use crate::flights::trials::sha256;
 use crate::report;
 use crate::series::flown;
 use clap::builder::NonEmptyStringValueParser;

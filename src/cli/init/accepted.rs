@@ -3,7 +3,8 @@
 use crate::cli::Failure;
 use crate::document::Place;
 use crate::estimation::search::begin::is_resting;
-use crate::estimation::{Posed, ProblemError, ProblemFile, part};
+use crate::estimation::{Posed, ProblemError, ProblemFile};
+use crate::flights;
 use pilotage_text::printable::comment;
 use std::path::Path;
 
@@ -57,7 +58,7 @@ fn refusal(text: &str, path: &Path) -> Option<ProblemError> {
         Ok(file) => file,
         Err(error) => return Some(error),
     };
-    let posed = match Posed::new(&file, &part::open) {
+    let posed = match Posed::new(&file, &flights::open) {
         Ok(posed) => posed,
         Err(error) => return Some(error),
     };

@@ -1,6 +1,8 @@
 //! Opens a model from a command-line argument: a model file, or the name of a built-in model.
 
-use super::super::{Failure, recognise};
+use super::super::Failure;
+use super::super::recognise::{self, FileKind};
+use crate::flights::kind::Numbers;
 use crate::models::TextModel;
 use crate::models::library::{self, BuiltIn, MAX_ORDER};
 use crate::suggestion::{did_you_mean, suggestion};
@@ -43,10 +45,23 @@ impl ModelArgs {
 pub fn read(file: &Path) -> Result<TextModel, Failure> {
     recognise::expect(
         [&file.to_owned()],
-        &[recognise::FileKind::Model],
+        &[FileKind::Model],
         "a model file (TOML with [model])",
     )?;
     Ok(TextModel::read(file)?)
+}
+
+/// Reads a model file, or a pilot or vehicle file as the built-in model with its numbers.
+pub fn read_any(file: &Path) -> Result<TextModel, Failure> {
+    let numbers = match recognise::of(file) {
+        Some(FileKind::Pilot | FileKind::Vehicle) => Numbers::read(file)?,
+        _ => None,
+    };
+    let name = file.display().to_string();
+    match numbers {
+        Some(numbers) => Ok(TextModel::parse(&numbers.text(&name)?, &name)?),
+        None => read(file),
+    }
 }
 
 /// Opens a built-in model.

@@ -6,13 +6,11 @@ use super::super::recognise::{self, FileKind};
 use super::isolation::Isolation;
 use crate::cosim::description::{InstanceDescription, InstanceSource, Interface};
 use crate::cosim::{Component, fmu_component, native_component};
-use crate::document::{self, Document};
+use crate::flights::kind::Numbers;
 use crate::fmi;
-use crate::identification::PilotFile;
 use crate::models::model::Model;
-use crate::models::{AnyModel, COEFFICIENTS, library};
+use crate::models::{AnyModel, library};
 use crate::suggestion::{did_you_mean, suggestion};
-use crate::vehicle;
 use std::path::{Path, PathBuf};
 
 /// An opened instance.
@@ -154,31 +152,13 @@ fn kind(interface: Interface) -> fmi::InterfaceType {
     }
 }
 
-/// The model of a pilot or vehicle file; a pilot file has θ.
+/// The model of a pilot or vehicle file.
 fn native(file: &Path) -> Result<Model, Failure> {
-    let (text, name) = (document::read(file)?, file.display().to_string());
-    let document = Document::parse(&text, &name)?;
-    let fields = document.root().names();
-    let is_coefficient = |field: &&str| COEFFICIENTS.iter().any(|known| known.name == *field);
-    if fields.contains(&"theta") {
-        return pilot(&text, &name);
-    }
-    if fields.iter().any(is_coefficient) {
-        return Ok(Model::quadcopter(&vehicle::parse(&text, &name)?));
-    }
-    Err(Failure::new(format!(
-        "{name} is neither a model file ([model]) nor a pilot file ([theta]) nor a vehicle file (mass = ...)"
-    )))
-}
-
-fn pilot(text: &str, name: &str) -> Result<Model, Failure> {
-    let pilot = PilotFile::parse(text, name)?;
-    let order = pilot.theta.len() / 2;
-    match order <= Model::MAX_ORDER {
-        true => Ok(Model::pilot(&pilot.theta, pilot.stick_limit)),
-        false => Err(Failure::new(format!(
-            "{name}: a pilot of order {order} cannot run; the highest order is {}",
-            Model::MAX_ORDER
+    let name = file.display().to_string();
+    match Numbers::read(file)? {
+        Some(numbers) => Ok(numbers.model(&name)?),
+        None => Err(Failure::new(format!(
+            "{name} is neither a model file ([model]) nor a pilot file ([theta]) nor a vehicle file (mass = ...)"
         ))),
     }
 }

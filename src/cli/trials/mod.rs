@@ -7,9 +7,9 @@ use super::fit::summary;
 use super::recognise::{self, FileKind};
 use super::system::flags::pair;
 use super::{Failure, Outcome, excitation, terminal};
+use crate::flights::trials::{ColumnNames, SATURATED, Summary, TrialError, TrialSet};
 use crate::identification::diagnostics::{self, Diagnostic};
 use crate::identification::frequency::flights;
-use crate::identification::trials::{ColumnNames, SATURATED, Summary, TrialError, TrialSet};
 use crate::inference::spectrum::Excitation;
 use crate::report::target_of;
 use crate::series::SeriesError;
@@ -98,7 +98,7 @@ fn check(set: &TrialSet, json: bool) -> Result<Outcome, Failure> {
 }
 
 /// Each trial with its summary and usage.
-fn uses(set: &TrialSet) -> Vec<(&crate::identification::Trial, Summary, &'static str)> {
+fn uses(set: &TrialSet) -> Vec<(&crate::flights::Trial, Summary, &'static str)> {
     let fit = set.fit.iter().map(|trial| (trial, "fit"));
     let validation = set.validation.iter().map(|trial| (trial, "validation"));
     (fit.chain(validation))

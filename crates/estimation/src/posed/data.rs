@@ -6,6 +6,7 @@ use crate::system::joint::{Joint, unknown};
 use pilotage_cosim::description::Spanned;
 use pilotage_series::{Series, SeriesError};
 use pilotage_units::Unit;
+use std::sync::Arc;
 
 /// Maximum time from the start of a run to its first row, relative to the run's length.
 const FARTHEST: f64 = 1000.0;
@@ -38,7 +39,7 @@ pub struct RunData<'f> {
     /// Its entry in the problem.
     pub line: &'f RunLine,
     /// Its columns.
-    pub series: Series,
+    pub series: Arc<Series>,
     /// The unit of its times, in seconds.
     seconds: f64,
 }
@@ -62,7 +63,7 @@ struct Signal {
 }
 
 impl<'f> RunData<'f> {
-    /// Reads a run.
+    /// Reads a run, unless it has been read.
     ///
     /// # Errors
     /// When the file cannot be read, has a number that is infinite or too large to be squared, or begins before its start
@@ -72,7 +73,13 @@ impl<'f> RunData<'f> {
             SeriesError::Read { .. } => ProblemError::unread(Some(&line.place), &line.file, &error),
             other => other.into(),
         };
-        let series = Series::read_table(&line.file).map_err(unread)?;
+        let series = match &line.recorded {
+            Some(series) => series.clone(),
+            None => {
+                let time = line.time_column.as_deref().unwrap_or("time");
+                Arc::new(Series::read_table_with_time(&line.file, time).map_err(unread)?)
+            }
+        };
         let second = Unit::named("s");
         let seconds = Unit::named(&series.time_unit).conversion(&second);
         let own = Self {

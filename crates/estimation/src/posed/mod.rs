@@ -71,6 +71,8 @@ pub struct Posed<'f> {
     pub data: Vec<RunData<'f>>,
     /// What is added to the times of each run to have those of its file \[s\].
     pub origins: Vec<f64>,
+    /// Parameters that a pattern such as `instance.*` asks for, and on which nothing measured depends: they keep their values.
+    pub left_out: Vec<String>,
 }
 
 /// Whether expressions of these variables are selected between, or have magnitudes.
@@ -162,6 +164,22 @@ impl<'f> Posed<'f> {
             .map(|(j, _)| j)
     }
 
+    /// What [`Self::left_out`] means, for people; `None` if there is nothing.
+    pub fn words_of_left_out(&self) -> Option<String> {
+        let names: Vec<String> = self
+            .left_out
+            .iter()
+            .map(|name| format!("`{name}`"))
+            .collect();
+        let verb = if names.len() == 1 { "is" } else { "are" };
+        (!names.is_empty()).then(|| {
+            format!(
+                "nothing measured depends on {}, which {verb} not sought",
+                names.join(", ")
+            )
+        })
+    }
+
     /// Name of the unit of a measured quantity, by its number, if it has one.
     pub fn unit_of(&self, k: usize) -> Option<&str> {
         self.file.measured[k].unit(&self.joint)
@@ -187,19 +205,23 @@ impl<'f> Posed<'f> {
             let saturating = Joint::new(&file.system, parts)?;
             unlimited = Some(std::mem::replace(&mut joint, saturating));
         }
-        let parameters = Parameters::new(file, &joint)?;
+        let mut parameters = Parameters::new(file, &joint)?;
         let named = Named::new(file, &joint, &parameters)?;
         let runs = file.runs.iter().filter(|run| run.fits);
         let data: Vec<RunData<'f>> = runs.map(RunData::read).collect::<Result<_, _>>()?;
         check_times(file, &joint, &data)?;
-        let mut made = Assembly::new(
-            file,
-            (&joint, unlimited.as_ref()),
-            &parameters,
-            &named,
-            &data,
-        )?
-        .finish()?;
+        let joints = (&joint, unlimited.as_ref());
+        let made = |parameters: &Parameters| {
+            Assembly::new(file, joints, parameters, &named, &data)?.finish()
+        };
+        let mut all = made(&parameters)?;
+        let left_out = all.to_leave_out();
+        if !left_out.is_empty() {
+            parameters.leave_out(&left_out);
+            all = made(&parameters)?;
+        }
+        all.check_dependence()?;
+        let mut made = all;
         let origins = begin_near_zero(&made.system, &mut made.runs);
         let recorded = made.followed.iter();
         let recorded = recorded.map(|(state, k)| (*state, &made.quantities.recorded[*k][..]));
@@ -222,6 +244,7 @@ impl<'f> Posed<'f> {
             unlimited,
             data,
             origins,
+            left_out,
         })
     }
 }

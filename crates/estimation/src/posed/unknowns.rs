@@ -32,6 +32,8 @@ pub struct Unknown {
     pub prior: Option<Prior>,
     /// What it has separate values for.
     pub per: Per,
+    /// Its value in the model, if a pattern such as `instance.*` asks for it: it keeps that if nothing measured depends on it.
+    pub unless_needed: Option<f64>,
     /// Its place in the file.
     pub place: Option<Place>,
 }
@@ -63,6 +65,11 @@ pub struct Parameters {
 /// Name of a sensor's sought gain or offset.
 pub fn calibration(what: &str, column: &str) -> String {
     format!("{what}({column})")
+}
+
+/// Whether a line is for all parameters of an instance.
+fn is_pattern(line: &Sought) -> bool {
+    line.name.value.ends_with(".*")
 }
 
 /// Whether this is the name of the gain or offset of a measured column.
@@ -106,12 +113,11 @@ impl Parameters {
             own_units: HashMap::new(),
         };
         all.set(file, joint)?;
-        let is_pattern = |line: &&Sought| line.name.value.ends_with(".*");
-        for line in file.parameters.iter().filter(is_pattern) {
+        for line in file.parameters.iter().filter(|line| is_pattern(line)) {
             all.seek_all(line, file, joint)?;
         }
         for line in file.parameters.iter().filter(|line| !is_pattern(line)) {
-            all.seek(line, file, joint)?;
+            all.seek(line, false, file, joint)?;
         }
         for measured in &file.measured {
             all.calibrate(measured, joint)?;
@@ -195,7 +201,7 @@ impl Parameters {
         for name in own.iter().filter(|name| !has_line(name)).copied() {
             let mut one = line.clone();
             one.name.value.clone_from(name);
-            self.seek(&one, file, joint)?;
+            self.seek(&one, true, file, joint)?;
         }
         Ok(())
     }
@@ -203,6 +209,7 @@ impl Parameters {
     fn seek(
         &mut self,
         line: &Sought,
+        by_pattern: bool,
         file: &ProblemFile,
         joint: &Joint,
     ) -> Result<(), ProblemError> {
@@ -251,6 +258,7 @@ impl Parameters {
             log: line.log,
             prior: line.prior,
             per: line.per,
+            unless_needed: before.filter(|_| by_pattern),
             place: line.name.place.clone(),
         };
         check_start(&unknown)?;
@@ -317,6 +325,7 @@ impl Parameters {
                     log: false,
                     prior: None,
                     per: *per,
+                    unless_needed: None,
                     place: Some(measured.place.clone()),
                 }),
             }
@@ -330,6 +339,19 @@ impl Parameters {
             self.names.push(name);
         }
         Ok(())
+    }
+
+    /// Leaves out sought parameters that a pattern asks for: they keep their values in the model.
+    pub fn leave_out(&mut self, names: &[String]) {
+        for unknown in std::mem::take(&mut self.unknowns) {
+            match unknown
+                .unless_needed
+                .filter(|_| names.contains(&unknown.name))
+            {
+                Some(value) => _ = self.meanings.insert(unknown.name, Meaning::Number(value)),
+                None => self.add(unknown),
+            }
+        }
     }
 
     fn add(&mut self, unknown: Unknown) {

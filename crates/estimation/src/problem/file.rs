@@ -5,9 +5,11 @@ use pilotage_cosim::SystemDescription;
 use pilotage_cosim::description::Spanned;
 use pilotage_inference::Method;
 use pilotage_language::file::Formula;
+use pilotage_series::Series;
 use pilotage_text::document::Place;
 use std::collections::HashSet;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// A problem file.
 #[derive(Debug, Clone)]
@@ -308,6 +310,10 @@ pub struct Stability {
 pub struct RunLine {
     /// Its file, relative to the working directory.
     pub file: PathBuf,
+    /// What it holds, if it has been read; else the file is read.
+    pub recorded: Option<Arc<Series>>,
+    /// Name of its time column, if not `time`.
+    pub time_column: Option<String>,
     /// Its name: the shortest end of its path that no other run shares.
     pub name: String,
     /// Place of the run in the problem file.

@@ -5,19 +5,16 @@ use crate::posed::data::RunData;
 use crate::problem::file::Hold;
 use crate::result::diagnostic::Diagnostic;
 use crate::result::{Fit, RunFit};
-use pilotage_inference::outliers::{frozen, median};
+use pilotage_inference::outliers::frozen;
+use pilotage_inference::sampling::{self, median_step, steps};
 use pilotage_inference::statistics::rms;
 
-/// A time without rows is a gap from this multiple of the usual step on, if most steps are within half of that.
-const GAP: f64 = 10.0;
+/// A run is sampled regularly if this part of its steps is within half of the usual one.
 const REGULAR: f64 = 0.8;
 /// Number of rows from which on a run has a usual step.
 const ROWS: usize = 50;
 /// Ratio of residuals within a stretch to those outside that the stretch makes worse.
 const WORSE: f64 = 1.5;
-/// Duration of a run below which it is too short for a task [s], and longest plausible time between samples [s].
-const SHORT: f64 = 1.0;
-const SPARSE: f64 = 2.0;
 /// The instance that is a person.
 pub const PILOT: &str = "pilot";
 
@@ -74,26 +71,21 @@ fn is_worse_within(posed: &Posed<'_>, run: &RunFit, k: usize, [from, to]: [f64; 
 /// A time without rows in a run that is sampled regularly else.
 fn gap(posed: &Posed<'_>, run: &RunData<'_>) -> Option<Diagnostic> {
     let time = &run.series.time;
-    let steps = || time.windows(2).map(|pair| pair[1] - pair[0]);
-    let usual = median(steps())?;
-    let regular = steps().filter(|step| (step - usual).abs() <= 0.5 * usual);
+    let usual = median_step(time)?;
+    let regular = steps(time).filter(|step| (step - usual).abs() <= 0.5 * usual);
     let is_regular = time.len() >= ROWS && regular.count() as f64 >= REGULAR * time.len() as f64;
     lines(posed).next().filter(|_| is_regular)?;
-    let longest = (time.windows(2)).max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))?;
-    (longest[1] - longest[0] > GAP * usual).then(|| Diagnostic::Gap {
-        run: run.name().to_owned(),
-        from: longest[0],
-        to: longest[1],
+    let [from, to] = sampling::gap(time)?;
+    Some(Diagnostic::Gap {
+        run: run.name(),
+        from,
+        to,
     })
 }
 
 fn time_scale(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
     let is_flown = posed.joint.parts.iter().any(|(name, _)| name == PILOT);
-    let duration = |time: &[f64]| time[time.len() - 1] - time[0];
-    let runs = fit.runs.iter().filter(|run| run.time.len() > 1);
-    let longest = runs.max_by(|a, b| duration(&a.time).total_cmp(&duration(&b.time)))?;
-    let duration = duration(&longest.time);
-    let step = median(longest.time.windows(2).map(|pair| pair[1] - pair[0]))?;
-    let is_odd = duration < SHORT || step > SPARSE;
-    (is_flown && !fit.cuts.is_empty() && is_odd).then_some(Diagnostic::TimeScale { duration, step })
+    let runs = fit.runs.iter().map(|run| run.time.as_slice());
+    let [duration, step] = sampling::time_scale(runs)?;
+    (is_flown && !fit.cuts.is_empty()).then_some(Diagnostic::TimeScale { duration, step })
 }

@@ -155,6 +155,7 @@ mod tests {
             log: false,
             prior: None,
             per: Per::All,
+            unless_needed: None,
             place: None,
         };
         let mut random = ChaCha8Rng::seed_from_u64(SEED);

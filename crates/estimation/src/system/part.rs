@@ -286,6 +286,20 @@ fn about(variable: &Variable) -> About {
 /// # Errors
 /// When it does not exist or contains a mistake.
 pub fn open(instance: &InstanceDescription) -> Result<Part, ProblemError> {
+    open_with(instance, &|_| Ok(None))
+}
+
+/// The text of a model that a file stands for; `None` if it is a model file itself.
+pub type ModelText<'t> = &'t dyn Fn(&Path) -> Result<Option<String>, ProblemError>;
+
+/// The same with other files that stand for models.
+///
+/// # Errors
+/// As [`open`], and those of `text`.
+pub fn open_with(
+    instance: &InstanceDescription,
+    text: ModelText<'_>,
+) -> Result<Part, ProblemError> {
     let place = instance.source.place.as_ref();
     let fault = |text: String| ProblemError::maybe_at(place, text);
     match instance.source.value.file().filter(|file| is_fmu(file)) {
@@ -331,7 +345,7 @@ pub fn open(instance: &InstanceDescription) -> Result<Part, ProblemError> {
                 }
                 (None, _) => built_in.text.to_owned(),
             };
-            parse(&text, name, &|_| Err(std::io::ErrorKind::NotFound.into()))?
+            parse(&text, name, &no_table)?
         }
         InstanceSource::Model(file) if is_called_fmu(file) => {
             return Err(fault(not_an_fmu(file)));
@@ -347,7 +361,10 @@ pub fn open(instance: &InstanceDescription) -> Result<Part, ProblemError> {
                 }
                 other => other.into(),
             };
-            pilotage_language::read(file).map_err(unread)?
+            match text(file)? {
+                Some(text) => parse(&text, &file.display().to_string(), &no_table)?,
+                None => pilotage_language::read(file).map_err(unread)?,
+            }
         }
         InstanceSource::Table(file) => {
             return Err(fault(format!(
@@ -357,6 +374,11 @@ pub fn open(instance: &InstanceDescription) -> Result<Part, ProblemError> {
         }
     };
     Ok(Part::of_file(compiled))
+}
+
+/// Reads no table, for models without any.
+fn no_table(_: &str) -> std::io::Result<String> {
+    Err(std::io::ErrorKind::NotFound.into())
 }
 
 /// Whether a path is an archive or the folder of an unpacked FMU.

@@ -2,10 +2,11 @@
 
 use super::{Diagnostic, Fit, FitOptions, Trial};
 use crate::start::implied_stick;
-use crate::trials::{SATURATED, at_stop, median_step};
-use crate::vehicle::PitchLoop;
 use crate::{Mesh, Objective};
+use pilotage_flights::trials::{SATURATED, at_stop};
+use pilotage_flights::vehicle::PitchLoop;
 use pilotage_inference::is_stepped;
+use pilotage_inference::sampling::{self, median_step};
 use pilotage_inference::statistics::range;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -33,9 +34,6 @@ const CLOSELY: f64 = 0.8;
 const FOLLOWED: f64 = 0.9;
 const NEAR_ONE: std::ops::RangeInclusive<f64> = 0.5..=1.5;
 const BESIDE: f64 = 0.5;
-/// Duration of a run below which it is too short for a task [s], and longest plausible time between samples [s].
-const SHORT: f64 = 1.0;
-const SPARSE: f64 = 2.0;
 /// Correlation below which the stick's sign is doubtful.
 const AGAINST: f64 = -0.5;
 /// Radius of gyration over arm length of any body with motors on arms.
@@ -235,11 +233,9 @@ fn followed(trials: &[Trial], delay: f64) -> [f64; 2] {
 }
 
 fn time_scale(trials: &[Trial]) -> Option<Diagnostic> {
-    let longest = trials
-        .iter()
-        .max_by(|a, b| a.duration().total_cmp(&b.duration()))?;
-    let (duration, step) = (longest.duration(), median_step(&longest.time)?);
-    (duration < SHORT || step > SPARSE).then_some(Diagnostic::TimeScale { duration, step })
+    let runs = trials.iter().map(|trial| trial.time.as_slice());
+    let [duration, step] = sampling::time_scale(runs)?;
+    Some(Diagnostic::TimeScale { duration, step })
 }
 
 /// Compares the recorded stick with that of the inverted vehicle, over all runs that have one.

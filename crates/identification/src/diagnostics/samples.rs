@@ -2,9 +2,9 @@
 
 use super::{Diagnostic, Fit, FitOptions, Trial};
 use crate::simulate::at_full_stick;
-use crate::trials::median_step;
 use crate::{InitialState, Objective, RunFit};
 use pilotage_inference::outliers::{self, Breaks, Frozen, Kind, Values, median, resolution};
+use pilotage_inference::sampling::{self, median_step};
 use pilotage_inference::statistics::{range, rms};
 use std::ops::Range;
 
@@ -20,8 +20,6 @@ const BEGINNING: f64 = 0.5;
 const ANSWER: f64 = 1.5;
 /// A target differs by this multiple of its resolution at least.
 const LEVELS: f64 = 2.5;
-/// Multiple of the usual step from which on a time without rows is a gap.
-const GAP: f64 = 10.0;
 /// By how much positions must be late \[s\] to change a pilot's delay visibly.
 const LATE: f64 = 0.02;
 /// Number of standard errors by which a speed must exceed the possible speed from rest.
@@ -273,16 +271,9 @@ fn misfit(looked_at: &[Values], trials: &[Trial]) -> Option<Diagnostic> {
 /// accurate.
 fn gap(trials: &[Trial]) -> Option<Diagnostic> {
     let of_run = |trial: &Trial| {
-        let usual = median_step(&trial.time)?;
-        let longest =
-            (trial.time.windows(2)).max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))?;
-        let (from, to) = (longest[0], longest[1]);
-        let gap = Diagnostic::Gap {
-            run: trial.name.clone(),
-            from,
-            to,
-        };
-        (to - from > GAP * usual).then_some((to - from, gap))
+        let [from, to] = sampling::gap(&trial.time)?;
+        let run = trial.name.clone();
+        Some((to - from, Diagnostic::Gap { run, from, to }))
     };
     let all = trials.iter().filter_map(of_run);
     all.max_by(|a, b| a.0.total_cmp(&b.0))

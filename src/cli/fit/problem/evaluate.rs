@@ -35,6 +35,7 @@ fn to_json(posed: &Posed<'_>, found: &Evaluation) -> Value {
         "schema": SCHEMA,
         "objective": found.objective,
         "gradient": Value::Object(gradient.collect()),
+        "left_out": posed.left_out,
         "runs": residuals.collect::<Vec<_>>(),
     })
 }

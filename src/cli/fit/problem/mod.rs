@@ -15,13 +15,15 @@ use super::{Args, Watch, log, orders, start};
 use crate::cli::deadline::Deadline;
 use crate::cli::made::{made, program, quoted};
 use crate::cli::overwrite::{self, OutputKind};
+use crate::cli::progress::Spinner;
 use crate::cli::{Failure, Outcome, excitation, interrupt, recognise, terminal};
 use crate::estimation::beforehand::beforehand;
 use crate::estimation::file::{Mesh, Options};
 use crate::estimation::fit::alone::alone;
 use crate::estimation::left_over::processes;
 use crate::estimation::validation::validated;
-use crate::estimation::{Diagnostic, Fit, Posed, ProblemFile, part, refits};
+use crate::estimation::{Diagnostic, Fit, Posed, ProblemFile, refits};
+use crate::flights;
 use crate::sqp::Status;
 pub use checks::Checks;
 use models::Fitted;
@@ -69,16 +71,17 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     }
     if let Some(given) = &args.start {
         let mut begun = file.clone();
-        start::set(given, &Posed::new(&file, &part::open)?, &mut begun)?;
+        start::set(given, &Posed::new(&file, &flights::open)?, &mut begun)?;
         file = begun;
     }
     let posed = {
         let _shown = Spinner::new("reading the runs");
-        Posed::new(&file, &part::open).map_err(|error| match &args.start {
+        Posed::new(&file, &flights::open).map_err(|error| match &args.start {
             Some(_) => Failure::from(error).hint("--start has other values than the file"),
             None => error.into(),
         })?
     };
+    (posed.words_of_left_out().iter()).for_each(|words| terminal::note(words));
     let solves_again = args.refits.flag().or(args.checks.flag());
     if let (true, Some(flag)) = (args.evaluate, solves_again) {
         let message = format!("{flag} solves again, and --evaluate solves nothing");
@@ -105,6 +108,7 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     args.checks.check(posed.runs.len())?;
     let fitted = models::planned(&posed, args.output.as_deref())?;
     check_outputs(args, path, &fitted)?;
+    models::make_folder(args.output.as_deref(), &fitted)?;
     if args.orders.is_none() {
         interrupt::listen("stopping")?;
     }
@@ -136,7 +140,7 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     };
     let judged = {
         let _shown = Spinner::new("validating");
-        validated(&file, &fit, &part::open, &goes_on)?
+        validated(&file, &fit, &flights::open, &goes_on)?
     };
     let refitted = match &plan {
         Some(plan) => refitted(plan, &posed, &fit, deadline)?,
@@ -209,9 +213,9 @@ fn refitted(
 /// Fits a problem and returns its page, and whether the fit has an answer.
 pub fn page_of(path: &Path) -> Result<(String, bool), Failure> {
     let file = ProblemFile::read(path)?;
-    let posed = Posed::new(&file, &part::open)?;
+    let posed = Posed::new(&file, &flights::open)?;
     let fit = crate::estimation::fit(&posed, &mut |_| ControlFlow::Continue(()));
-    let judged = validated(&file, &fit, &part::open, &|| ControlFlow::Continue(()))?;
+    let judged = validated(&file, &fit, &flights::open, &|| ControlFlow::Continue(()))?;
     let alone = alone(&posed, &fit, &|| false);
     let outcome = summary::Outcomes {
         posed: &posed,

@@ -24,8 +24,8 @@ pub struct Fitted {
     pub is_fmu: bool,
 }
 
-/// The instances with estimated parameters. A single one is written to `output`; several require that `output` is a
-/// folder.
+/// The instances with estimated parameters. A single one is written to `output`, several into `output` as a folder:
+/// [`make_folder`].
 pub fn planned(posed: &Posed<'_>, output: Option<&Path>) -> Result<Vec<Fitted>, Failure> {
     let is_fitted = |instance: &str| {
         let prefix = format!("{instance}.");
@@ -45,7 +45,7 @@ pub fn planned(posed: &Posed<'_>, output: Option<&Path>) -> Result<Vec<Fitted>, 
         );
         return Err(Failure::new(message).hint("leave -o out; --json and --report give the result"));
     }
-    let is_folder = output.is_some_and(|output| output.is_dir());
+    let is_folder = output.is_some_and(|output| is_folder(output, instances.len()));
     let path = |instance: &str| match (output, is_folder) {
         (Some(output), true) => output.join(format!("{instance}-fitted.toml")),
         (Some(output), false) => output.to_owned(),
@@ -57,7 +57,7 @@ pub fn planned(posed: &Posed<'_>, output: Option<&Path>) -> Result<Vec<Fitted>, 
             instances.len(),
             output.display()
         );
-        return Err(Failure::new(message).hint("give -o a folder that is there"));
+        return Err(Failure::new(message).hint("give -o a folder"));
     }
     Ok((instances.into_iter())
         .map(|(instance, part)| Fitted {
@@ -66,6 +66,23 @@ pub fn planned(posed: &Posed<'_>, output: Option<&Path>) -> Result<Vec<Fitted>, 
             is_fmu: part.fmu.is_some(),
         })
         .collect())
+}
+
+/// Whether models are written into a folder of that name: one that is there, or, of several models, one without an ending.
+fn is_folder(output: &Path, models: usize) -> bool {
+    let may_be_new = !output.exists() && models > 1 && output.extension().is_none();
+    may_be_new || output.is_dir()
+}
+
+/// Makes the folder of several models, if it is not there.
+pub fn make_folder(output: Option<&Path>, models: &[Fitted]) -> Result<(), Failure> {
+    match output.filter(|output| is_folder(output, models.len())) {
+        Some(folder) => std::fs::create_dir_all(folder).map_err(|error| {
+            let shown = folder.display();
+            Failure::new(format!("cannot create the folder {shown}: {error}"))
+        }),
+        None => Ok(()),
+    }
 }
 
 impl Fitted {

@@ -163,6 +163,7 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
         "violation": fit.kkt.primal,
         "samples": fit.samples,
         "parameters": Value::Object(sure::of(fit).map(|own| sought(own, outcomes)).collect()),
+        "left_out": posed.left_out,
         "derived": Value::Object(sure::derived(fit).map(|own| refitted(parameter(own), outcomes)).collect()),
         "loop_cut_at": fit.cuts,
         "excitation": beforehand(outcomes.before),

@@ -2,7 +2,7 @@
 
 use crate::cli::Failure;
 use crate::file::Input;
-use crate::identification::trials::sha256;
+use crate::flights::trials::sha256;
 use crate::refits::{Kind, Replicate, Study};
 use pilotage_process::lock;
 use std::collections::HashSet;

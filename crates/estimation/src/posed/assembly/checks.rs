@@ -6,6 +6,7 @@ use crate::posed::assembly::made::Quantities;
 use crate::posed::data::Rows;
 use crate::posed::interval::{Interval, intervals, shared};
 use crate::posed::ranges::check_range;
+use crate::posed::unknowns::Unknown;
 use crate::problem::error::ProblemError;
 use crate::problem::file::{Constraint, Deviation, Holds, Mesh};
 use pilotage_cosim::description::Spanned;
@@ -173,8 +174,8 @@ fn contradiction(line: &Constraint, [low, high]: Interval, place: &str) -> Probl
 }
 
 impl Made {
-    /// Rejects unknowns on which no measured signal depends.
-    pub(super) fn check_dependence(&self) -> Done<()> {
+    /// The unknowns on which no measured signal depends.
+    fn idle(&self) -> Vec<&Unknown> {
         let graph = &self.system.graph;
         let noises = self.noises.iter();
         let noises = noises.flat_map(|own| own.column.iter().chain([&own.density]));
@@ -185,16 +186,38 @@ impl Made {
             node.is_some_and(|node| needed[node.index()])
         };
         let shared = self.system.parameter(0);
-        for (unknown, stands) in &self.unknowns {
-            if !stands.variables(shared).iter().any(is_needed) {
-                let name = &unknown.name;
-                let fault = format!(
-                    "no measured signal depends on `{name}`; leave it out, or write fixed = true"
-                );
-                return Err(ProblemError::maybe_at(unknown.place.as_ref(), fault));
-            }
-        }
-        Ok(())
+        let idle = self.unknowns.iter().filter(|(_, stands)| {
+            let variables = stands.variables(shared);
+            !variables.iter().any(is_needed)
+        });
+        idle.map(|(unknown, _)| unknown).collect()
+    }
+
+    /// Names of those that a pattern asks for together with others, on which measured signals do depend.
+    pub fn to_leave_out(&self) -> Vec<String> {
+        let idle = self.idle();
+        let is_idle = |own: &Unknown| idle.iter().any(|other| other.name == own.name);
+        let has_needed = |own: &&&Unknown| {
+            let mut all = self.unknowns.iter().map(|(other, _)| other);
+            all.any(|other| {
+                other.unless_needed.is_some() && other.place == own.place && !is_idle(other)
+            })
+        };
+        let all = idle.iter().filter(|own| own.unless_needed.is_some());
+        all.filter(has_needed).map(|own| own.name.clone()).collect()
+    }
+
+    /// Rejects unknowns on which no measured signal depends.
+    pub fn check_dependence(&self) -> Done<()> {
+        let idle = self.idle();
+        let Some(unknown) = idle.first() else {
+            return Ok(());
+        };
+        let fault = format!(
+            "no measured signal depends on `{}`; leave it out, or write fixed = true",
+            unknown.name
+        );
+        Err(ProblemError::maybe_at(unknown.place.as_ref(), fault))
     }
 }
 

@@ -64,6 +64,7 @@ impl Reader<'_> {
             "set",
             "change",
             "start_time",
+            "time_column",
         ])?;
         let file = table.required("file", table.string("file")?)?;
         let mut changes: Vec<Change> = Vec::new();
@@ -83,6 +84,8 @@ impl Reader<'_> {
         }
         Ok(RunLine {
             file: self.folder.join(file),
+            recorded: None,
+            time_column: table.text("time_column")?,
             name: String::new(),
             place: place(table, "file"),
             fits: word(table, "use", &[("fit", true), ("validation", false)], true)?,

@@ -1,7 +1,7 @@
 //! Summary of a trial, for a quick check of its data.
 
 use super::Trial;
-use pilotage_inference::outliers::median;
+use pilotage_inference::sampling;
 use pilotage_inference::statistics::{range, rms};
 
 /// Summary of one run.
@@ -93,12 +93,7 @@ pub fn at_stop(stick: &[f64], stop: f64) -> Option<f64> {
 
 /// Sampling intervals [s], the shortest first.
 fn steps(time: &[f64]) -> Vec<f64> {
-    let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let mut steps: Vec<f64> = sampling::steps(time).collect();
     steps.sort_by(f64::total_cmp);
     steps
-}
-
-/// Median sampling interval \[s\]; `None` for fewer than two samples.
-pub fn median_step(time: &[f64]) -> Option<f64> {
-    median(time.windows(2).map(|pair| pair[1] - pair[0]))
 }

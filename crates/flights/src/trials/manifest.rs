@@ -3,6 +3,7 @@
 use super::read::Read;
 use super::{ColumnNames, Trial, TrialError};
 use pilotage_text::document::{self, Document, TomlTable};
+use pilotage_text::printable::one_line;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
@@ -142,7 +143,7 @@ impl TrialSet {
         for trial in self.fit.iter_mut().chain(&mut self.validation) {
             let folder = Path::new(&trial.origin).parent().and_then(Path::file_name);
             if let Some(folder) = folder.filter(|_| count[&trial.name] > 1) {
-                trial.name = format!("{}/{}", folder.to_string_lossy(), trial.name);
+                trial.name = format!("{}/{}", one_line(&folder.to_string_lossy()), trial.name);
             }
         }
     }

@@ -20,7 +20,10 @@ pub use columns::ColumnNames;
 pub use error::TrialError;
 pub use manifest::TrialSet;
 pub use read::sha256;
-pub use summary::{SATURATED, Summary, at_stop, median_step};
+pub use summary::{SATURATED, Summary, at_stop};
+
+use pilotage_estimation::posed::data::filled;
+use pilotage_series::{Column, Series};
 
 /// One recorded flight to a target.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,5 +63,30 @@ impl Trial {
     /// Time from the first sample to the last \[s\].
     pub fn duration(&self) -> f64 {
         self.time[self.time.len() - 1] - self.time[0]
+    }
+
+    /// The positions, with missing samples by linear interpolation, constant at the ends.
+    pub fn filled_position(&self) -> Vec<f64> {
+        filled(&self.time, &self.position)
+    }
+
+    /// The flight as a time series, with these names of its columns and the units of [`Trial`].
+    pub fn series(&self, names: &ColumnNames) -> Series {
+        let column = |quantity: &str, unit: &str, values: &[f64]| Column {
+            name: names.of(quantity).to_owned(),
+            unit: unit.to_owned(),
+            values: values.to_vec(),
+        };
+        let mut columns = vec![
+            column("target", "m", &self.target),
+            column("position", "m", &self.position),
+        ];
+        columns.extend((self.stick.iter()).map(|stick| column("stick", "1", stick)));
+        Series {
+            time: self.time.clone(),
+            time_unit: "s".to_owned(),
+            columns,
+            ..Series::default()
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Reading a trial from its file.
 
-use super::summary::median_step;
 use super::{ColumnNames, Trial, TrialError};
+use pilotage_inference::sampling::median_step;
 use pilotage_series::{Column, Series};
 use pilotage_text::file;
 use pilotage_text::printable::one_line;

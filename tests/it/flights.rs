@@ -1,0 +1,492 @@
+//! The problem that flights pose in memory is that of the short form, and the one that `pilotage init` writes; pilot and vehicle
+//! files are models in problems.
+
+use crate::command::{Folder, example};
+use pilotage::collocation::{Collocation, Run, Scales, Scheme};
+use pilotage::estimation::file::{Mesh, Options};
+use pilotage::estimation::{self, Posed, ProblemFile};
+use pilotage::flights::options::{InitialPosition, InitialState, Objective};
+use pilotage::flights::trials::ColumnNames;
+use pilotage::flights::{FlightOptions, TrialSet, open};
+use pilotage::identification::problem::{pose_response, pose_stick};
+use pilotage::identification::{FitOptions, fit};
+use pilotage::models::{Pilot, Quadcopter};
+use pilotage::sqp::Problem;
+use std::ops::ControlFlow;
+
+/// Number of states of the quadcopter.
+const VEHICLE: usize = 6;
+
+/// The objective of the shipped flights.
+const OBJECTIVE: f64 = 258.50597;
+
+fn shipped() -> TrialSet {
+    TrialSet::read(&[example("trials/trials.toml")]).unwrap()
+}
+
+/// The options of the short form, as those of flights.
+fn as_flights(options: &FitOptions) -> FlightOptions {
+    FlightOptions {
+        order: options.pilot.order,
+        theta: options.start.clone(),
+        stick_limit: options.stick_limit,
+        vehicle: options.vehicle,
+        initial_state: options.initial_state,
+        initial_position: options.initial_position,
+        stable_loop: options.stable_loop,
+        objective: options.objective,
+        fit: Options {
+            scheme: Some(options.scheme),
+            mesh: Mesh::Samples,
+            tolerance: options.tolerance,
+            ..Options::default()
+        },
+        ..FlightOptions::default()
+    }
+}
+
+/// Values in the order of the short form, vehicle first, in that of the problem, pilot first.
+fn pilot_first<T: Clone>(values: &[T], order: usize) -> Vec<T> {
+    let vehicle = values.len() - order;
+    [&values[vehicle..], &values[..vehicle]].concat()
+}
+
+/// Some states at all nodes of each run.
+fn states(runs: &[Run], n: usize) -> Vec<Vec<Vec<f64>>> {
+    let state = |t: f64, k: usize| (0.3 * t + k as f64).sin() * 0.1 * (1 + k) as f64;
+    let of_run = |run: &Run| {
+        let nodes = run.mesh.iter();
+        nodes
+            .map(|t| (0..n).map(|k| state(*t, k)).collect())
+            .collect()
+    };
+    runs.iter().map(of_run).collect()
+}
+
+/// Number of unknowns, objective, and the magnitudes of the defects, sorted.
+fn evaluated(
+    problem: &Collocation,
+    states: &[Vec<Vec<f64>>],
+    theta: &[f64],
+) -> (usize, f64, Vec<f64>) {
+    let z = problem.variables(states, theta);
+    let mut defects = vec![0.0; problem.n_equalities()];
+    let mut others = vec![0.0; problem.limits().0.len()];
+    let objective = problem.evaluate(&z, &mut defects, &mut others);
+    let mut defects: Vec<f64> = defects.into_iter().map(f64::abs).collect();
+    defects.sort_by(f64::total_cmp);
+    (z.len(), objective, defects)
+}
+
+/// Both problems of the same flights: same unknowns, same objective and same equations at the same θ and states. Returns the
+/// number of unknowns.
+fn assert_same(what: &str, set: &TrialSet, options: &FitOptions, flights: &FlightOptions) -> usize {
+    let order = options.pilot.order;
+    let is_stick = options.objective == Objective::Stick;
+    let short = match is_stick {
+        true => pose_stick(&set.fit, options),
+        false => pose_response(&set.fit, options),
+    };
+    let n = order + if is_stick { 0 } else { VEHICLE };
+    let states = states(&short.runs, n);
+    let theta: Vec<f64> = (0..2 * order).map(|k| 1.0 + 0.1 * k as f64).collect();
+    let ones = |n: usize| Scales {
+        states: vec![1.0; n],
+        parameters: vec![1.0; 2 * order],
+    };
+    let (unknowns, objective, defects) =
+        evaluated(&short.discretised(options, ones(n)), &states, &theta);
+
+    let file = flights
+        .problem(set)
+        .unwrap_or_else(|error| panic!("{what}: {error}"));
+    let posed = Posed::new(&file, &open).unwrap_or_else(|error| panic!("{what}: {error}"));
+    assert_eq!(posed.runs.len(), short.runs.len(), "{what}");
+    for (own, short) in posed.runs.iter().zip(&short.runs) {
+        assert_eq!((&own.time, &own.mesh), (&short.time, &short.mesh), "{what}");
+        let initial = pilot_first(&short.initial, order);
+        assert_eq!(own.initial, initial, "{what}");
+    }
+    let bounds: Vec<[f64; 2]> = posed
+        .bounds
+        .iter()
+        .map(|own| [own.lower, own.upper])
+        .collect();
+    assert_eq!(
+        bounds,
+        [[-options.stick_limit, options.stick_limit]],
+        "{what}"
+    );
+    let names = &posed.names.parameters[posed.names.stability..];
+    let is_closed = file.stability.closed_loop.is_some();
+    assert_eq!(is_closed, options.kept_vehicle().is_some(), "{what}");
+    assert!(names.len() >= order, "{what}: {names:?}");
+    let problem = Collocation::new(
+        posed.model.clone(),
+        posed.constraints.clone(),
+        options.scheme,
+        posed.runs.clone(),
+        ones(n),
+        &posed.bounds,
+    );
+    let states: Vec<Vec<Vec<f64>>> = (states.iter())
+        .map(|run| run.iter().map(|x| pilot_first(x, order)).collect())
+        .collect();
+    let own = evaluated(&problem, &states, &theta);
+    assert_eq!(own.0, unknowns, "{what}");
+    let off = (own.1 / objective - 1.0).abs();
+    assert!(off < 1e-12, "{what}: {} and {objective}", own.1);
+    assert_eq!(own.2.len(), defects.len(), "{what}");
+    for (own, short) in own.2.iter().zip(&defects) {
+        assert!(
+            (own - short).abs() < 1e-9 * (1.0 + short),
+            "{what}: {own} and {short}"
+        );
+    }
+    unknowns
+}
+
+#[test]
+fn flights_pose_the_problem_of_the_short_form() {
+    let set = shipped();
+    let usual = FitOptions::default();
+    let stick = FitOptions {
+        objective: Objective::Stick,
+        ..usual.clone()
+    };
+    let mut all = vec![
+        ("usual".to_owned(), usual.clone()),
+        ("stick".to_owned(), stick.clone()),
+    ];
+    for initial_state in InitialState::ALL {
+        for initial_position in InitialPosition::ALL {
+            let words = format!("{initial_state:?}, {initial_position:?}");
+            let options = FitOptions {
+                initial_state,
+                initial_position,
+                ..usual.clone()
+            };
+            all.push((words, options));
+        }
+        let words = format!("stick, {initial_state:?}");
+        let options = FitOptions {
+            initial_state,
+            ..stick.clone()
+        };
+        all.push((words, options));
+    }
+    for order in 1..=4 {
+        let pilot = Pilot { order };
+        let options = FitOptions {
+            pilot,
+            ..usual.clone()
+        };
+        all.push((format!("order {order}"), options));
+    }
+    let unstable = FitOptions {
+        stable_loop: false,
+        ..usual.clone()
+    };
+    all.push(("unstable".to_owned(), unstable));
+    let paper = FitOptions {
+        scheme: Scheme::Euler,
+        initial_state: InitialState::Free,
+        ..usual.clone()
+    };
+    all.push(("paper".to_owned(), paper));
+    let heavy = FitOptions {
+        vehicle: Quadcopter {
+            mass: 2.0,
+            ..Quadcopter::default()
+        },
+        stick_limit: 0.7,
+        ..usual
+    };
+    all.push(("heavy".to_owned(), heavy));
+    for (what, options) in all {
+        let unknowns = assert_same(&what, &set, &options, &as_flights(&options));
+        assert!(what != "usual" || unknowns == 32_460, "{unknowns}");
+    }
+}
+
+#[test]
+fn weights_validation_and_missing_cells_stand_in_the_problem_of_flights() {
+    let folder = Folder::new();
+    for run in ["10m-run1.csv", "10m-run2.csv", "20m-run1.csv"] {
+        let text = std::fs::read_to_string(example("trials").join(run)).unwrap();
+        folder.write(run, text.replace("position [m]", "height [m]"));
+    }
+    folder.write(
+        "all.toml",
+        "[[run]]\nfile = \"10m-run1.csv\"\nweight = 2.5\n[[run]]\nfile = \"10m-run2.csv\"\nuse = \"validation\"\n\
+         [[run]]\nfile = \"20m-run1.csv\"\n",
+    );
+    let columns = ColumnNames::new(&[("position".into(), "height".into())]).unwrap();
+    let mut set = TrialSet::read_with(&[folder.path("all.toml")], &columns).unwrap();
+    for k in [0, 1, 2, 57, 58, 300] {
+        set.fit[0].position[k] = f64::NAN;
+    }
+    for initial_position in InitialPosition::ALL {
+        for objective in Objective::ALL {
+            let options = FitOptions {
+                initial_position,
+                objective,
+                ..FitOptions::default()
+            };
+            let flights = FlightOptions {
+                columns: columns.clone(),
+                ..as_flights(&options)
+            };
+            let what = format!("{initial_position:?}, {objective:?}");
+            assert_same(&what, &set, &options, &flights);
+            let file = flights.problem(&set).unwrap();
+            let runs = file.runs.iter();
+            let runs: Vec<(&str, bool, f64)> = runs
+                .map(|own| (own.name.as_str(), own.fits, own.weight))
+                .collect();
+            let expected = [
+                ("10m-run1.csv", true, 2.5),
+                ("20m-run1.csv", true, 1.0),
+                ("10m-run2.csv", false, 1.0),
+            ];
+            assert_eq!(runs, expected);
+        }
+    }
+}
+
+#[test]
+fn from_the_optimum_of_the_short_form_the_problem_of_flights_stays_there() {
+    let set = shipped();
+    let mut options = FitOptions::default();
+    let short = fit(&set.fit, &options, &mut |_| ControlFlow::Continue(())).unwrap();
+    assert!(
+        (short.objective - OBJECTIVE).abs() < 1e-5,
+        "{}",
+        short.objective
+    );
+    options.start = Some(short.theta.clone());
+    let mut flights = as_flights(&options);
+    flights.fit.starts = 1;
+    let file = flights.problem(&set).unwrap();
+    let posed = Posed::new(&file, &open).unwrap();
+    let found = estimation::fit(&posed, &mut |_| ControlFlow::Continue(()));
+    assert!(found.is_answer(), "{}", found.verdict());
+    let off = (found.objective / short.objective - 1.0).abs();
+    assert!(off < 1e-8, "{} and {}", found.objective, short.objective);
+    for (own, theta) in found.parameters.iter().zip(&short.theta) {
+        let value = own.values[0].1;
+        assert!(
+            (value / theta - 1.0).abs() < 1e-3,
+            "{}: {value} and {theta}",
+            own.name
+        );
+    }
+}
+
+#[test]
+fn what_init_writes_is_the_problem_of_flights_but_for_its_mesh() {
+    let set = shipped();
+    let folder = Folder::new();
+    let runs: Vec<String> = set.fit.iter().map(|own| own.origin.clone()).collect();
+    let words: Vec<&str> = ["init"]
+        .into_iter()
+        .chain(runs.iter().map(String::as_str))
+        .collect();
+    let ended = folder.pilotage(&words);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let flights = FlightOptions {
+        fit: Options::default(),
+        ..FlightOptions::default()
+    };
+    let file: ProblemFile = flights.problem(&set).unwrap();
+    assert_eq!(ended.stdout, file.text);
+    // The same flights, listed.
+    let listed = example("trials/trials.toml").display().to_string();
+    assert_eq!(folder.pilotage(&["init", &listed]).stdout, file.text);
+    let run = |more: &str| format!("[[run]]\nfile = \"run.csv\"\n{more}");
+    for (file, flight) in [("some/run.csv", "10m-run1"), ("others/run.csv", "10m-run2")] {
+        let path = example("trials").join(flight).with_extension("csv");
+        folder.write(file, std::fs::read(path).unwrap());
+    }
+    folder.write("some/all.toml", run("weight = 2\n"));
+    folder.write(
+        "others/all.toml",
+        run("") + &run("use = \"validation\"\n").replace("run.csv", "../some/run.csv"),
+    );
+    for (list, lines) in [
+        (
+            "some/all.toml",
+            "[[run]]\nfile = \"some/run.csv\"\nweight = 2.0\n",
+        ),
+        (
+            "others/all.toml",
+            "[[run]]\nfile = \"others/../some/run.csv\"\nuse = \"validation\"\n",
+        ),
+    ] {
+        let written = folder.pilotage(&["init", list]);
+        assert!(written.stdout.contains(lines), "{written:?}");
+    }
+}
+
+const PILOT: &str = "# A pilot: by hand\nstick_limit = 0.9\n[theta]\ntheta1 = 0.25\ntheta2 = 1.25\ntheta3 = 1.0\n\
+                     theta4 = -0.005\ntheta5 = -0.028\ntheta6 = -0.042\n";
+
+/// A problem of the shipped flights with these models.
+fn problem_of(pilot: &str, vehicle: &str, parameters: &str) -> String {
+    let run = example("trials").join("10m-run1.csv");
+    format!(
+        "[system.pilot]\nmodel = {pilot}\n[system.vehicle]\nmodel = {vehicle}\n[connect]\n\
+         \"pilot.stick\" = \"vehicle.stick\"\n\"vehicle.z\" = \"pilot.position\"\n[inputs]\n\"pilot.target\" = \"target\"\n\
+         [[measured]]\nsignal = \"vehicle.z\"\ncolumn = \"position\"\n[parameters]\n{parameters}\n[[run]]\nfile = {:?}\n\
+         [fit]\nstarts = 1\n",
+        run.display().to_string()
+    )
+}
+
+#[test]
+fn pilot_and_vehicle_files_are_the_built_in_models_with_their_values() {
+    let folder = Folder::new();
+    folder.write("pilot.toml", PILOT);
+    let shown = folder.pilotage(&["vehicle", "show"]);
+    folder.write(
+        "vehicle.toml",
+        shown.stdout.replace("mass = 1.2", "mass = 1.5"),
+    );
+    let values = "set = { theta1 = 0.25, theta2 = 1.25, theta3 = 1.0, theta4 = -0.005, theta5 = -0.028, theta6 = -0.042, \
+                  stick_limit = 0.9 }";
+    let all = "\"pilot.*\" = {}";
+    folder.write(
+        "built_in.toml",
+        problem_of(
+            &format!("\"linear\"\n{values}"),
+            "\"quadcopter\"\nset = { mass = 1.5 }",
+            all,
+        ),
+    );
+    folder.write(
+        "files.toml",
+        problem_of("\"pilot.toml\"", "\"vehicle.toml\"", all),
+    );
+    let [built_in, files] = ["built_in.toml", "files.toml"].map(|problem| {
+        let ended = folder.pilotage(&["fit", problem, "--evaluate", "--json"]);
+        assert_eq!(ended.code, 0, "{ended:?}");
+        let note = "note: nothing measured depends on `pilot.stick_limit`, which is not sought\n";
+        assert_eq!(ended.stderr, note);
+        ended.json()
+    });
+    assert_eq!(built_in, files);
+    assert_eq!(files["left_out"], serde_json::json!(["pilot.stick_limit"]));
+    let gradient = files["gradient"].as_object().unwrap();
+    let names: Vec<&str> = gradient.keys().map(String::as_str).collect();
+    let theta = [1, 2, 3, 4, 5, 6].map(|k| format!("pilot.theta{k}"));
+    assert_eq!(names, theta);
+
+    let written = folder.pilotage(&[
+        "init",
+        example("trials").join("10m-run1.csv").to_str().unwrap(),
+        "--pilot",
+        "pilot.toml",
+        "--vehicle",
+        "vehicle.toml",
+        "-o",
+        "written.toml",
+    ]);
+    assert_eq!(written.code, 0, "{written:?}");
+    let text = folder.read("written.toml");
+    for line in [
+        "model = \"pilot.toml\"",
+        "model = \"vehicle.toml\"",
+        "\"pilot.theta4\" = { start = -0.005 }",
+        "\"pilot.stick_limit\" = { start = 0.9, fixed = true }",
+    ] {
+        assert!(text.contains(line), "{line}\n{text}");
+    }
+    assert_eq!(
+        folder.pilotage(&["fit", "written.toml", "--evaluate"]).code,
+        0
+    );
+}
+
+#[test]
+fn a_mistake_in_a_pilot_or_vehicle_file_of_a_problem_is_told_with_its_line() {
+    let folder = Folder::new();
+    let evaluate = |pilot: &str| {
+        folder.write("pilot.toml", pilot);
+        folder.write(
+            "p.toml",
+            problem_of("\"pilot.toml\"", "\"quadcopter\"", "\"pilot.theta1\" = {}"),
+        );
+        let ended = folder.pilotage(&["fit", "p.toml", "--evaluate"]);
+        (ended.code, ended.stderr)
+    };
+    let theta: String = (1..=26).map(|k| format!("theta{k} = 1.0\n")).collect();
+    for (pilot, error) in [
+        (
+            PILOT.replace("theta6 = -0.042\n", ""),
+            "error: pilot.toml:3: [theta] has 5 parameters; a pilot of order n has 2n: theta1 to theta2n\n".to_owned(),
+        ),
+        (
+            format!("[theta]\n{theta}"),
+            "error: pilot.toml: a pilot of order 13 cannot run; the highest order is 12\n".to_owned(),
+        ),
+    ] {
+        assert_eq!(evaluate(&pilot), (2, error));
+    }
+    folder.write("vehicle.toml", "mass = 1.2\n");
+    folder.write(
+        "p.toml",
+        problem_of("\"linear\"", "\"vehicle.toml\"", "\"pilot.theta1\" = {}"),
+    );
+    let ended = folder.pilotage(&["fit", "p.toml", "--evaluate"]);
+    assert_eq!(ended.code, 2, "{ended:?}");
+    assert!(ended.stderr.starts_with("error: vehicle.toml"), "{ended:?}");
+}
+
+#[test]
+fn a_pattern_of_which_nothing_is_needed_is_a_mistake() {
+    let folder = Folder::new();
+    let model = "[model]\nname = \"tank\"\n[parameters]\nrate = 1\nidle = 2\n[states]\nx = { start = 1, der = \"-rate * x\" }\n";
+    folder.write("tank.toml", model);
+    folder.write("run.csv", "time,x\n0,1\n1,0.5\n2,0.2\n3,0.1\n");
+    let problem = |instance: &str, more: &str| {
+        format!(
+            "[system.a]\nmodel = \"tank.toml\"\n[system.b]\nmodel = \"tank.toml\"\n[[measured]]\nsignal = \"a.x\"\n\
+             column = \"x\"\n[parameters]\n\"{instance}.*\" = {{ start = 3 }}\n{more}[[run]]\nfile = \"run.csv\"\n"
+        )
+    };
+    folder.write("p.toml", problem("b", "\"a.rate\" = {}\n"));
+    let ended = folder.pilotage(&["fit", "p.toml", "--evaluate"]);
+    let error = "error: p.toml:9:1: no measured signal depends on `b.rate`; leave it out, or write fixed = true\n";
+    assert_eq!((ended.code, ended.stderr.as_str()), (2, error));
+
+    folder.write("p.toml", problem("a", ""));
+    let ended = folder.pilotage(&["fit", "p.toml", "--json", "-o", "a-fitted.toml"]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let fit = ended.json();
+    assert_eq!(fit["left_out"], serde_json::json!(["a.idle"]));
+    assert_eq!(fit["parameters"].as_object().unwrap().len(), 1);
+    // What is left out keeps the model's value, whatever the pattern says.
+    assert!(folder.read("a-fitted.toml").contains("idle = 2\n"));
+}
+
+#[test]
+fn the_folder_of_several_fitted_models_is_made() {
+    let folder = Folder::new();
+    folder.write("pilot.toml", PILOT);
+    let parameters = "\"pilot.theta4\" = {}\n\"vehicle.mass\" = {}";
+    folder.write(
+        "p.toml",
+        problem_of("\"pilot.toml\"", "\"quadcopter\"", parameters),
+    );
+    let fit =
+        |output: &str| folder.pilotage(&["fit", "p.toml", "--time-limit", "60", "-o", output]);
+    let ended = fit("one.toml");
+    let error = "error: 2 models are fitted, and one.toml is one file\nhint: give -o a folder\n";
+    assert_eq!((ended.code, ended.stderr.as_str()), (2, error));
+    let ended = fit("new/folder");
+    assert_ne!(ended.code, 2, "{ended:?}");
+    for name in ["pilot", "vehicle"] {
+        let text = folder.read(&format!("new/folder/{name}-fitted.toml"));
+        assert!(text.starts_with("# Fitted by pilotage"), "{text}");
+    }
+}
