@@ -165,6 +165,27 @@ fn names_of_files_that_are_no_text_are_shown() {
     }
 }
 
+/// Runs whose files have one name are named after their folders too.
+#[cfg(unix)]
+#[test]
+fn a_folder_with_lines_adds_none_to_a_table_of_runs() {
+    let folder = Folder::new();
+    let runs = ["a\nerror: forged/run.csv", "b/run.csv"];
+    for (run, rate) in runs.iter().zip([0.2, 0.3]) {
+        let position = |k: i32| 10.0 - 10.0 * (-rate * 0.1 * f64::from(k)).exp();
+        let rows = (0..100).map(|k| format!("{},10,{}\n", 0.1 * f64::from(k), position(k)));
+        let path = folder.path(run);
+        std::fs::create_dir(path.parent().unwrap()).unwrap();
+        folder.write(
+            run,
+            format!("time,target,position\n{}", rows.collect::<String>()),
+        );
+    }
+    let ended = folder.pilotage(&["trials", "check", runs[0], runs[1]]);
+    assert!(ended.stdout.contains("a error: forged/run"), "{ended:?}");
+    assert_plain(&ended);
+}
+
 /// The name of the problem file stands in the first line of the fitted model.
 #[test]
 fn a_name_with_lines_adds_none_to_a_fitted_model() {

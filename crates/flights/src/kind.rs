@@ -122,6 +122,9 @@ impl Numbers {
 
 /// Opens an instance of a problem: a built-in model, a model, pilot or vehicle file, or an FMU.
 ///
+/// # Foreign code
+/// Of an FMU: [`Part::of_fmu`].
+///
 /// # Errors
 /// When it does not exist or contains a mistake.
 pub fn open(instance: &InstanceDescription) -> Result<Part, ProblemError> {

@@ -294,6 +294,9 @@ pub type ModelText<'t> = &'t dyn Fn(&Path) -> Result<Option<String>, ProblemErro
 
 /// The same with other files that stand for models.
 ///
+/// # Foreign code
+/// As [`open`].
+///
 /// # Errors
 /// As [`open`], and those of `text`.
 pub fn open_with(
