@@ -380,6 +380,10 @@ fn pilot_and_vehicle_files_are_the_built_in_models_with_their_values() {
     let names: Vec<&str> = gradient.keys().map(String::as_str).collect();
     let theta = [1, 2, 3, 4, 5, 6].map(|k| format!("pilot.theta{k}"));
     assert_eq!(names, theta);
+    // The same where all that the pattern seeks starts at values that the command gives.
+    let start = "--start=0.25,1.25,1,-0.005,-0.028,-0.042";
+    let begun = folder.pilotage(&["fit", "files.toml", "--evaluate", "--json", start]);
+    assert_eq!(begun.json(), files);
 
     let written = folder.pilotage(&[
         "init",
