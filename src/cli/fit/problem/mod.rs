@@ -15,6 +15,7 @@ use super::{Args, Watch, log, orders, start};
 use crate::cli::deadline::Deadline;
 use crate::cli::made::{made, program, quoted};
 use crate::cli::overwrite::{self, OutputKind};
+use crate::cli::progress::Spinner;
 use crate::cli::{Failure, Outcome, excitation, interrupt, recognise, terminal};
 use crate::estimation::beforehand::beforehand;
 use crate::estimation::file::{Mesh, Options};
