@@ -199,9 +199,8 @@ impl Made {
         let is_idle = |own: &Unknown| idle.iter().any(|other| other.name == own.name);
         let has_needed = |own: &&&Unknown| {
             let mut all = self.unknowns.iter().map(|(other, _)| other);
-            all.any(|other| {
-                other.unless_needed.is_some() && other.place == own.place && !is_idle(other)
-            })
+            // Those that start elsewhere than the pattern says (`ProblemFile::begin_at`) have its place too.
+            all.any(|other| other.place == own.place && !is_idle(other))
         };
         let all = idle.iter().filter(|own| own.unless_needed.is_some());
         all.filter(has_needed).map(|own| own.name.clone()).collect()
