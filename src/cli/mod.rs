@@ -128,7 +128,11 @@ pub fn main() -> ExitCode {
     let _ = pilotage_process::leftovers::remove_on_signals();
     let is_watched = match pilotage_process::end_with_parent() {
         Ok(is_watched) => is_watched,
-        Err(error) => return failed(&Failure::new(format!("cannot be watched: {error}"))),
+        Err(error) => {
+            // What the other process then has to say is the message below.
+            pilotage_process::finished(2);
+            return failed(&Failure::new(format!("cannot be watched: {error}")));
+        }
     };
     if !is_watched && command.may_call_fmus() {
         let code = guard::watched().unwrap_or_else(|failure| failed(&failure));

@@ -2,6 +2,7 @@
 
 use crate::command::{Folder, example};
 use serde_json::Value;
+use std::process::Command;
 
 fn manifest() -> String {
     example("trials/trials.toml").to_str().unwrap().to_owned()
@@ -305,4 +306,48 @@ fn names_and_numbers_of_options_are_checked() {
             "{ended:?}"
         );
     }
+}
+
+/// A limit below what the program takes when it is loaded ends it before it can say anything: such limits are left out.
+#[test]
+fn out_of_memory_is_a_message() {
+    let folder = Folder::new();
+    let limited = |megabytes: u32, arguments: &[&str]| {
+        let limit = format!("ulimit -v {} && exec \"$0\" \"$@\"", 1024 * megabytes);
+        let mut command = Command::new("sh");
+        command
+            .args(["-c", &limit, env!("CARGO_BIN_EXE_pilotage")])
+            .args(arguments)
+            .current_dir(folder.path("."));
+        command.output().unwrap()
+    };
+    let manifest = manifest();
+    let fit = [
+        "fit",
+        &manifest,
+        "--max-iterations",
+        "1",
+        "--random-starts",
+        "0",
+        "-o",
+        "p.toml",
+    ];
+    let mut said = 0;
+    for megabytes in (32..=96).step_by(8) {
+        if limited(megabytes, &["vehicle", "show"]).status.code() != Some(0) {
+            continue;
+        }
+        let ended = limited(megabytes, &fit);
+        let stderr = String::from_utf8_lossy(&ended.stderr);
+        let is_told = ["error: out of memory: ", "error: cannot start threads: "]
+            .iter()
+            .any(|begin| stderr.starts_with(begin));
+        match ended.status.code() {
+            Some(2) if is_told => said += 1,
+            // There was enough: one iteration does not converge.
+            Some(1) => {}
+            _ => panic!("{megabytes} MB: {ended:?}"),
+        }
+    }
+    assert!(said > 0);
 }

@@ -43,6 +43,7 @@
 pub mod curve;
 mod derivative;
 pub mod graph;
+mod influence;
 pub mod model;
 pub mod opaque;
 pub mod operation;

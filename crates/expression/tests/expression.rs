@@ -500,3 +500,30 @@ fn powers_have_derivatives_by_their_exponents() {
     assert_eq!(at(-2.0, 3.0)[..2], [-8.0, 12.0]);
     assert_eq!(at(0.0, 2.5)[..2], [0.0, 0.0]);
 }
+
+/// What an expression depends on, and what enters it with a constant factor.
+#[test]
+fn influences_are_told_apart_by_constant_factors() {
+    let mut graph = Graph::default();
+    let [a, b, c] = [0, 70, 200].map(|k| graph.variable(k));
+    let two = graph.constant(2.0);
+    let straight = graph.multiply(two, a);
+    let product = graph.multiply(b, c);
+    let sum = graph.add(straight, product);
+    let below = graph.divide(two, a);
+    let half = graph.divide(c, two);
+    let apart = graph.subtract(half, below);
+    let step = graph.binary(Operator::Less, a, b);
+    let chosen = graph.select(step, c, half);
+    let square = graph.multiply(a, a);
+    let found = graph.influences(&[sum, apart, chosen, square, half, two]);
+    let expected: [&[(usize, bool)]; 6] = [
+        &[(0, true), (70, false), (200, false)],
+        &[(0, false), (200, true)],
+        &[(0, false), (70, false), (200, false)],
+        &[(0, false)],
+        &[(200, true)],
+        &[],
+    ];
+    assert_eq!(found, expected);
+}

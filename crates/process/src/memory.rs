@@ -34,18 +34,25 @@ unsafe impl GlobalAlloc for Heap {
 
 #[inline]
 fn given(memory: *mut u8, size: usize) -> *mut u8 {
-    match memory.is_null() {
-        true => give_up(size),
-        false => memory,
+    #[cfg(unix)]
+    if memory.is_null() {
+        give_up(size);
     }
+    // Elsewhere the standard library aborts.
+    #[cfg(not(unix))]
+    let _ = size;
+    memory
 }
 
 /// Exit code of a command that cannot run as it was asked to.
+#[cfg(unix)]
 const CODE: u8 = 2;
 
 /// Ends the process. Nothing here allocates, nor waits for another thread.
+#[cfg(unix)]
 #[cold]
 fn give_up(size: usize) -> ! {
+    use rustix::stdio::stderr;
     use std::io::{Cursor, Write};
     use std::sync::atomic::{AtomicBool, Ordering};
     static IS_SAID: AtomicBool = AtomicBool::new(false);
@@ -57,23 +64,11 @@ fn give_up(size: usize) -> ! {
     );
     let length = usize::try_from(text.position()).unwrap_or(0);
     let text = &text.get_ref()[..length];
-    // Threads that run out at the same time say so once.
-    let is_first = !IS_SAID.swap(true, Ordering::AcqRel);
     crate::page::finished(CODE);
-    #[cfg(unix)]
-    {
-        if is_first {
-            let _ = rustix::io::write(rustix::stdio::stderr(), text);
-        } else {
-            std::thread::sleep(std::time::Duration::from_millis(100));
-        }
-        signal_hook::low_level::exit(i32::from(CODE))
+    // Threads that run out at the same time say so once.
+    match IS_SAID.swap(true, Ordering::AcqRel) {
+        false => drop(rustix::io::write(stderr(), text)),
+        true => std::thread::sleep(std::time::Duration::from_millis(100)),
     }
-    #[cfg(not(unix))]
-    {
-        if is_first {
-            let _ = std::io::stderr().write_all(text);
-        }
-        std::process::exit(i32::from(CODE))
-    }
+    signal_hook::low_level::exit(i32::from(CODE))
 }

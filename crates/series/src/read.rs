@@ -4,6 +4,7 @@ use super::lines::Lines;
 use super::{Column, Series, SeriesError, TextColumn};
 use pilotage_text::file;
 use pilotage_units::Unit;
+use std::cell::LazyCell;
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -115,6 +116,7 @@ impl Series {
         texts: &mut [Option<TextColumn>],
     ) -> Result<(), SeriesError> {
         let (row, file) = (&rows.row, || rows.file.to_owned());
+        let line = LazyCell::new(|| rows.line());
         if row.len() != header.cells.len() {
             return Err(SeriesError::Ragged {
                 file: file(),
@@ -125,7 +127,7 @@ impl Series {
         }
         let wrong = |column: usize| TextColumn {
             name: header.cells[column].0.clone(),
-            line: rows.line(),
+            line: *line,
             found: row[column].trim().into(),
         };
         let number = |column: usize, form: Form| match row[column].trim() {

@@ -118,7 +118,8 @@ mod tests {
             let text = series.to_csv();
             prop_assert_eq!(text.lines().count(), 4);
             let read = Series::parse(text.as_bytes(), "f.csv").unwrap();
-            prop_assert_eq!(read.comments, [one_line(&comment).trim()]);
+            let said = one_line(&comment);
+            prop_assert_eq!(&read.comments, &[said.trim()]);
             prop_assert_eq!(&read.columns[0].name, &expected);
             prop_assert_eq!(&read.columns[0].unit, &unit_read);
             prop_assert_eq!(&read.columns[0].values, &[1.0, 2.0]);

@@ -10,7 +10,7 @@
 //! program writes to it, as with any command. The other two functions never wait.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, ErrorKind, Read};
+use std::io::{self, ErrorKind, Read, Take};
 use std::path::Path;
 
 /// Maximum number of bytes read from one file, device or pipe: 1 GiB.
@@ -30,13 +30,31 @@ impl<R: Read> Input<R> {
     }
 }
 
-impl<R: Read> Read for Input<R> {
-    fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
-        // One byte more than permitted tells a source that is too long from one that ends at the limit.
-        let most = usize::try_from(self.left + 1).map_or(to.len(), |most| most.min(to.len()));
-        let count = self.from.read(&mut to[..most])?;
+impl<R: Read> Input<R> {
+    /// Reads by `read` at most one byte more than permitted, which tells a source that is too long from one that ends at
+    /// the limit.
+    fn limited(
+        &mut self,
+        read: impl FnOnce(&mut Take<&mut R>) -> io::Result<usize>,
+    ) -> io::Result<usize> {
+        let count = read(&mut self.from.by_ref().take(self.left + 1))?;
         self.left = self.left.checked_sub(count as u64).ok_or_else(too_long)?;
         Ok(count)
+    }
+}
+
+/// The whole is read as the source itself does it, in memory that need not be initialised.
+impl<R: Read> Read for Input<R> {
+    fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
+        self.limited(|from| from.read(to))
+    }
+
+    fn read_to_end(&mut self, to: &mut Vec<u8>) -> io::Result<usize> {
+        self.limited(|from| from.read_to_end(to))
+    }
+
+    fn read_to_string(&mut self, to: &mut String) -> io::Result<usize> {
+        self.limited(|from| from.read_to_string(to))
     }
 }
 
@@ -137,6 +155,7 @@ fn at_once(options: &mut OpenOptions, path: &Path, is_found: bool) -> io::Result
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::BufReader;
 
     #[test]
     fn a_source_is_read_to_its_limit_and_no_further() {
@@ -144,7 +163,13 @@ mod tests {
             let mut to = Vec::new();
             let from = io::repeat(7).take(length);
             let read = Input { from, left }.read_to_end(&mut to);
-            read.map_err(|error| error.kind())
+            let from = io::repeat(7).take(length);
+            let mut pieces = BufReader::with_capacity(3, Input { from, left });
+            let in_pieces = io::copy(&mut pieces, &mut io::sink());
+            let in_pieces = in_pieces.map(|count| count as usize);
+            let both = [read, in_pieces].map(|read| read.map_err(|error| error.kind()));
+            assert_eq!(both[0], both[1]);
+            both[0]
         };
         assert_eq!(read(10, 10), Ok(10));
         assert_eq!(read(11, 10), Err(ErrorKind::FileTooLarge));

@@ -229,22 +229,15 @@ impl Equations for TextModel {
 
     fn influences(&self) -> Option<Influences> {
         let system = &self.0.compiled.model.system;
-        let (_, mut graph, held) = held(&self.0.compiled);
+        let (_, graph, held) = held(&self.0.compiled);
         let unknowns = [&system.derivatives[..], &held].concat();
-        let mut rows = vec![Vec::new(); unknowns.len()];
-        for variable in 0..system.variables() {
-            let depends = graph.dependants(|index| index == variable);
-            let slopes = graph.derivatives(&unknowns, variable);
-            for (k, row) in rows.iter_mut().enumerate() {
-                if depends[unknowns[k].index()] {
-                    let slope = graph.value(slopes[k]);
-                    // Steps have slope 0 although they depend through a condition.
-                    let constant = slope.is_some_and(|slope| slope != 0.0);
-                    row.push((knowledge(system, variable), constant));
-                }
-            }
-        }
-        Some(Influences { rows })
+        let rows = graph.influences(&unknowns).into_iter();
+        let known = |(variable, is_constant)| (knowledge(system, variable), is_constant);
+        Some(Influences {
+            rows: rows
+                .map(|row| row.into_iter().map(known).collect())
+                .collect(),
+        })
     }
 }
 

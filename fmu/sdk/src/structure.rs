@@ -9,6 +9,7 @@
 use crate::variable::{Role, Variable};
 use crate::{At, Equations, Scalar, Table};
 use num_dual::Dual64;
+use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Number of points besides the start values.
@@ -33,7 +34,7 @@ pub struct Unknown {
 }
 
 /// Quantity on which an expression may depend.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Knowledge {
     /// Time.
     Time,
@@ -70,7 +71,7 @@ pub struct Structure {
 impl Structure {
     /// The structure of a model.
     pub fn of<E: Equations>(equations: &E, table: &Table) -> Self {
-        let known = equations.influences();
+        let known = equations.influences().map(|known| by_known(&known, table));
         let mut unknowns: Vec<usize> = table.outputs().chain(table.locals()).collect();
         unknowns.extend(table.derivatives().chain(table.indicators()));
         let states: Vec<usize> = table.states().collect();
@@ -135,6 +136,20 @@ impl Structure {
         let all = [&self.outputs, &self.derivatives, &self.indicators];
         all.into_iter().flatten().find(|u| u.index == index)
     }
+}
+
+/// For each known, the variables that depend on it, and whether it enters each linearly with a constant factor.
+type ByKnown = HashMap<Knowledge, Vec<(usize, bool)>>;
+
+fn by_known(influences: &Influences, table: &Table) -> ByKnown {
+    let mut all = ByKnown::new();
+    let unknowns = table.derivatives().chain(table.computed());
+    for (row, unknown) in influences.rows.iter().zip(unknowns) {
+        for (known, is_constant) in row {
+            all.entry(*known).or_default().push((unknown, *is_constant));
+        }
+    }
+    all
 }
 
 /// All variables from the settable ones: the only place where a table is evaluated.
@@ -239,7 +254,7 @@ impl<'e, E: Equations> Tracer<'e, E> {
     }
 
     /// For each variable: `None` if it does not depend on the known, else whether the factor is constant.
-    fn column(&self, known: usize, exact: Option<&Influences>) -> Vec<Option<bool>> {
+    fn column(&self, known: usize, exact: Option<&ByKnown>) -> Vec<Option<bool>> {
         if let Some(exact) = exact {
             return self.exact(known, exact);
         }
@@ -270,7 +285,7 @@ impl<'e, E: Equations> Tracer<'e, E> {
     }
 
     /// As [`column`](Self::column), from the dependencies that the equations give.
-    fn exact(&self, known: usize, exact: &Influences) -> Vec<Option<bool>> {
+    fn exact(&self, known: usize, exact: &ByKnown) -> Vec<Option<bool>> {
         let table = self.table;
         let mut column = vec![None; table.variables().len()];
         let place = match table.starts().contains(&known) {
@@ -279,10 +294,8 @@ impl<'e, E: Equations> Tracer<'e, E> {
             false if known == table.time() => Knowledge::Time,
             false => Knowledge::Parameter(known - table.parameters().start),
         };
-        let unknowns = table.derivatives().chain(table.computed());
-        for (row, unknown) in exact.rows.iter().zip(unknowns) {
-            let found = row.iter().find(|(own, _)| *own == place);
-            column[unknown] = found.map(|(_, constant)| *constant);
+        for (unknown, is_constant) in exact.get(&place).into_iter().flatten() {
+            column[*unknown] = Some(*is_constant);
         }
         if let Knowledge::State(state) = place
             && let Some(own) = table.states().nth(state)
