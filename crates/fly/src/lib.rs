@@ -21,6 +21,7 @@
 //! | module | content |
 //! | --- | --- |
 //! | [`server`](mod@server) | the page and its socket |
+//! | `connections` | connections of the server: few without the token
 //! | [`message`](mod@message) | what page and server say to each other |
 //! | [`session`](mod@session) | welcome, training, measured runs, results |
 //! | [`protocol`](mod@protocol) | tasks and their order |
