@@ -33,6 +33,7 @@
 //! | [`graph`](mod@graph) | expressions as a graph of operations, each stored once |
 //! | [`operation`](mod@operation) | the operations |
 //! | `derivative` | derivatives, as expressions of the same graph |
+//! | `influence` | on what expressions depend, and how |
 //! | [`tape`](mod@tape) | a list of instructions, run at many points at once |
 //! | [`trace`](mod@trace) | equations in generic Rust, recorded as a graph |
 //! | [`system`](mod@system) | a model as expressions |
