@@ -276,7 +276,9 @@ fn only_the_command_line_knows_clap_and_the_terminal() {
             "io::stderr",
             "dbg!",
         ] {
-            assert!(!code.contains(word), "{file} uses {word}");
+            // Where memory has run out, nothing else can be called to say so.
+            let may = word == "io::stderr" && file == "crates/process/src/memory.rs";
+            assert!(may || !code.contains(word), "{file} uses {word}");
         }
         let streams = after(code, "std::io::");
         let streams = ["stdout", "stderr"].map(|name| streams.contains(name));
