@@ -284,7 +284,6 @@ fn a_problem_is_evaluated_at_its_start() {
     assert!((residual - (2.0 * (-1.6_f64).exp() - 2.0 * (-1.0_f64).exp())).abs() < 1e-5);
 }
 
-/// A run that is kept out of the fit is simulated with what was found, from its own numbers.
 /// More rows than a fit can hold are refused as soon as they are read.
 #[test]
 fn too_many_rows_are_refused_with_a_number_that_is_not() {
@@ -303,6 +302,7 @@ fn too_many_rows_are_refused_with_a_number_that_is_not() {
     assert!(ended.stderr.contains(message), "{ended:?}");
 }
 
+/// A run that is kept out of the fit is simulated with what was found, from its own numbers.
 #[test]
 fn a_validation_run_judges_the_fit() {
     let folder = folder();
