@@ -56,6 +56,29 @@ fn the_json_of_a_check_has_the_poles() {
     );
 }
 
+/// Delays in series: each has the poles of the first, exactly, and what depends on what is found in one pass.
+#[test]
+fn a_long_chain_of_delays_is_checked() {
+    const N: usize = 400;
+    let folder = Folder::new();
+    let begin = "[model]\nname = \"m\"\n[inputs]\nu = {}\n[locals]\nl0 = \"u\"\n".to_owned();
+    let delays = (1..=N).map(|k| format!("l{k} = \"delay(l{}, 0.1, 5)\"\n", k - 1));
+    folder.write("delays.toml", begin + &delays.collect::<String>());
+    let json = folder
+        .pilotage(&["model", "check", "delays.toml", "--json"])
+        .json();
+    assert_eq!(json["is_linear"], true);
+    let poles = json["linear"]["poles"].as_array().unwrap();
+    assert_eq!(poles.len(), 5 * N);
+    let number = |pole: &serde_json::Value, part: usize| pole[part].as_f64().unwrap();
+    for group in poles.chunks(N) {
+        for pole in group {
+            let error = (number(pole, 0) - number(&group[0], 0)).abs();
+            assert!(error < 1e-9 * number(pole, 0).abs(), "{pole} is not {}", group[0]);
+        }
+    }
+}
+
 /// The steady state under a force F is F/k, the overshoot exp(-πζ/√(1-ζ²)).
 #[test]
 fn a_step_response_is_that_of_the_textbook() {

@@ -428,6 +428,24 @@ fn a_problem_is_evaluated_at_its_start() {
     assert!((residual - (2.0 * (-1.6_f64).exp() - 2.0 * (-1.0_f64).exp())).abs() < 1e-5);
 }
 
+/// More rows than a fit can hold are refused as soon as they are read.
+#[test]
+fn too_many_rows_are_refused_with_a_number_that_is_not() {
+    let folder = Folder::new();
+    let rows = (0..1_000_001).map(|k| format!("{k},1\n"));
+    folder.write("rows.csv", "time,u\n".to_owned() + &rows.collect::<String>());
+    folder.write("gain.toml", "[model]\nname = \"gain\"\n[inputs]\nu = {}\n[parameters]\nk = { start = 2 }\n[outputs]\ny = { value = \"k * u\" }\n");
+    folder.write(
+        "problem.toml",
+        "[system.m]\nmodel = \"gain.toml\"\n[inputs]\n\"m.u\" = { column = \"u\" }\n[[measured]]\nsignal = \"m.y\"\n\
+         column = \"u\"\n[parameters]\n\"m.k\" = {}\n[[run]]\nfile = \"rows.csv\"\n",
+    );
+    let ended = folder.pilotage(&["fit", "problem.toml"]);
+    assert_eq!(ended.code, 2, "{ended:?}");
+    let message = "the runs have 1000001 rows, more than 1000000, and a fit takes about 5 kB for each; keep one in 2 of them";
+    assert!(ended.stderr.contains(message), "{ended:?}");
+}
+
 /// A run that is kept out of the fit is simulated with what was found, from its own numbers.
 #[test]
 fn a_validation_run_judges_the_fit() {

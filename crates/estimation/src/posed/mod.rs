@@ -34,6 +34,9 @@ use std::sync::Arc;
 /// Maximum number of mesh intervals of all runs together.
 pub(crate) const MOST_INTERVALS: usize = 400_000;
 
+/// Maximum number of samples of all runs together. A fit takes about 5 kB for each, of an algebraic model.
+pub(crate) const MOST_SAMPLES: usize = 1_000_000;
+
 /// A problem that is ready to be discretised.
 #[derive(Debug)]
 pub struct Posed<'f> {

@@ -1,9 +1,9 @@
 //! Checks before the solve that concern more than a single line of the file.
 
 use super::{Assembly, Done, Known, Made};
-use crate::posed::MOST_INTERVALS;
+use crate::posed::{MOST_INTERVALS, MOST_SAMPLES};
 use crate::posed::assembly::made::Quantities;
-use crate::posed::data::Rows;
+use crate::posed::data::{Rows, RunData};
 use crate::posed::interval::{Interval, intervals, shared};
 use crate::posed::ranges::check_range;
 use crate::posed::unknowns::Unknown;
@@ -16,6 +16,23 @@ use pilotage_expression::{Graph, Node};
 const MET: f64 = 1e-6;
 
 impl Assembly<'_> {
+    /// Rejects more samples than a solve can hold.
+    pub(super) fn check_samples(&self) -> Done<()> {
+        let count = |run: &RunData<'_>| run.series.time.len();
+        let found: usize = self.data.iter().map(count).sum();
+        match self.data.iter().max_by_key(|run| count(run)) {
+            Some(longest) if found > MOST_SAMPLES => {
+                let part = found.div_ceil(MOST_SAMPLES);
+                let fault = format!(
+                    "the runs have {found} rows, more than {MOST_SAMPLES}, and a fit takes about 5 kB for each; \
+                     keep one in {part} of them, or fewer runs"
+                );
+                Err(ProblemError::at(&longest.line.place, fault))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Rejects a step for which the mesh has more intervals than a solve can hold.
     pub(super) fn check_mesh(&self) -> Done<()> {
         let Mesh::Step(step) = self.file.options.mesh else {

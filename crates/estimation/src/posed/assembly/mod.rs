@@ -119,6 +119,7 @@ impl<'a> Assembly<'a> {
 
     /// Assembles the equations.
     pub fn finish(mut self) -> Done<Made> {
+        self.check_samples()?;
         self.check_mesh()?;
         // All variables are in the graph, in order.
         for k in 0..self.variables() {
