@@ -116,7 +116,7 @@ fn json_means_what_it_meant() {
 #[test]
 fn a_cell_as_long_as_its_file_is_not_repeated() {
     let folder = Folder::new();
-    let long = "7x".repeat(1 << 20);
+    let long = "7x".repeat(1 << 18);
     folder.write(
         "cell.csv",
         format!("time [s],target [m],position [m]\n0,1,2\n1,1,{long}\n"),
