@@ -204,3 +204,27 @@ fn the_greatest_speed_of_a_hand_is_found() {
         "{found:?} {margin}"
     );
 }
+
+/// Without starts from the data three of the eight ended here.
+#[test]
+fn every_start_of_the_shipped_flights_ends_at_their_optimum() {
+    let folder = Folder::new();
+    let runs: Vec<String> = ["10m", "20m"]
+        .iter()
+        .flat_map(|target| (1..=3).map(move |k| format!("trials/{target}-run{k}.csv")))
+        .map(|name| example(&name).to_str().unwrap().to_owned())
+        .collect();
+    let runs: Vec<&str> = runs.iter().map(String::as_str).collect();
+    let ended = folder.pilotage(&[&["init"], &runs[..], &["-o", "problem.toml"]].concat());
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let ended = folder.pilotage(&["fit", "problem.toml", "-o", "fitted.toml", "--json"]);
+    let fit = ended.json();
+    assert_objective(&fit, 258.50598);
+    let starts = fit["starts"].as_array().unwrap();
+    assert_eq!(starts.len(), 8);
+    for start in starts {
+        assert_eq!(start["status"], "converged", "{starts:?}");
+        let objective = start["objective"].as_f64().unwrap();
+        assert!((objective / 258.506 - 1.0).abs() < 1e-5, "{starts:?}");
+    }
+}

@@ -35,7 +35,7 @@ pub fn nearer(
 
 /// The problem with a fifth of its intervals and samples. None if it would not be much smaller or not nearly
 /// equivalent: runs are short, inputs jump often, or a measured signal has values at few of the samples.
-fn coarser(problem: &Collocation) -> Option<Collocation> {
+pub fn coarser(problem: &Collocation) -> Option<Collocation> {
     let runs = problem.runs.iter().map(thinned);
     Some(problem.with_runs(runs.collect::<Option<Vec<Run>>>()?))
 }

@@ -2,6 +2,7 @@
 //!
 //! | module | contents |
 //! | --- | --- |
+//! | `guided` | starts from the data |
 //! | `race` | all starts, and selection of the best |
 //! | `solve` | the SQP from one point |
 //! | `kinks` | optima at which an SQP stalls |
@@ -16,6 +17,7 @@
 pub mod alone;
 mod check;
 pub mod evaluate;
+mod guided;
 mod kinks;
 mod predicted;
 mod race;
@@ -36,11 +38,12 @@ use crate::result::left_over::beside_inputs;
 use crate::result::loops::Looped;
 use crate::result::uncertainty::{Unsure, linearised, method, uncertainty};
 use crate::result::{Fit, StartEnd};
+use crate::search::observed::Observed;
 use crate::search::solved::{Refinement, Solved};
-use crate::search::starts::starts;
+use crate::search::starts::{recorded, starts};
 use crate::search::trouble;
 use pilotage_sqp::{Iteration, Status};
-use race::{best_of, better, has_answer, raced};
+use race::{Raced, best_of, better, has_answer, raced};
 use refine::refine;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -68,13 +71,13 @@ pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + Send +
 /// Fits a problem.
 pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let clock = Instant::now();
-    let starts = starts(posed, posed.file.options.starts);
+    let observed = Observed::new(posed);
+    let drawn = if observed.is_some() { recorded } else { starts };
+    let starts = drawn(posed, posed.file.options.starts);
     let watch = Watch::new(observer, starts.len());
-    let mut solved = raced(posed, &starts, &watch);
-    let ends: Vec<StartEnd> = solved
-        .iter()
-        .map(|own| end(posed, own.as_ref(), &watch))
-        .collect();
+    let Raced { mut solved, same } = raced(posed, observed.as_ref(), &starts, &watch);
+    let ends = same.iter().map(|k| end(posed, solved[*k].as_ref(), &watch));
+    let ends: Vec<StartEnd> = ends.collect();
     let lower = better(&solved);
     let begins = innovations::begins(posed, &solved);
     let met = match has_answer(&solved) {

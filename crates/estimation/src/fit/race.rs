@@ -1,12 +1,15 @@
-//! The race of the starts: those that are behind after some iterations are dropped.
+//! The race of the starts: all on a coarse mesh, and the best of those that ended apart on the whole one.
 
-use super::solve::{nearer, once, rescaled, solve};
+use super::guided::{Entrants, guided};
+use super::solve::{once, rescaled, rescaled_with, solve};
 use super::watch::Watch;
 use crate::posed::Posed;
 use crate::search::begin::begin;
+use crate::search::observed::Observed;
 use crate::search::solved::SAME;
 use crate::search::solved::Solved;
 use crate::search::starts::Start;
+use pilotage_collocation::{Run, coarser};
 use pilotage_sqp::Status;
 use rayon::prelude::*;
 
@@ -16,8 +19,11 @@ const HEAT: usize = 30;
 /// Maximum number of starts that continue after that.
 const FINALISTS: usize = 3;
 
+/// Optima of the coarse mesh within this factor of the best are continued.
+const CLOSE: f64 = 1.1;
+
 /// Largest violation of the scaled constraints with which starts are compared.
-const NEARLY: f64 = 0.1;
+pub(super) const NEARLY: f64 = 0.1;
 
 /// Objectives with a smaller relative difference are equal.
 const EQUAL: f64 = 1e-8;
@@ -26,45 +32,87 @@ const EQUAL: f64 = 1e-8;
 /// limit.
 const EXTENSIONS: usize = 3;
 
-/// Solves all starts. Those that are behind after some iterations are dropped, except the given one. None for a start
-/// not begun before the fit was ended.
+/// A start after its heat.
+struct Scout {
+    number: usize,
+    start: Start,
+    /// The runs on the whole mesh, if the heat was on a coarser one.
+    whole: Option<Vec<Run>>,
+    solved: Solved,
+}
+
+/// The starts after the race.
+pub(super) struct Raced {
+    /// Those that were continued to the end.
+    pub solved: Vec<Option<Solved>>,
+    /// For each start the one that was continued in its place, since both reached the same optimum.
+    pub same: Vec<usize>,
+}
+
+/// Solves all starts, from where the data lead them if instances can be corrected, and as they are if that gives no answer.
 pub(super) fn raced(
     posed: &Posed<'_>,
+    observed: Option<&Observed>,
     starts: &[Start],
     watch: &Watch<'_, '_>,
-) -> Vec<Option<Solved>> {
-    let limit = posed.file.options.max_iterations;
-    let is_race = starts.len() > 1;
-    let heat = |(k, start): (usize, &Start)| {
-        if k > 0 && watch.is_over() {
-            return None;
-        }
-        let from = begin(posed, start, &|| watch.is_over());
-        let see = |iteration: &_| watch.see(k, 0, iteration);
-        let limit = if is_race { limit.min(HEAT) } else { limit };
-        // If there are several starts, the given one is solved as it is: a coarser mesh could lead all of them past a
-        // narrow valley.
-        if is_race && k == 0 {
-            return Some(once(posed, from, limit, &see));
-        }
-        let (from, before) = nearer(posed, from, limit, &see);
-        let mut solved = match is_race {
-            true => once(posed, from, limit, &see),
-            false => solve(posed, from, limit, &see),
+) -> Raced {
+    let led = observed.map(|own| race(posed, guided(posed, own, starts, watch), watch));
+    let is_enough = |raced: &Raced| has_answer(&raced.solved) || watch.is_over();
+    match led.filter(is_enough) {
+        Some(raced) => raced,
+        None => race(posed, Entrants::new(starts), watch),
+    }
+}
+
+/// Solves all entrants: each on a coarse mesh, where one is much smaller, then those that are not behind on the whole one. Of
+/// those that reach the same optimum the first is continued.
+fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
+    let Entrants { all, mut same } = entrants;
+    let is_race = all.len() > 1;
+    let mut solved: Vec<Option<Solved>> = same.iter().map(|_| None).collect();
+    let scouts = all
+        .into_par_iter()
+        .enumerate()
+        .filter_map(|(place, (number, start))| {
+            let is_over = place > 0 && watch.is_over();
+            (!is_over).then(|| scout(posed, (number, is_race), start, watch))
+        });
+    let mut scouts: Vec<Scout> = scouts.collect();
+    scouts.sort_by(|a, b| a.objective().total_cmp(&b.objective()));
+    let best = scouts.iter().filter(|own| own.has_converged());
+    let best = best.map(Scout::objective).fold(f64::INFINITY, f64::min);
+    let (mut open, mut left): (Vec<Scout>, Vec<Scout>) = (Vec::new(), Vec::new());
+    for own in scouts {
+        let first = open
+            .iter()
+            .find(|other| own.is_same(other))
+            .map(|other| other.number);
+        let is_near = match own.has_converged() {
+            true => own.objective() <= CLOSE * best,
+            false => own.objective() < best || own.number == 0,
         };
-        solved.solution.work += before;
-        Some(solved)
-    };
-    let mut solved: Vec<Option<Solved>> = starts.par_iter().enumerate().map(heat).collect();
-    if is_race {
-        let open = finalists(&solved);
-        go_on(posed, &mut solved, open.clone(), watch);
-        let left = (0..starts.len()).filter(|k| !open.contains(k) && is_unfinished(&solved[*k]));
-        let left: Vec<usize> = left.collect();
-        match has_answer(&solved) {
-            true => left.iter().for_each(|k| leave(&mut solved[*k])),
-            false => go_on(posed, &mut solved, left, watch),
+        match first {
+            _ if own.has_converged() && own.whole.is_none() => {
+                solved[own.number] = Some(own.solved)
+            }
+            Some(first) => same
+                .iter_mut()
+                .filter(|k| **k == own.number)
+                .for_each(|k| *k = first),
+            None if is_near && (open.len() < FINALISTS || own.number == 0) => open.push(own),
+            None => left.push(own),
         }
+    }
+    finish(posed, open, &mut solved, watch);
+    match has_answer(&solved) {
+        true => left
+            .into_iter()
+            .filter(|own| own.whole.is_none())
+            .for_each(|own| {
+                let number = own.number;
+                solved[number] = Some(own.left());
+            }),
+        false => finish(posed, left, &mut solved, watch),
     }
     for _ in 0..EXTENSIONS {
         let Some(better) = better(&solved) else {
@@ -72,19 +120,100 @@ pub(super) fn raced(
         };
         go_on(posed, &mut solved, vec![better], watch);
     }
-    solved
+    Raced { solved, same }
 }
 
-/// Whether the iteration limit ended a start.
-fn is_unfinished(solved: &Option<Solved>) -> bool {
-    let status = solved.as_ref().map(|own| own.solution.status);
-    status == Some(Status::IterationLimit)
+/// Solves a start, of several for some iterations, on a coarse mesh if that is much smaller. If there are several starts, the
+/// given one is solved as it is: a coarser mesh could lead all of them past a narrow valley.
+fn scout(
+    posed: &Posed<'_>,
+    (number, is_race): (usize, bool),
+    start: Start,
+    watch: &Watch<'_, '_>,
+) -> Scout {
+    let limit = posed.file.options.max_iterations;
+    let limit = if is_race { limit.min(HEAT) } else { limit };
+    let see = |iteration: &_| watch.see(number, 0, iteration);
+    let (whole, z) = begin(posed, &start, &|| watch.is_over());
+    let is_given = is_race && number == 0 && !start.is_fitted;
+    let coarse = if is_given { None } else { coarser(&whole) };
+    let (from, whole) = match coarse {
+        Some(coarse) => {
+            let z = whole.carried(&z, &coarse);
+            ((coarse, z), Some(whole.runs))
+        }
+        None => ((whole, z), None),
+    };
+    let solved = match is_race {
+        true => once(posed, from, limit, &see),
+        false => solve(posed, from, limit, &see),
+    };
+    Scout {
+        number,
+        start,
+        whole,
+        solved,
+    }
 }
 
-/// Marks a start as dropped: it was behind, and no limit set by the user ended it.
-fn leave(solved: &mut Option<Solved>) {
-    if let Some(own) = solved {
-        own.solution.status = Status::Stopped;
+impl Scout {
+    fn has_converged(&self) -> bool {
+        has_converged(&self.solved)
+    }
+
+    fn objective(&self) -> f64 {
+        self.solved.within(NEARLY)
+    }
+
+    /// Whether both have converged to the same optimum.
+    fn is_same(&self, other: &Self) -> bool {
+        let [f, g] = [self, other].map(|own| own.solved.solution.iterate.f);
+        let is_near = (f - g).abs() <= SAME * f.abs().min(g.abs());
+        is_near
+            && self.has_converged()
+            && other.has_converged()
+            && self.whole.is_some() == other.whole.is_some()
+    }
+
+    /// Marked as dropped if only its limit in the race ended it: it was behind, and no limit set by the user ended it.
+    fn left(mut self) -> Solved {
+        if self.solved.solution.status == Status::IterationLimit {
+            self.solved.solution.status = Status::Stopped;
+        }
+        self.solved
+    }
+
+    /// Continues to the end, on the whole mesh.
+    fn finished(self, posed: &Posed<'_>, watch: &Watch<'_, '_>) -> Solved {
+        let limit = posed.file.options.max_iterations;
+        let see = |iteration: &_| watch.see(self.number, 0, iteration);
+        let (before, has_converged) = (self.solved.solution.work, self.has_converged());
+        let from = match self.whole {
+            None if has_converged => return self.solved,
+            None => rescaled(&self.solved),
+            Some(whole) if has_converged => rescaled_with(&self.solved, whole),
+            // A coarse mesh may have no solution.
+            Some(_) => begin(posed, &self.start, &|| watch.is_over()),
+        };
+        let mut own = solve(posed, from, limit, &see);
+        own.solution.work += before;
+        own
+    }
+}
+
+/// Continues these starts to the end.
+fn finish(
+    posed: &Posed<'_>,
+    scouts: Vec<Scout>,
+    solved: &mut [Option<Solved>],
+    watch: &Watch<'_, '_>,
+) {
+    let finished = scouts
+        .into_par_iter()
+        .map(|own| (own.number, own.finished(posed, watch)));
+    let finished: Vec<(usize, Solved)> = finished.collect();
+    for (k, own) in finished {
+        solved[k] = Some(own);
     }
 }
 
@@ -99,29 +228,12 @@ fn go_on(
     let finish = |k: usize| {
         let own = solved[k].as_ref().filter(|_| !watch.is_over())?;
         let see = |iteration: &_| watch.see(k, 0, iteration);
-        Some((k, solve(posed, rescaled(posed, own), limit, &see)))
+        Some((k, solve(posed, rescaled(own), limit, &see)))
     };
     let finished: Vec<(usize, Solved)> = open.into_par_iter().filter_map(finish).collect();
     for (k, own) in finished {
         solved[k] = Some(own);
     }
-}
-
-/// The unconverged starts that continue: the given one, and the first few that are better than the best converged one.
-fn finalists(solved: &[Option<Solved>]) -> Vec<usize> {
-    let best = least(solved);
-    let is_open = |k: &usize| solved[*k].as_ref().is_some_and(|own| !has_converged(own));
-    let objective = |k: &usize| {
-        solved[*k]
-            .as_ref()
-            .map_or(f64::INFINITY, |own| own.within(NEARLY))
-    };
-    let mut open: Vec<usize> = (0..solved.len()).filter(is_open).collect();
-    open.sort_by(|a, b| objective(a).total_cmp(&objective(b)));
-    let is_finalist =
-        |(place, k): &(usize, usize)| *k == 0 || (*place < FINALISTS && objective(k) < best);
-    let finalists = open.into_iter().enumerate().filter(is_finalist);
-    finalists.map(|(_, k)| k).collect()
 }
 
 /// A start that has not converged but is better than the best converged one.
@@ -232,6 +344,7 @@ mod tests {
             let start = Start {
                 parameters: vec![w],
                 follows: false,
+                is_fitted: false,
             };
             let from = begin(&posed, &start, &|| false);
             Some(once(&posed, from, iterations, &|_| {

@@ -92,8 +92,10 @@ fn simulated(posed: &Posed<'_>, solved: &Solved, watch: &Watch<'_, '_>) -> (Coll
     let theta = solved.problem.physical_theta(&solved.solution.iterate.z);
     let point = Point {
         theta: &theta,
+        runs: (0..posed.runs.len()).collect(),
         initial: solved.initial(),
         follows: false,
+        is_fitted: false,
     };
     let scheme = posed.file.options.scheme.unwrap_or(STIFF_SCHEME);
     at_point(posed, &point, Some(scheme), &|| watch.is_over())

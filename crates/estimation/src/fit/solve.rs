@@ -3,7 +3,7 @@
 use super::kinks::is_optimum;
 use crate::posed::Posed;
 use crate::search::solved::Solved;
-use pilotage_collocation::{Collocation, Scales};
+use pilotage_collocation::{Collocation, Run, Scales};
 use pilotage_sqp::{Iteration, SqpOptions, Status, Work};
 use std::ops::ControlFlow;
 
@@ -43,7 +43,7 @@ pub fn solve(
         if solved.solution.status != Status::NoProgress {
             break;
         }
-        solved = once(posed, rescaled(posed, &solved), limit, see);
+        solved = once(posed, rescaled(&solved), limit, see);
     }
     solved
 }
@@ -76,8 +76,13 @@ pub(crate) fn sqp_options(posed: &Posed<'_>, limit: usize) -> SqpOptions {
     }
 }
 
-/// The same problem with scales of the current size of states and parameters, and its variables.
-pub(super) fn rescaled(posed: &Posed<'_>, solved: &Solved) -> (Collocation, Vec<f64>) {
+/// The problem of a solution with scales of the current size of states and parameters, and its variables.
+pub(super) fn rescaled(solved: &Solved) -> (Collocation, Vec<f64>) {
+    rescaled_with(solved, solved.problem.runs.clone())
+}
+
+/// The same on other meshes or with other samples.
+pub(super) fn rescaled_with(solved: &Solved, runs: Vec<Run>) -> (Collocation, Vec<f64>) {
     /// Smallest factor by which a scale is reduced at once, so that variables passing through zero keep a scale.
     const LEAST: f64 = 1e-3;
     let problem = &solved.problem;
@@ -102,10 +107,10 @@ pub(super) fn rescaled(posed: &Posed<'_>, solved: &Solved) -> (Collocation, Vec<
         parameters: sized(&scales.parameters, problem.theta(z)),
     };
     let again = Collocation::new(
-        posed.model.clone(),
-        posed.constraints.clone(),
+        problem.model.tapes.clone(),
+        problem.constraints.clone(),
         problem.scheme,
-        problem.runs.clone(),
+        runs,
         scales,
         &problem.bounds,
     );

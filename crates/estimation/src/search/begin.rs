@@ -1,5 +1,6 @@
 //! The beginning of a search: the nonlinear program of a start, its mesh, scheme and scales.
 
+use crate::posed::followed::Followed;
 use crate::posed::{MOST_INTERVALS, Posed, Stands, poles_at, variables};
 use crate::problem::file::{Mesh, Options};
 use crate::search::solved::STIFF_SCHEME;
@@ -15,8 +16,14 @@ const MOST_NODES: usize = 4000;
 /// steps take, many other starts can be tried.
 const STEPS_PER_NODE: usize = 20;
 
+/// Samples of a run that are a mesh by themselves.
+const DENSE: usize = 200;
+
 /// Error tolerance of a simulation step, relative to the states.
 const TOLERANCE: f64 = 1e-6;
+
+/// The same where a simulation only provides states, and no mesh.
+const GUESS: f64 = 1e-3;
 
 /// A state that stays below this fraction of its assumed size is simulated again with its actual size.
 const TINY: f64 = 0.1;
@@ -25,16 +32,30 @@ const TINY: f64 = 0.1;
 pub(crate) struct Point<'p> {
     /// The shared parameters.
     pub theta: &'p [f64],
-    /// Initial states of each run.
+    /// The runs.
+    pub runs: Vec<usize>,
+    /// Initial states of each of them.
     pub initial: Vec<Vec<f64>>,
     /// Whether measured states follow their recordings.
     pub follows: bool,
+    /// Whether the parameters are those of a fit, so that they tell their own magnitudes.
+    pub is_fitted: bool,
 }
 
 /// The nonlinear program of a start on a mesh that suits a simulation from there, and its variables. If stopped, the
 /// states remain constant.
 pub fn begin(posed: &Posed<'_>, start: &Start, stop: &Stop<'_>) -> (Collocation, Vec<f64>) {
-    let point = point(posed, start);
+    begin_some(posed, start, (0..posed.runs.len()).collect(), stop)
+}
+
+/// The same with some of the runs.
+pub(crate) fn begin_some(
+    posed: &Posed<'_>,
+    start: &Start,
+    runs: Vec<usize>,
+    stop: &Stop<'_>,
+) -> (Collocation, Vec<f64>) {
+    let point = point(posed, start, runs);
     at_point(posed, &point, posed.file.options.scheme, stop)
 }
 
@@ -44,7 +65,7 @@ pub(crate) fn begin_whole(
     start: &Start,
     stop: &Stop<'_>,
 ) -> Option<(Collocation, Vec<f64>)> {
-    let point = point(posed, start);
+    let point = point(posed, start, (0..posed.runs.len()).collect());
     let (problem, z, is_whole) = along(posed, &point, posed.file.options.scheme, stop);
     is_whole.then_some((problem, z))
 }
@@ -52,7 +73,8 @@ pub(crate) fn begin_whole(
 /// The run whose simulation from a start ends early, and the time that it reaches \[s\]: it diverges, or takes more steps
 /// than any mesh has room for.
 pub(crate) fn early_end(posed: &Posed<'_>, start: &Start, stop: &Stop<'_>) -> Option<(usize, f64)> {
-    let courses = courses(posed, &point(posed, start), stop);
+    let point = point(posed, start, (0..posed.runs.len()).collect());
+    let courses = courses(posed, &point, stop);
     let mut ends = courses.iter().map(Course::early_end).enumerate();
     ends.find_map(|(j, end)| Some((j, end?)))
 }
@@ -73,13 +95,14 @@ pub fn is_resting(posed: &Posed<'_>) -> bool {
         && starts(posed, STARTS).iter().any(has_pole_at_zero)
 }
 
-fn point<'p>(posed: &Posed<'_>, start: &'p Start) -> Point<'p> {
+fn point<'p>(posed: &Posed<'_>, start: &'p Start, runs: Vec<usize>) -> Point<'p> {
     let (theta, own) = start.parameters.split_at(posed.shared);
-    let runs = 0..posed.runs.len();
     Point {
         theta,
-        initial: runs.map(|j| initial(posed, own, j)).collect(),
+        initial: runs.iter().map(|j| initial(posed, own, *j)).collect(),
+        runs,
         follows: start.follows,
+        is_fitted: start.is_fitted,
     }
 }
 
@@ -101,31 +124,43 @@ fn along(
     scheme: Option<Scheme>,
     stop: &Stop<'_>,
 ) -> (Collocation, Vec<f64>, bool) {
-    let courses = courses(posed, point, stop);
-    let scheme = scheme.unwrap_or_else(|| suited(&courses));
-    let pairs = posed.runs.iter().zip(&courses);
-    let runs = pairs.map(|(run, own)| meshed(run, own, &posed.file.options));
-    let runs: Vec<Run> = runs.collect();
     let followed = posed.followed.as_ref().filter(|_| point.follows);
-    let mut paths = match followed {
-        Some(followed) => (point.initial.par_iter().enumerate())
-            .map(|(j, initial)| {
-                let samples = posed.runs[j].time.len();
-                let quality = quality(posed, samples, sizes(posed, initial));
-                let mut course = followed.simulate(j, point.theta, initial, &quality, stop);
-                course.thin(MOST_NODES);
-                course
-            })
-            .collect(),
-        None => courses,
+    // Dense samples are a mesh by themselves, so that recorded paths tell it as well as those of a loop with wrong parameters.
+    let is_dense = posed.runs.iter().all(|run| run.time.len() >= DENSE);
+    let follow = |followed: &Followed| -> Vec<Course> {
+        let runs = point.runs.par_iter().zip(&point.initial);
+        let simulated = runs.map(|(j, initial)| {
+            let samples = posed.runs[*j].time.len();
+            let quality = Quality {
+                tolerance: if is_dense { GUESS } else { TOLERANCE },
+                ..quality(posed, samples, sizes(posed, initial))
+            };
+            let mut course = followed.simulate(*j, point.theta, initial, &quality, stop);
+            course.thin(MOST_NODES);
+            course
+        });
+        simulated.collect()
     };
+    let (courses, mut paths) = match followed {
+        Some(followed) if is_dense => (None, follow(followed)),
+        Some(followed) => (Some(courses(posed, point, stop)), follow(followed)),
+        None => (None, courses(posed, point, stop)),
+    };
+    let seen = courses.as_ref().unwrap_or(&paths);
+    let scheme = scheme.unwrap_or_else(|| suited(seen));
+    let pairs = point.runs.iter().zip(seen);
+    let runs = pairs.map(|(j, own)| meshed(&posed.runs[*j], own, &posed.file.options));
+    let runs: Vec<Run> = runs.collect();
     let mut is_whole = true;
     for own in &mut paths {
         let is_wild = tame(posed, own);
         is_whole &= own.is_whole && !is_wild;
     }
-    let scales = scales(posed, &paths, point.theta);
-    let bounds = bounds(posed, &paths, point.theta);
+    let mut scales = scales(posed, &paths, point.theta);
+    if point.is_fitted {
+        scales.parameters = fitted_scales(posed, point.theta, &scales.parameters);
+    }
+    let bounds = bounds(posed, &paths, point);
     let problem = discretised(posed, runs, scales, &bounds, scheme);
     let paths = paths.iter().map(|own| (&own.time[..], &own.states[..]));
     let z = problem.variables_along(paths, point.theta);
@@ -143,12 +178,12 @@ fn suited(courses: &[Course]) -> Scheme {
 /// Simulations of the runs from a point, with as many steps as their meshes need.
 fn courses(posed: &Posed<'_>, point: &Point<'_>, stop: &Stop<'_>) -> Vec<Course> {
     let most = most_nodes(posed);
-    let simulated = |(run, initial): (&Run, &Vec<f64>)| {
-        let mut course = course(posed, run, point.theta, initial, stop);
+    let simulated = |(j, initial): (&usize, &Vec<f64>)| {
+        let mut course = course(posed, &posed.runs[*j], point.theta, initial, stop);
         course.thin(most);
         course
     };
-    let runs = posed.runs.par_iter().zip(&point.initial);
+    let runs = point.runs.par_iter().zip(&point.initial);
     runs.map(simulated).collect()
 }
 
@@ -250,19 +285,38 @@ pub(crate) fn scales(posed: &Posed<'_>, courses: &[Course], theta: &[f64]) -> Sc
     }
 }
 
+/// Magnitudes of fitted parameters: their own, but at least a millionth of the largest, or those that their models state.
+fn fitted_scales(posed: &Posed<'_>, theta: &[f64], assumed: &[f64]) -> Vec<f64> {
+    const LEAST: f64 = 1e-6;
+    let largest = theta.iter().fold(0.0, |most: f64, own| most.max(own.abs()));
+    let own = theta.iter().map(|own| own.abs().max(LEAST * largest));
+    let mut scales: Vec<f64> = own.map(|own| if own > 0.0 { own } else { 1.0 }).collect();
+    for (unknown, stands) in &posed.unknowns {
+        if let (Some(_), Stands::Shared(_) | Stands::Subjects(_)) =
+            (unknown.searched_nominal(), stands)
+        {
+            stands
+                .variables(0)
+                .iter()
+                .for_each(|k| scales[*k] = assumed[*k]);
+        }
+    }
+    scales
+}
+
 /// The bounds with the sizes of their outputs: the largest magnitudes along these courses, but not below all limits nor far above
 /// them, since a start may say little.
-fn bounds(posed: &Posed<'_>, courses: &[Course], theta: &[f64]) -> Vec<Bound> {
+fn bounds(posed: &Posed<'_>, courses: &[Course], point: &Point<'_>) -> Vec<Bound> {
     const FAR: f64 = 1e3;
     const MOST: usize = 64;
     let system = &posed.model.system;
     let first = system.outputs.len() - posed.bounds.len();
     let mut largest = vec![0.0_f64; posed.bounds.len()];
     let courses = if largest.is_empty() { &[] } else { courses };
-    for (j, course) in courses.iter().enumerate() {
+    for (j, course) in point.runs.iter().zip(courses) {
         let step = course.samples.len().div_ceil(MOST).max(1);
         for (sample, at) in course.samples.iter().enumerate().step_by(step) {
-            let at = variables(posed, j, sample, &course.states[*at], theta);
+            let at = variables(posed, *j, sample, &course.states[*at], point.theta);
             let values = system.graph.values(&at);
             for (most, output) in largest.iter_mut().zip(&system.outputs[first..]) {
                 let value = values[output.index()].abs();

@@ -3,6 +3,7 @@
 pub(crate) mod active;
 pub mod begin;
 pub(crate) mod likelihood;
+pub(crate) mod observed;
 pub mod solved;
 pub mod starts;
 pub(crate) mod trouble;

@@ -25,16 +25,28 @@ pub struct Start {
     pub parameters: Vec<f64>,
     /// Whether measured states start as recorded. Otherwise all states are simulated.
     pub follows: bool,
+    /// Whether the parameters are those of a fit, of other equations or fewer runs.
+    pub is_fitted: bool,
 }
 
 /// Returns `count` starts. The first is the given one with measured states as recorded, the second is the same with all
 /// states simulated, the others are drawn.
 pub fn starts(posed: &Posed<'_>, count: usize) -> Vec<Start> {
+    starts_with(posed, count, posed.followed.is_some())
+}
+
+/// The same without the second, for a search that leads to recorded states.
+pub(crate) fn recorded(posed: &Posed<'_>, count: usize) -> Vec<Start> {
+    starts_with(posed, count, false)
+}
+
+fn starts_with(posed: &Posed<'_>, count: usize, simulates: bool) -> Vec<Start> {
     let follows = posed.followed.is_some();
-    let drawn = drawn(posed, count - usize::from(follows && count > 1));
+    let drawn = drawn(posed, count - usize::from(simulates && count > 1));
     let start = |parameters: &Vec<f64>| Start {
         parameters: parameters.clone(),
         follows,
+        is_fitted: false,
     };
     let mut all: Vec<Start> = drawn.iter().map(start).collect();
     if all.len() < count {
@@ -52,6 +64,7 @@ pub fn given(posed: &Posed<'_>) -> Start {
     Start {
         parameters: drawn(posed, 1).remove(0),
         follows: false,
+        is_fitted: false,
     }
 }
 
@@ -68,7 +81,31 @@ fn drawn(posed: &Posed<'_>, count: usize) -> Vec<Vec<f64>> {
             places.iter().for_each(|k| start[*k] = value);
         }
     }
+    let (given, others) = starts.split_at_mut(1);
+    others
+        .iter_mut()
+        .for_each(|own| keep_constraints(posed, &given[0], own));
     starts
+}
+
+/// Moves a start towards the given one until its parameters satisfy the constraints on parameters that the given ones do, such as
+/// stability: from others a search rarely leads anywhere.
+fn keep_constraints(posed: &Posed<'_>, given: &[f64], start: &mut [f64]) {
+    const HALVINGS: usize = 20;
+    let values = |start: &[f64]| -> Vec<f64> { posed.constraints.values(&start[..posed.shared]) };
+    let asked = values(given);
+    let holds = |start: &[f64]| {
+        let mut pairs = values(start).into_iter().zip(&asked);
+        pairs.all(|(own, asked)| own > 0.0 || *asked <= 0.0)
+    };
+    for _ in 0..HALVINGS {
+        if holds(start) {
+            return;
+        }
+        let pairs = start.iter_mut().zip(given);
+        pairs.for_each(|(own, given)| *own = 0.5 * (*own + given));
+    }
+    start.copy_from_slice(given);
 }
 
 /// Values of one unknown: the given start, then one from each of several equal parts of its range, in random order.

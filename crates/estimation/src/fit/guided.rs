@@ -1,0 +1,155 @@
+//! Starts from the data: each first fits equations that are corrected by what was measured ([`Observed`]), with a few runs on a
+//! coarse mesh. Those that reach the same parameters go on as one.
+
+use super::race::NEARLY;
+use super::solve::{rescaled, sqp_options};
+use super::watch::Watch;
+use crate::posed::Posed;
+use crate::search::begin::begin_some;
+use crate::search::observed::Observed;
+use crate::search::solved::Solved;
+use crate::search::starts::Start;
+use pilotage_collocation::coarser;
+use pilotage_sqp::{SqpOptions, Status};
+use rayon::prelude::*;
+
+/// Maximum number of samples of these problems, as long as two runs remain.
+const SAMPLES: usize = 3000;
+
+/// Iterations between two looks at the magnitudes of the parameters, which may be far from those of the start, and the number
+/// of these.
+const LEG: usize = 15;
+const LEGS: usize = 3;
+
+/// Scaled KKT residual at which these solves end.
+const ROUGH: f64 = 1e-5;
+
+/// Relative difference up to which two objectives are those of one optimum.
+const SAME: f64 = 1e-5;
+
+/// Maximum number of optima that enter the race.
+const MOST: usize = 4;
+
+/// Starts that enter the race.
+pub(super) struct Entrants {
+    /// Each with the number of the start from which it comes.
+    pub all: Vec<(usize, Start)>,
+    /// For each start the number of that which enters in its place: its own, unless another has reached the same optimum.
+    pub same: Vec<usize>,
+}
+
+impl Entrants {
+    /// The starts as they are.
+    pub fn new(starts: &[Start]) -> Self {
+        Self {
+            all: starts.iter().cloned().enumerate().collect(),
+            same: (0..starts.len()).collect(),
+        }
+    }
+}
+
+/// A start, and the objective of the corrected equations with its parameters.
+struct Guided {
+    number: usize,
+    objective: f64,
+    start: Start,
+}
+
+/// The starts where the data lead them: those with the best objectives of the corrected equations. The starts as they are if they
+/// lead nowhere.
+pub(super) fn guided(
+    posed: &Posed<'_>,
+    observed: &Observed,
+    starts: &[Start],
+    watch: &Watch<'_, '_>,
+) -> Entrants {
+    let runs = some(posed);
+    let led = starts.par_iter().enumerate().filter_map(|(number, start)| {
+        let is_over = number > 0 && watch.is_over();
+        let own = || led(posed, observed, (number, start), &runs, watch);
+        (!is_over).then(own).flatten()
+    });
+    let mut led: Vec<Guided> = led.collect();
+    led.sort_by(|a, b| a.objective.total_cmp(&b.objective));
+    let mut entrants = Entrants::new(starts);
+    let mut apart: Vec<Guided> = Vec::new();
+    for own in led {
+        let difference = |other: &Guided| (other.objective - own.objective).abs();
+        let is_same = |other: &&Guided| difference(other) <= SAME * other.objective.abs();
+        match apart.iter().find(is_same) {
+            Some(other) => entrants.same[own.number] = other.number,
+            None if apart.len() < MOST => apart.push(own),
+            None => {}
+        }
+    }
+    if !apart.is_empty() {
+        entrants.all = apart
+            .into_iter()
+            .map(|own| (own.number, own.start))
+            .collect();
+    }
+    entrants
+}
+
+/// Runs that together have few samples, spread over all.
+fn some(posed: &Posed<'_>) -> Vec<usize> {
+    const FEWEST: usize = 2;
+    let count = posed.runs.len();
+    let spread = |taken: usize| (0..taken).map(move |k| k * count / taken);
+    let samples = |taken: usize| {
+        spread(taken)
+            .map(|j| posed.runs[j].mesh.len())
+            .sum::<usize>()
+    };
+    let is_small = |taken: &usize| *taken <= FEWEST || samples(*taken) <= SAMPLES;
+    let taken = (1..=count).rev().find(is_small);
+    spread(taken.unwrap_or(count)).collect()
+}
+
+/// A start with the parameters that fit the corrected equations of these runs. None if there is no such fit.
+fn led(
+    posed: &Posed<'_>,
+    observed: &Observed,
+    (number, start): (usize, &Start),
+    runs: &[usize],
+    watch: &Watch<'_, '_>,
+) -> Option<Guided> {
+    let mut see = |iteration: &_| watch.see(number, 0, iteration);
+    let options = SqpOptions {
+        tolerance: ROUGH,
+        ..sqp_options(posed, LEG)
+    };
+    let (plain, z) = begin_some(posed, start, runs.to_vec(), &|| watch.is_over());
+    let whole = observed.of(&plain, runs);
+    let mut from = match coarser(&whole) {
+        Some(coarse) => {
+            let z = whole.carried(&z, &coarse);
+            (coarse, z)
+        }
+        None => (whole, z),
+    };
+    for leg in 1..=LEGS {
+        let (problem, z) = from;
+        let solution = pilotage_collocation::solve(&problem, z, &options, &mut see);
+        let solved = Solved { problem, solution };
+        if solved.solution.status == Status::IterationLimit && leg < LEGS {
+            from = rescaled(&solved);
+            continue;
+        }
+        let objective = solved.within(NEARLY);
+        let theta = solved.theta();
+        let has_moved = leg > 1 || solved.solution.work.iterations > 0;
+        let is_finite = objective.is_finite() && theta.iter().all(|own| own.is_finite());
+        let own = start.parameters[posed.shared..].iter().copied();
+        return (has_moved && is_finite).then(|| Guided {
+            number,
+            objective,
+            start: Start {
+                parameters: theta.into_iter().chain(own).collect(),
+                is_fitted: true,
+                ..*start
+            },
+        });
+    }
+    None
+}
