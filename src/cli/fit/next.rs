@@ -28,8 +28,10 @@ impl Args {
             (false, true) => "next: mend what the first diagnostic says, and fit again\n".into(),
             (false, false) => {
                 let start = numbers(&fit.theta);
-                let is_free = options.initial_state == InitialState::Free;
-                let first = is_free.then_some(AT_REST).unwrap_or_default();
+                let first = match options.initial_state {
+                    InitialState::Free => AT_REST,
+                    InitialState::VehicleAtRest | InitialState::AtRest => "",
+                };
                 self.what_else(fit.status, first, &start, options.max_iterations)
             }
         }
@@ -48,7 +50,7 @@ impl Args {
         ]
         .into_iter()
         .any(ended_by);
-        text += &match was_cut_short {
+        text += &match was_cut_short && !start.is_empty() {
             true => format!("      --start {start}, to go on from here\n"),
             false => "      --random-starts 20, or --start with other values\n".into(),
         };
@@ -56,7 +58,7 @@ impl Args {
             text += &format!("      --time-limit above {limit}\n");
         }
         if ended_by(Status::IterationLimit) {
-            text += &format!("      --max-iterations above {}\n", limit);
+            text += &format!("      --max-iterations above {limit}\n");
         }
         text
     }
