@@ -52,10 +52,11 @@ mod tests {
     #[test]
     fn the_longest_run_decides_about_the_unit_of_time() {
         let run = |step: f64| -> Vec<f64> { (0..50).map(|k| step * f64::from(k)).collect() };
-        let [fast, usual, slow] = [1e-3, 0.05, 5.0].map(run);
+        // Powers of two, whose multiples are exact.
+        let [fast, usual, slow] = [1.0 / 1024.0, 1.0 / 16.0, 4.0].map(run);
         let scale = |runs: &[&[f64]]| time_scale(runs.iter().copied());
         assert_eq!(scale(&[&fast, &usual]), None);
-        assert_eq!(scale(&[&fast]).map(|found| found[1]), Some(1e-3));
-        assert_eq!(scale(&[&usual, &slow]).map(|found| found[1]), Some(5.0));
+        assert_eq!(scale(&[&fast]).map(|found| found[1]), Some(1.0 / 1024.0));
+        assert_eq!(scale(&[&usual, &slow]).map(|found| found[1]), Some(4.0));
     }
 }
