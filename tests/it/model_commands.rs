@@ -74,7 +74,11 @@ fn a_long_chain_of_delays_is_checked() {
     for group in poles.chunks(N) {
         for pole in group {
             let error = (number(pole, 0) - number(&group[0], 0)).abs();
-            assert!(error < 1e-9 * number(pole, 0).abs(), "{pole} is not {}", group[0]);
+            assert!(
+                error < 1e-9 * number(pole, 0).abs(),
+                "{pole} is not {}",
+                group[0]
+            );
         }
     }
 }

@@ -289,7 +289,10 @@ fn a_problem_is_evaluated_at_its_start() {
 fn too_many_rows_are_refused_with_a_number_that_is_not() {
     let folder = Folder::new();
     let rows = (0..1_000_001).map(|k| format!("{k},1\n"));
-    folder.write("rows.csv", "time,u\n".to_owned() + &rows.collect::<String>());
+    folder.write(
+        "rows.csv",
+        "time,u\n".to_owned() + &rows.collect::<String>(),
+    );
     folder.write("gain.toml", "[model]\nname = \"gain\"\n[inputs]\nu = {}\n[parameters]\nk = { start = 2 }\n[outputs]\ny = { value = \"k * u\" }\n");
     folder.write(
         "problem.toml",

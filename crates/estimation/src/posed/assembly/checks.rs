@@ -1,11 +1,11 @@
 //! Checks before the solve that concern more than a single line of the file.
 
 use super::{Assembly, Done, Known, Made};
-use crate::posed::{MOST_INTERVALS, MOST_SAMPLES};
 use crate::posed::assembly::made::Quantities;
 use crate::posed::data::{Rows, RunData};
 use crate::posed::interval::{Interval, intervals, shared};
 use crate::posed::ranges::check_range;
+use crate::posed::{MOST_INTERVALS, MOST_SAMPLES};
 use crate::problem::error::ProblemError;
 use crate::problem::file::{Constraint, Deviation, Holds, Mesh};
 use pilotage_cosim::description::Spanned;
