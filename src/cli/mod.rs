@@ -43,6 +43,7 @@ pub use failure::{Failure, Outcome};
 
 use clap::error::ErrorKind;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
+use pilotage_text::printable::one_line;
 use std::process::ExitCode;
 
 /// Identify how a human pilot acts on a vehicle, and export that pilot as an FMU.
@@ -155,6 +156,10 @@ pub fn main() -> ExitCode {
 
 /// Prints help that was asked for, or what is wrong with the arguments: they may be names of files that somebody else made.
 fn refused(error: clap::Error) -> ExitCode {
+    // Once more, with arguments that cannot begin a line of their own in the message.
+    let shown = std::env::args_os().map(|own| one_line(&own.to_string_lossy()).into_owned());
+    let again = Cli::command().try_get_matches_from(shown);
+    let error = again.err().unwrap_or(error);
     if !matches!(
         error.kind(),
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand

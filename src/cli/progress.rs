@@ -84,7 +84,8 @@ impl Spinner {
         bar.set_message(line(&what.into()));
         let (end, ended) = channel();
         let own = bar.clone();
-        std::thread::spawn(move || {
+        // Without a thread, for which there may be no memory, nothing is shown.
+        let _ = std::thread::Builder::new().spawn(move || {
             let is_long = ended.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout);
             if is_long && !own.is_finished() {
                 own.set_draw_target(ProgressDrawTarget::stderr_with_hz(5));

@@ -160,7 +160,8 @@ pub fn ask(library: &Path, bytes: &[u8], version: FmiVersion) -> Result<Interfac
     let path = std::fs::canonicalize(library).map_err(|error| refuse(error.to_string()))?;
     let (answer, answered) = std::sync::mpsc::channel();
     // Its model may not return, and then neither does the thread.
-    std::thread::spawn(move || answer.send(described(&path)));
+    let asked = std::thread::Builder::new().spawn(move || answer.send(described(&path)));
+    asked.map_err(|error| refuse(error.to_string()))?;
     let text = match answered.recv_timeout(PATIENCE) {
         Ok(text) => text.map_err(refuse)?,
         Err(_) => {

@@ -8,6 +8,7 @@ use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use maud::{DOCTYPE, PreEscaped};
 pub use maud::{Markup as Html, html};
+use pilotage_text::printable::visible;
 use sha2::{Digest, Sha256};
 
 /// A table: header cells, then rows of cells; columns in `numeric` are right-aligned.
@@ -132,7 +133,8 @@ fn document(title: &str, style: &str, content: &Html) -> String {
         }
         "\n"
     };
-    page.into_string()
+    // Bidirectional marks in names would show a line in another order than it has.
+    visible(&page.into_string()).into_owned()
 }
 
 /// The scripts that draw figures: uPlot with its licence, and `page.js`. uPlot formats numbers in the language of the

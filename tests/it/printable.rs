@@ -165,6 +165,27 @@ fn names_of_files_that_are_no_text_are_shown() {
     }
 }
 
+/// The shell gives names of files as arguments, and some of these begin like options.
+#[test]
+fn arguments_with_lines_add_none_to_what_is_said_of_them() {
+    let folder = Folder::new();
+    let evil = format!("x{EVIL}\nerror: forged");
+    let option = format!("--{evil}");
+    for arguments in [
+        vec!["trials", "check", option.as_str()],
+        vec![option.as_str()],
+        vec![evil.as_str()],
+        vec!["models", evil.as_str()],
+        vec!["cosim", "--step", evil.as_str(), "a.fmu"],
+        vec!["fit", "--scheme", evil.as_str(), "a.csv"],
+    ] {
+        let ended = folder.pilotage(&arguments);
+        assert_eq!(ended.code, 2, "{ended:?}");
+        assert!(ended.stderr.contains("forged"), "{ended:?}");
+        assert_plain(&ended);
+    }
+}
+
 /// Runs whose files have one name are named after their folders too.
 #[cfg(unix)]
 #[test]

@@ -110,7 +110,7 @@ pub fn listen(
     hand.hold(&name, reading);
     let device_name = name.clone();
     let path = path.to_owned();
-    std::thread::spawn(move || {
+    std::thread::Builder::new().spawn(move || {
         let mut device = Ok(device);
         loop {
             if let Ok(device) = &mut device {

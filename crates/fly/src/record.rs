@@ -62,7 +62,7 @@ impl Growing {
             return Err(error);
         }
         let (rows, came) = channel::<Vec<f64>>();
-        let writer = std::thread::spawn(move || {
+        let writer = std::thread::Builder::new().spawn(move || {
             while let Ok(row) = came.recv() {
                 let mut text = line(&row);
                 std::thread::sleep(pace);
@@ -71,7 +71,7 @@ impl Growing {
                 file.write_all(text.as_bytes())?;
             }
             Ok(())
-        });
+        })?;
         Ok(Self {
             path: path.to_owned(),
             part,

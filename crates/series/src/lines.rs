@@ -14,7 +14,7 @@ pub struct Lines<R> {
     handed: usize,
     /// Number of the last line passed on, from 1; 0 before the first.
     pub number: usize,
-    /// Comment lines so far, without the leading `#` and surrounding space.
+    /// The first comment lines, at most [`COMMENTS`], without the leading `#` and surrounding space.
     pub comments: Vec<String>,
     /// The first byte of the last line that is not UTF-8, if any.
     pub wrong: Option<u8>,
@@ -24,6 +24,9 @@ pub struct Lines<R> {
 
 /// Maximum length of a line in bytes, enough for a million cells.
 pub(crate) const LONGEST: u64 = 1 << 24;
+
+/// Number of comment lines that are kept: headers have some ten, and a file of comments alone must not fill the memory.
+pub(crate) const COMMENTS: usize = 10_000;
 
 impl<R: BufRead> Lines<R> {
     /// Starts at the first line.
@@ -63,7 +66,9 @@ impl<R: BufRead> Lines<R> {
             self.handed = '\u{feff}'.len_utf8();
         }
         if let Some(comment) = text[self.handed..].strip_prefix('#') {
-            self.comments.push(comment.trim().to_owned());
+            if self.comments.len() < COMMENTS {
+                self.comments.push(comment.trim().to_owned());
+            }
         }
         Ok(())
     }

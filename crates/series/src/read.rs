@@ -351,6 +351,18 @@ mod tests {
         }
     }
 
+    /// A file of comments alone must not fill the memory.
+    #[test]
+    fn the_first_comments_are_kept() {
+        use crate::lines::COMMENTS;
+        let comments: String = (0..COMMENTS + 5).map(|k| format!("# {k}\n")).collect();
+        let text = comments + "time [s],x\n0,1\n1,2\n";
+        let read = Series::parse(text.as_bytes(), "run.csv").unwrap();
+        assert_eq!(read.comments.len(), COMMENTS);
+        assert_eq!(read.comments[COMMENTS - 1], (COMMENTS - 1).to_string());
+        assert_eq!(read.time, [0.0, 1.0]);
+    }
+
     /// A column of words is none of numbers, whatever is empty in it; one of both has a mistake, on the line of the first word.
     #[test]
     fn columns_of_words_are_kept_apart() {

@@ -430,11 +430,13 @@ fn one(words: &[OsString], folder: &Path, progress: &dyn Fn(String)) -> Result<E
         .spawn()
         .map_err(|error| error.to_string())?;
     let mut output = child.stdout.take().ok_or("no output")?;
-    let reading = std::thread::spawn(move || {
+    let read = move || {
         let mut text = String::new();
         let _ = output.read_to_string(&mut text);
         text
-    });
+    };
+    let reading = std::thread::Builder::new().spawn(read);
+    let reading = reading.map_err(|error| error.to_string())?;
     let errors = BufReader::new(child.stderr.take().ok_or("no output")?);
     let (mut last_report, mut lines) = (Instant::now(), Vec::new());
     for line in errors.lines().map_while(Result::ok) {

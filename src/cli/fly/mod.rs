@@ -193,7 +193,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         };
         let address = server.address()?;
         args.print_address(&address);
-        let session = std::thread::spawn(move || session.run());
+        let session = std::thread::Builder::new().spawn(move || session.run())?;
         if let Some(picture) = picture {
             tokio::spawn(show(picture, board.clone()));
         }

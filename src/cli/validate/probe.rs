@@ -184,7 +184,8 @@ const AFTERWARDS: Duration = Duration::from_secs(2);
 /// The last output of a process to a pipe.
 struct Tail {
     last: Arc<Mutex<Vec<u8>>>,
-    reader: thread::JoinHandle<()>,
+    /// None where no thread could be had for it: then nothing is kept.
+    reader: Option<thread::JoinHandle<()>>,
 }
 
 impl Tail {
@@ -194,7 +195,7 @@ impl Tail {
     fn of(mut from: impl Read + Send + 'static) -> Self {
         let last = Arc::new(Mutex::new(Vec::new()));
         let kept = last.clone();
-        let reader = thread::spawn(move || {
+        let reader = thread::Builder::new().spawn(move || {
             let mut room = vec![0; 1 << 16];
             while let Ok(n @ 1..) = from.read(&mut room) {
                 let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
@@ -203,13 +204,17 @@ impl Tail {
                 kept.drain(..beyond);
             }
         });
-        Self { last, reader }
+        Self {
+            last,
+            reader: reader.ok(),
+        }
     }
 
     /// The last non-empty line. A process outside the group may keep the pipe open, so the wait is short.
     fn line(self) -> Option<String> {
         let begun = Instant::now();
-        while !self.reader.is_finished() && begun.elapsed() < Duration::from_millis(200) {
+        let is_reading = || self.reader.as_ref().is_some_and(|own| !own.is_finished());
+        while is_reading() && begun.elapsed() < Duration::from_millis(200) {
             thread::sleep(Duration::from_millis(1));
         }
         let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
