@@ -206,7 +206,7 @@ fn documentation_tells_variables_equations_and_sources() {
             assert!(page.contains(&format!("<p class=\"caveat\">{caveat}</p>")));
         }
         // Well-formed, so that nothing of the user's text has escaped its quotes.
-        let markup = page.replace("<!DOCTYPE html>", "");
+        let markup = closed(&page.replace("<!DOCTYPE html>", ""));
         assert!(roxmltree::Document::parse(&markup).is_ok(), "{markup}");
         if let Some((name, text_as_given)) = &provenance.source {
             assert_eq!(
@@ -219,6 +219,18 @@ fn documentation_tells_variables_equations_and_sources() {
         assert!(provenance_text.contains(&model.guid()));
         assert!(provenance_text.contains(&provenance.origin));
     }
+}
+
+/// The page as XML, which closes the elements that HTML leaves open.
+fn closed(page: &str) -> String {
+    let close = |page: String, element: &str| -> String {
+        let mut parts = page.split(element);
+        let first = parts.next().unwrap_or_default().to_owned();
+        parts.fold(first, |page, part| {
+            page + element + &part.replacen('>', "/>", 1)
+        })
+    };
+    ["<meta", "<img"].into_iter().fold(page.to_owned(), close)
 }
 
 #[test]
