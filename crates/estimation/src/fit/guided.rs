@@ -1,7 +1,7 @@
 //! Starts from the data: each first fits equations that are corrected by what was measured ([`Observed`]), with a few runs on a
 //! coarse mesh. Those that reach the same parameters go on as one.
 
-use super::race::NEARLY;
+use super::race::{NEARLY, is_close};
 use super::solve::{rescaled, sqp_options};
 use super::watch::Watch;
 use crate::posed::Posed;
@@ -71,6 +71,7 @@ pub(super) fn guided(
     });
     let mut led: Vec<Guided> = led.collect();
     led.sort_by(|a, b| a.objective.total_cmp(&b.objective));
+    let best = led.first().map_or(0.0, |own| own.objective);
     let mut entrants = Entrants::new(starts);
     let mut apart: Vec<Guided> = Vec::new();
     for own in led {
@@ -78,7 +79,7 @@ pub(super) fn guided(
         let is_same = |other: &&Guided| difference(other) <= SAME * other.objective.abs();
         match apart.iter().find(is_same) {
             Some(other) => entrants.same[own.number] = other.number,
-            None if apart.len() < MOST => apart.push(own),
+            None if apart.len() < MOST && is_close(own.objective, best) => apart.push(own),
             None => {}
         }
     }

@@ -19,8 +19,8 @@ const HEAT: usize = 30;
 /// Maximum number of starts that continue after that.
 const FINALISTS: usize = 3;
 
-/// Optima of the coarse mesh within this factor of the best are continued.
-const CLOSE: f64 = 1.1;
+/// Part of the best objective up to which others are not far behind: that of a coarse mesh or of corrected equations is another.
+const CLOSE: f64 = 0.1;
 
 /// Largest violation of the scaled constraints with which starts are compared.
 pub(super) const NEARLY: f64 = 0.1;
@@ -88,7 +88,7 @@ fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
             .find(|other| own.is_same(other))
             .map(|other| other.number);
         let is_near = match own.has_converged() {
-            true => own.objective() <= CLOSE * best,
+            true => is_close(own.objective(), best),
             false => own.objective() < best || own.number == 0,
         };
         match first {
@@ -121,6 +121,11 @@ fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
         go_on(posed, &mut solved, vec![better], watch);
     }
     Raced { solved, same }
+}
+
+/// Whether an objective is not far behind the best.
+pub(super) fn is_close(objective: f64, best: f64) -> bool {
+    objective - best <= CLOSE * best.abs()
 }
 
 /// Solves a start, of several for some iterations, on a coarse mesh if that is much smaller. If there are several starts, the
