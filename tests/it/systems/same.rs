@@ -105,7 +105,7 @@ fn what_is_saved_is_the_same_system() {
          \n[system.pilot]\nmodel = \"../pilot.fmu\"\nkind = \"me\"\n\
          \n[system.quadcopter]\nmodel = \"../quadcopter.fmu\"\nkind = \"me\"\n[system.quadcopter.set]\nmass = 1.3\n\
          \n[system.other]\nmodel = \"../foreign.fmu\"\nkind = \"me\"\n[system.other.set]\n\
-         text_in = \"\"\"a \"b\" = 'c' # d\"\"\"\nflag_in = 1\nn_in = 3\n\
+         text_in = \"a \\\"b\\\" = 'c' # d\"\nflag_in = 1\nn_in = 3\n\
          \n[system.course]\ntable = \"../course.csv\"\n\
          \n[connect]\n\"pilot.stick\" = \"quadcopter.stick\"\n\
          \"quadcopter.z\" = [\"pilot.position\", \"other.u\"]\n\"course.altitude\" = \"pilot.target\"\n"
