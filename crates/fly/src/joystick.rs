@@ -125,7 +125,7 @@ pub fn listen(
                 false => Err(io::ErrorKind::NotFound.into()),
             });
         }
-    });
+    })?;
     Ok((device_name, note))
 }
 
