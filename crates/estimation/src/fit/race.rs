@@ -193,8 +193,9 @@ impl Scout {
         let limit = posed.file.options.max_iterations;
         let see = |iteration: &_| watch.see(self.number, 0, iteration);
         let (before, has_converged) = (self.solved.solution.work, self.has_converged());
+        let is_used_up = before.iterations >= limit;
         let from = match self.whole {
-            None if has_converged => return self.solved,
+            None if has_converged || is_used_up => return self.solved,
             None => rescaled(&self.solved),
             Some(whole) if has_converged => rescaled_with(&self.solved, whole),
             // A coarse mesh may have no solution.
