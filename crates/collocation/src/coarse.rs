@@ -40,10 +40,18 @@ pub fn coarser(problem: &Collocation) -> Option<Collocation> {
     Some(problem.with_runs(runs.collect::<Option<Vec<Run>>>()?))
 }
 
+/// Whether a run has many intervals and no coarse mesh stands for them, such as one whose inputs jump at each sample.
+pub fn stays_large(run: &Run) -> bool {
+    is_long(run) && thinned(run).is_none()
+}
+
+fn is_long(run: &Run) -> bool {
+    run.mesh.len() > FEWEST && run.time.len() > FEWEST
+}
+
 fn thinned(run: &Run) -> Option<Run> {
     let rows = left(run);
-    let is_long = run.mesh.len() > FEWEST && run.time.len() > FEWEST;
-    if !is_long || 2 * rows.len() > run.time.len() {
+    if !is_long(run) || 2 * rows.len() > run.time.len() {
         return None;
     }
     let measured = run.measured.iter().map(|own| averaged(own, &rows));

@@ -65,10 +65,9 @@ impl<R: BufRead> Lines<R> {
         if self.number == 1 && text.starts_with('\u{feff}') {
             self.handed = '\u{feff}'.len_utf8();
         }
-        if let Some(comment) = text[self.handed..].strip_prefix('#') {
-            if self.comments.len() < COMMENTS {
-                self.comments.push(comment.trim().to_owned());
-            }
+        let is_kept = self.comments.len() < COMMENTS;
+        if let Some(comment) = text[self.handed..].strip_prefix('#').filter(|_| is_kept) {
+            self.comments.push(comment.trim().to_owned());
         }
         Ok(())
     }

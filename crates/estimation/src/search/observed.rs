@@ -13,7 +13,7 @@ use crate::posed::{Posed, variables};
 use crate::search::begin::initial;
 use crate::search::starts::given;
 use nalgebra::{DMatrix, DVector};
-use pilotage_collocation::{Collocation, Differentiated, Run};
+use pilotage_collocation::{Collocation, Differentiated, Run, stays_large};
 use pilotage_expression::{Node, System};
 use std::ops::Range;
 use std::sync::Arc;
@@ -36,8 +36,12 @@ pub struct Observed {
 }
 
 impl Observed {
-    /// The corrected system; None if no instance can be corrected.
+    /// The corrected system; None if no instance can be corrected, or if its fits could not be on a coarse mesh: they would
+    /// cost as much as the search itself.
     pub fn new(posed: &Posed<'_>) -> Option<Self> {
+        if posed.runs.iter().any(stays_large) {
+            return None;
+        }
         let point = Point::new(posed);
         let mut first = 0;
         let mut gains: Vec<Gain> = Vec::new();
