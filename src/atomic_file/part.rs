@@ -99,7 +99,8 @@ fn clear(path: &Path, part: &Path) -> io::Result<Option<PathBuf>> {
         // A link that leads nowhere is there, too.
         match aside.symlink_metadata() {
             Err(error) if error.kind() == ErrorKind::NotFound => break aside,
-            there => drop(there?),
+            Err(error) => return Err(error),
+            Ok(_) => {}
         }
         number += 1;
     };

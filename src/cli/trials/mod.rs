@@ -168,7 +168,7 @@ fn to_table(set: &TrialSet) -> String {
         );
     }
     for note in &set.notes {
-        text += &terminal::labelled("note", &note);
+        text += &terminal::labelled("note", note);
     }
     for (trial, summary, _) in uses
         .iter()
