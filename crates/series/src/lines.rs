@@ -14,7 +14,7 @@ pub struct Lines<R> {
     handed: usize,
     /// Number of the last line passed on, from 1; 0 before the first.
     pub number: usize,
-    /// The first comment lines, at most [`COMMENTS`], without the leading `#` and surrounding space.
+    /// The first comment lines, at most ten thousand, without the leading `#` and surrounding space.
     pub comments: Vec<String>,
     /// The first byte of the last line that is not UTF-8, if any.
     pub wrong: Option<u8>,

@@ -58,7 +58,7 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
     Cow::Owned(replaced(&line, |c| !is_hidden(c)).into_owned())
 }
 
-/// [`one_line`] of at most [200](EXCERPT) characters: of longer text its beginning and its end, with `…` between them. For names and
+/// [`one_line`] of at most 200 characters: of longer text its beginning and its end, with `…` between them. For names and
 /// cells in messages.
 pub fn excerpt(text: &str) -> Cow<'_, str> {
     shortened(text, EXCERPT)
