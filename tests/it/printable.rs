@@ -3,14 +3,9 @@
 use crate::command::{Ended, Folder, example, exported};
 use pilotage::document::{Document, quoted};
 use pilotage::series::Series;
-use pilotage::series::flown::comment_value;
-use pilotage_fly::record::Growing;
-use pilotage_fly::run::Table;
-use pilotage_text::printable::{is_hidden, one_line};
-use proptest::prelude::*;
+use pilotage_text::printable::is_hidden;
 use std::ffi::OsStr;
 use std::process::Command;
-use std::time::Duration;
 
 /// It clears the screen, colours, rings, turns the line round and says something in our name.
 const EVIL: &str = "u\u{1b}]0;pwn\u{7}\u{1b}[2J\u{9b}31m\u{202e}\u{2028}error: forged";
@@ -30,44 +25,57 @@ fn assert_plain(ended: &Ended) {
     }
 }
 
-/// Letters, and what readers of CSV take for more than a letter.
-fn texts() -> impl Strategy<Value = String> {
-    let odd = "\0\u{7}\u{1b}\n\r\t\u{85}\u{202e}\u{2028}\u{feff}\"',;#=:[]() m1";
-    let odd: Vec<char> = odd.chars().collect();
-    let letter = prop_oneof![any::<char>(), prop::sample::select(odd)];
-    prop::collection::vec(letter, 0..16).prop_map(String::from_iter)
-}
+/// Flights are written by the page on which a person flies.
+#[cfg(feature = "fly")]
+mod flights {
+    use super::Folder;
+    use pilotage::series::Series;
+    use pilotage::series::flown::comment_value;
+    use pilotage_fly::record::Growing;
+    use pilotage_fly::run::Table;
+    use pilotage_text::printable::one_line;
+    use proptest::prelude::*;
+    use std::time::Duration;
 
-proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 128,
-        rng_seed: proptest::test_runner::RngSeed::Fixed(46),
-        ..ProptestConfig::default()
-    })]
-    /// Nothing that a protocol, a page or a vehicle calls itself loses a flight.
-    #[test]
-    fn flights_read_back_whatever_their_header_says(
-        (title, subject, name, unit) in (texts(), texts(), texts(), texts()),
-    ) {
-        let folder = Folder::new();
-        let path = folder.path("f.csv");
-        let header = vec![("protocol", title.clone()), ("subject", subject.clone()), ("valid", "yes".to_owned())];
-        let own = |name: &str, unit: &str| (name.to_owned(), unit.to_owned());
-        let names = vec![own("time", "s"), own("target", "m"), (name.clone(), unit)];
-        let columns = vec![vec![0.0, 1.0], vec![10.0, 10.0], vec![0.5, 1.5]];
-        let flight = Growing::create(&path, &header, &names, Duration::ZERO).unwrap();
-        flight.finish(None, &header, &Table { names, columns }).unwrap();
-        let read = Series::read(&path).unwrap();
-        prop_assert_eq!(read.comments.len(), 3);
-        for (key, said) in [("protocol", &title), ("subject", &subject)] {
-            let line = one_line(said);
-            let said = Some(line.trim()).filter(|said| !said.is_empty());
-            prop_assert_eq!(comment_value(&read.comments, key), said);
+    /// Letters, and what readers of CSV take for more than a letter.
+    fn texts() -> impl Strategy<Value = String> {
+        let odd = "\0\u{7}\u{1b}\n\r\t\u{85}\u{202e}\u{2028}\u{feff}\"',;#=:[]() m1";
+        let odd: Vec<char> = odd.chars().collect();
+        let letter = prop_oneof![any::<char>(), prop::sample::select(odd)];
+        prop::collection::vec(letter, 0..16).prop_map(String::from_iter)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            cases: 128,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(46),
+            ..ProptestConfig::default()
+        })]
+        /// Nothing that a protocol, a page or a vehicle calls itself loses a flight.
+        #[test]
+        fn flights_read_back_whatever_their_header_says(
+            (title, subject, name, unit) in (texts(), texts(), texts(), texts()),
+        ) {
+            let folder = Folder::new();
+            let path = folder.path("f.csv");
+            let header = vec![("protocol", title.clone()), ("subject", subject.clone()), ("valid", "yes".to_owned())];
+            let own = |name: &str, unit: &str| (name.to_owned(), unit.to_owned());
+            let names = vec![own("time", "s"), own("target", "m"), (name.clone(), unit)];
+            let columns = vec![vec![0.0, 1.0], vec![10.0, 10.0], vec![0.5, 1.5]];
+            let flight = Growing::create(&path, &header, &names, Duration::ZERO).unwrap();
+            flight.finish(None, &header, &Table { names, columns }).unwrap();
+            let read = Series::read(&path).unwrap();
+            prop_assert_eq!(read.comments.len(), 3);
+            for (key, said) in [("protocol", &title), ("subject", &subject)] {
+                let line = one_line(said);
+                let said = Some(line.trim()).filter(|said| !said.is_empty());
+                prop_assert_eq!(comment_value(&read.comments, key), said);
+            }
+            prop_assert_eq!(comment_value(&read.comments, "valid"), Some("yes"));
+            let name = one_line(&name);
+            prop_assert_eq!(read.columns[1].name.trim_matches('_'), name.trim().trim_matches('_'));
+            prop_assert_eq!(&read.columns[1].values, &[0.5, 1.5]);
         }
-        prop_assert_eq!(comment_value(&read.comments, "valid"), Some("yes"));
-        let name = one_line(&name);
-        prop_assert_eq!(read.columns[1].name.trim_matches('_'), name.trim().trim_matches('_'));
-        prop_assert_eq!(&read.columns[1].values, &[0.5, 1.5]);
     }
 }
 
