@@ -146,11 +146,15 @@ def flown(tab, folder, wrong):
 HOSTILE = "<img src=x onerror=document.title='ran-'+location.search>"
 
 
-def compared(tab, flights):
-    """What is wrong with the comparison of two people, the code of one of whom is a script."""
+def joined(flights):
+    """A second person with the flights of the first, whose code is a script."""
     for k, flight in enumerate(sorted(flights.glob("P1-*.csv"))):
         text = flight.read_text().replace("# subject: P1", f"# subject: {HOSTILE}")
         (flights / f"{HOSTILE}-step-10-{k}.csv").write_text(text)
+
+
+def compared(tab):
+    """What is wrong with the comparison of two people, the code of one of whom is a script."""
     tab.click("#jobs button:has-text('Compare')")
     tab.wait_for_selector("#job a[href*='compare.html']", timeout=120_000)
     with tab.expect_popup() as opened:
@@ -160,13 +164,14 @@ def compared(tab, flights):
     wrong = [f"a frame of {page.title()}"] if len(page.frames) != 3 else []
     for frame in page.frames[1:]:
         frame.wait_for_selector("figure canvas")
-    if any("ran-" in frame.title() for frame in page.frames) or HOSTILE not in page.inner_text("body"):
+    # A title may quote the code; one that a script made begins with its word.
+    if any(frame.title().startswith("ran-") for frame in page.frames) or HOSTILE not in page.inner_text("body"):
         wrong.append(f"a script in a code ran: {page.content()}")
     # Markup that slips into a page all the same: its policy lets no script of it run.
     for target in [page, page.frames[1]]:
         target.evaluate("html => document.body.insertAdjacentHTML('beforeend', html)", HOSTILE)
         page.wait_for_timeout(200)
-        if "ran-" in target.title():
+        if target.title().startswith("ran-"):
             wrong.append(f"the policy lets a script run: {target.url}")
     page.close()
     return wrong
@@ -200,9 +205,11 @@ def main():
             results = flown(tab, folder, wrong)
             # On a busy machine frames are late, and it may be that no run counts: there is nobody to identify then.
             if any((folder / "flights").glob("*.csv")):
+                # What the page offers is looked up at the end of a job.
+                joined(folder / "flights")
                 tab.click("#jobs button:has-text('Identify me')")
                 tab.wait_for_selector("#job .verdict", timeout=60_000)
-                wrong += compared(tab, folder / "flights")
+                wrong += compared(tab)
             opened.close()
         print("\n".join(wrong) or json.dumps(results))
     finally:
