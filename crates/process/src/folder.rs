@@ -126,15 +126,17 @@ fn is_free(folder: &Path) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::PathBuf;
 
-    /// A folder in the temporary folder, as created by the process of that ID.
-    fn folder(process: u32, has_lock: bool) -> TempDir {
-        let prefix = format!("{PREFIX}{process}-");
-        let folder = tempfile::Builder::new().prefix(&prefix).tempdir().unwrap();
-        if has_lock {
-            File::create(folder.path().join("lock")).unwrap();
-        }
-        folder
+    /// A folder in the temporary folder, as created by the process of that ID. It has its name last: other tests of this
+    /// process sweep, too.
+    fn folder(process: u32, fill: impl FnOnce(&Path)) -> PathBuf {
+        let made = tempfile::tempdir().unwrap().keep();
+        fill(&made);
+        let name = made.file_name().unwrap().to_string_lossy().into_owned();
+        let named = made.with_file_name(format!("{PREFIX}{process}-{name}"));
+        fs::rename(&made, &named).unwrap();
+        named
     }
 
     #[test]
@@ -144,21 +146,29 @@ mod tests {
         let dead = child.id();
         child.wait().unwrap();
         let own = std::process::id();
-        let (left, half) = (folder(dead, true), folder(dead, false));
+        let empty = |_: &Path| {};
+        let with_lock = |path: &Path| _ = File::create(path.join("lock")).unwrap();
+        let (left, half) = (folder(dead, with_lock), folder(dead, empty));
         // Whoever opens the lock for reading waits for ever.
-        let piped = folder(dead, false);
-        let made = std::process::Command::new("mkfifo")
-            .arg(piped.path().join("lock"))
-            .status();
-        assert!(made.unwrap().success());
-        let held = folder(dead, true);
-        let lock = File::open(held.path().join("lock")).unwrap();
-        lock.try_lock().unwrap();
-        let (new, unlocked) = (folder(own, false), folder(own, true));
+        let piped = folder(dead, |path| {
+            let mut command = std::process::Command::new("mkfifo");
+            assert!(command.arg(path.join("lock")).status().unwrap().success());
+        });
+        let mut lock = None;
+        let held = folder(dead, |path| {
+            with_lock(path);
+            let own = File::open(path.join("lock")).unwrap();
+            own.try_lock().unwrap();
+            lock = Some(own);
+        });
+        let (new, unlocked) = (folder(own, empty), folder(own, with_lock));
         let mine = Folder::create().unwrap();
         sweep();
-        let there = [&left, &half, &piped, &held, &new, &unlocked].map(|own| own.path().exists());
+        let all = [&left, &half, &piped, &held, &new, &unlocked];
+        let there = all.map(|own| own.exists());
+        all.map(fs::remove_dir_all);
         assert_eq!(there, [false, false, true, true, true, true]);
+        drop(lock);
         assert!(mine.path().exists());
         #[cfg(unix)]
         {
