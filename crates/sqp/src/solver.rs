@@ -65,6 +65,8 @@ pub fn solve<P: Problem + ?Sized, Q: QpSolver<P>>(
         curvature: None,
         saddle: f64::INFINITY,
         still: (f64::INFINITY, 0),
+        best: None,
+        since: 0,
     }
     .run(observer)
 }
@@ -86,6 +88,9 @@ pub(super) struct Sqp<'a, P: Problem + ?Sized, Q> {
     pub(super) saddle: f64,
     /// Objective of the last iterate with another one, and number of feasible iterates since.
     still: (f64, usize),
+    /// The feasible iterate with the lowest objective, with its KKT residual, and the number of iterates since.
+    best: Option<(Iterate, Kkt)>,
+    since: usize,
 }
 
 /// An accepted step.
@@ -108,6 +113,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         self.linearise();
         loop {
             let kkt = Kkt::at(self.problem, &self.current, self.qp.lagrangian_gradient());
+            self.compare_with_best(kkt);
             let stop = observer(&self.log(&last, kkt)).break_value();
             let next = match self.verdict(kkt) {
                 Verdict::Done(status) => Err(status),
@@ -234,7 +240,21 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         Err(Status::NoProgress)
     }
 
-    /// Whether feasible iterates have had one objective for long.
+    /// Keeps the best feasible iterate.
+    fn compare_with_best(&mut self, kkt: Kkt) {
+        self.since += 1;
+        let f = self.current.f;
+        let best = self.best.as_ref().map(|(own, _)| own.f);
+        if kkt.primal <= FEASIBLE && best.is_none_or(|best| f < best) {
+            if best.is_none_or(|best| f < best - UNCHANGED * best.abs()) {
+                self.since = 0;
+            }
+            self.best = Some((self.current.clone(), kkt));
+        }
+    }
+
+    /// Whether feasible iterates have had one objective for long, or none has been better for long than one that is nearly
+    /// optimal: where a variable changes nothing, steps lead anywhere.
     fn has_stalled(&mut self, kkt: Kkt) -> bool {
         let (f, (before, count)) = (self.current.f, self.still);
         let is_still = kkt.primal <= FEASIBLE && (f - before).abs() <= UNCHANGED * f.abs();
@@ -242,7 +262,12 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             true => (before, count + 1),
             false => (f, 0),
         };
-        self.options.stall.is_some_and(|most| self.still.1 >= most)
+        let nearly = self.options.tolerance.sqrt();
+        let is_nearly_optimal = |(_, kkt): &(Iterate, Kkt)| kkt.residual() <= nearly;
+        let wanders = self.best.as_ref().is_some_and(is_nearly_optimal);
+        let count = if wanders { self.since } else { 0 };
+        let count = count.max(self.still.1);
+        self.options.stall.is_some_and(|most| count >= most)
     }
 
     fn has_diverged(&self) -> bool {
@@ -329,7 +354,15 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         vector::largest_of([&self.current.z, &self.trial.z], |[a, b]| a - b)
     }
 
-    fn finish(self, status: Status, kkt: Kkt) -> Solution {
+    /// Ends with the current iterate; without progress with the best one, if steps have led away from it.
+    fn finish(mut self, status: Status, mut kkt: Kkt) -> Solution {
+        let has_led_away =
+            |(own, _): &(Iterate, Kkt)| kkt.primal > FEASIBLE || own.f < self.current.f;
+        if status == Status::NoProgress
+            && let Some((best, own)) = self.best.take_if(|best| has_led_away(best))
+        {
+            (self.current, kkt) = (best, own);
+        }
         Solution {
             status,
             iterate: self.current,

@@ -2,6 +2,7 @@
 //!
 //! | module | contents |
 //! | --- | --- |
+//! | `raised` | starts from the order below |
 //! | `guided` | starts from the data |
 //! | `race` | all starts, and selection of the best |
 //! | `solve` | the SQP from one point |
@@ -21,6 +22,7 @@ mod guided;
 mod kinks;
 mod predicted;
 mod race;
+mod raised;
 mod refine;
 mod solve;
 mod unfinished;
@@ -38,12 +40,11 @@ use crate::result::left_over::beside_inputs;
 use crate::result::loops::Looped;
 use crate::result::uncertainty::{Unsure, linearised, method, uncertainty};
 use crate::result::{Fit, StartEnd};
-use crate::search::observed::Observed;
 use crate::search::solved::{Refinement, Solved};
-use crate::search::starts::{recorded, starts};
 use crate::search::trouble;
 use pilotage_sqp::{Iteration, Status};
 use race::{Raced, best_of, better, has_answer, raced};
+use raised::Begin;
 use refine::refine;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -71,11 +72,12 @@ pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + Send +
 /// Fits a problem.
 pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let clock = Instant::now();
-    let observed = Observed::new(posed);
-    let drawn = if observed.is_some() { recorded } else { starts };
-    let starts = drawn(posed, posed.file.options.starts);
+    let first = Watch::new(observer, posed.file.options.starts);
+    let begin = Begin::new(posed, &first);
+    drop(first);
+    let starts = &begin.starts;
     let watch = Watch::new(observer, starts.len());
-    let Raced { mut solved, same } = raced(posed, observed.as_ref(), &starts, &watch);
+    let Raced { mut solved, same } = raced(posed, &begin, &watch);
     let ends = same.iter().map(|k| end(posed, solved[*k].as_ref(), &watch));
     let ends: Vec<StartEnd> = ends.collect();
     let lower = better(&solved);

@@ -1,11 +1,11 @@
 //! The race of the starts: all on a coarse mesh, and the best of those that ended apart on the whole one.
 
 use super::guided::{Entrants, guided};
+use super::raised::Begin;
 use super::solve::{once, rescaled, rescaled_with, solve};
 use super::watch::Watch;
 use crate::posed::Posed;
 use crate::search::begin::begin;
-use crate::search::observed::Observed;
 use crate::search::solved::SAME;
 use crate::search::solved::Solved;
 use crate::search::starts::Start;
@@ -50,13 +50,10 @@ pub(super) struct Raced {
 }
 
 /// Solves all starts, from where the data lead them if instances can be corrected, and as they are if that gives no answer.
-pub(super) fn raced(
-    posed: &Posed<'_>,
-    observed: Option<&Observed>,
-    starts: &[Start],
-    watch: &Watch<'_, '_>,
-) -> Raced {
-    let led = observed.map(|own| race(posed, guided(posed, own, starts, watch), watch));
+pub(super) fn raced(posed: &Posed<'_>, begin: &Begin, watch: &Watch<'_, '_>) -> Raced {
+    let starts = &begin.starts;
+    let led = begin.observed.as_ref();
+    let led = led.map(|own| race(posed, guided(posed, own, starts, watch), watch));
     let is_enough = |raced: &Raced| has_answer(&raced.solved) || watch.is_over();
     match led.filter(is_enough) {
         Some(raced) => raced,
@@ -129,7 +126,8 @@ pub(super) fn is_close(objective: f64, best: f64) -> bool {
 }
 
 /// Solves a start, of several for some iterations, on a coarse mesh if that is much smaller. If there are several starts, the
-/// given one is solved as it is: a coarser mesh could lead all of them past a narrow valley.
+/// given one is solved as it is, since a coarser mesh could lead all of them past a narrow valley; and so is one from the order
+/// below, which may have a pole that is too fast for a coarse mesh.
 fn scout(
     posed: &Posed<'_>,
     (number, is_race): (usize, bool),
@@ -140,8 +138,8 @@ fn scout(
     let limit = if is_race { limit.min(HEAT) } else { limit };
     let see = |iteration: &_| watch.see(number, 0, iteration);
     let (whole, z) = begin(posed, &start, &|| watch.is_over());
-    let is_given = is_race && number == 0 && !start.is_fitted;
-    let coarse = if is_given { None } else { coarser(&whole) };
+    let is_as_it_is = start.is_raised || is_race && number == 0 && !start.is_fitted;
+    let coarse = if is_as_it_is { None } else { coarser(&whole) };
     let (from, whole) = match coarse {
         Some(coarse) => {
             let z = whole.carried(&z, &coarse);
@@ -196,6 +194,11 @@ impl Scout {
         let is_used_up = before.iterations >= limit;
         let from = match self.whole {
             None if has_converged || is_used_up => return self.solved,
+            // A parameter that grows without end keeps the size that it had where it was fitted: it makes ever less difference.
+            None if self.start.is_raised => {
+                let Solved { problem, solution } = self.solved;
+                (problem, solution.iterate.z)
+            }
             None => rescaled(&self.solved),
             Some(whole) if has_converged => rescaled_with(&self.solved, whole),
             // A coarse mesh may have no solution.
@@ -351,6 +354,7 @@ mod tests {
                 parameters: vec![w],
                 follows: false,
                 is_fitted: false,
+                is_raised: false,
             };
             let from = begin(&posed, &start, &|| false);
             Some(once(&posed, from, iterations, &|_| {

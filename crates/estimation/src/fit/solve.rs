@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 /// [`SqpOptions::short_step`]: with longer steps some starts fail whose states swing up.
 const SHORT_STEP: f64 = 0.01;
 
-/// [`SqpOptions::stall`] of equations with kinks.
+/// [`SqpOptions::stall`]; whether the point is an optimum is judged afterwards.
 const STALL: usize = 15;
 
 /// Maximum number of restarts of a solve without progress, with scales of the current size.
@@ -31,21 +31,28 @@ pub fn nearer(
     ((problem, z), work)
 }
 
-/// Solves from a point, with other scales if it makes no progress.
+/// Solves from a point, with other scales if it makes no progress. Without convergence the best of these is returned.
 pub fn solve(
     posed: &Posed<'_>,
     from: (Collocation, Vec<f64>),
     limit: usize,
     see: &SeeIterates<'_>,
 ) -> Solved {
-    let mut solved = once(posed, from, limit, see);
+    let mut best = once(posed, from, limit, see);
     for _ in 0..RESCALED {
-        if solved.solution.status != Status::NoProgress {
+        if best.solution.status != Status::NoProgress {
             break;
         }
-        solved = once(posed, rescaled(&solved), limit, see);
+        let mut next = once(posed, rescaled(&best), limit, see);
+        next.solution.work += best.solution.work;
+        best.solution.work = next.solution.work;
+        let has_converged = next.solution.status == Status::Converged;
+        if !has_converged && next.nearly() > best.nearly() {
+            break;
+        }
+        best = next;
     }
-    solved
+    best
 }
 
 /// Solves from a point.
@@ -71,7 +78,7 @@ pub(crate) fn sqp_options(posed: &Posed<'_>, limit: usize) -> SqpOptions {
         tolerance: posed.file.options.tolerance,
         max_iterations: limit,
         short_step: SHORT_STEP,
-        stall: posed.may_have_kinks().then_some(STALL),
+        stall: Some(STALL),
         ..SqpOptions::default()
     }
 }

@@ -2,5 +2,6 @@
 
 pub mod error;
 pub mod file;
+pub(crate) mod order;
 pub(crate) mod read;
 mod runs;

@@ -27,6 +27,8 @@ pub struct Start {
     pub follows: bool,
     /// Whether the parameters are those of a fit, of other equations or fewer runs.
     pub is_fitted: bool,
+    /// Whether they are those of a fit of the order below.
+    pub is_raised: bool,
 }
 
 /// Returns `count` starts. The first is the given one with measured states as recorded, the second is the same with all
@@ -47,6 +49,7 @@ fn starts_with(posed: &Posed<'_>, count: usize, simulates: bool) -> Vec<Start> {
         parameters: parameters.clone(),
         follows,
         is_fitted: false,
+        is_raised: false,
     };
     let mut all: Vec<Start> = drawn.iter().map(start).collect();
     if all.len() < count {
@@ -65,6 +68,7 @@ pub fn given(posed: &Posed<'_>) -> Start {
         parameters: drawn(posed, 1).remove(0),
         follows: false,
         is_fitted: false,
+        is_raised: false,
     }
 }
 

@@ -1,0 +1,186 @@
+//! Starts of a linear model of an order, from a fit of the order below.
+//!
+//! A transfer function with many coefficients has optima in which poles lie on zeros, and starts far from the data end there. One
+//! of second order is found from almost any start. With a pole and a zero that cancel it is one of the next order that does the
+//! same; moving the pair apart can only improve the fit. The pair tells the solver nothing about its best place, so that it begins
+//! at several: slow, in the middle, and fast.
+
+use super::Progress;
+use super::race::{best_of, has_answer, raced};
+use super::watch::Watch;
+use crate::posed::Posed;
+use crate::posed::unknowns::Unknown;
+use crate::problem::file::ProblemFile;
+use crate::problem::order::{check, instance, number, with_order};
+use crate::search::observed::Observed;
+use crate::search::starts::{Start, given, recorded, starts};
+use crate::system::part;
+use pilotage_cosim::description::InstanceDescription;
+use pilotage_sqp::Status;
+use std::collections::HashMap;
+use std::ops::ControlFlow;
+
+/// Places of the pair, relative to the magnitude of the lower order's poles.
+const PAIRS: [f64; 3] = [0.8, 0.05, 5.0];
+
+/// Scaled KKT residual at which the fit of a lower order ends.
+const ROUGH: f64 = 1e-4;
+
+/// The lowest order with starts from the order below.
+const LOWEST: u32 = 3;
+
+/// Where a search begins.
+pub(super) struct Begin {
+    /// The starts.
+    pub starts: Vec<Start>,
+    /// The system with corrected instances, if it leads the starts.
+    pub observed: Option<Observed>,
+}
+
+impl Begin {
+    /// The starts of a problem: those from the order below if there is one, after the given one if it is another than the
+    /// model's. Else the given and drawn ones.
+    pub fn new(posed: &Posed<'_>, watch: &Watch<'_, '_>) -> Self {
+        if let Some(starts) = raised(posed, watch) {
+            return Self {
+                starts,
+                observed: None,
+            };
+        }
+        Self::drawn(posed)
+    }
+
+    /// The given start and drawn ones.
+    pub fn drawn(posed: &Posed<'_>) -> Self {
+        let observed = Observed::new(posed);
+        let drawn = if observed.is_some() { recorded } else { starts };
+        Self {
+            starts: drawn(posed, posed.file.options.starts),
+            observed,
+        }
+    }
+}
+
+/// The starts from the order below. None if no model has an order above it, if one start alone is asked for, or if the lower
+/// order has no answer.
+fn raised(posed: &Posed<'_>, watch: &Watch<'_, '_>) -> Option<Vec<Start>> {
+    let instance = instance(posed.file).ok()?;
+    let file = lower(posed, &instance)?;
+    let parts = &posed.unlimited.as_ref().unwrap_or(&posed.joint).parts;
+    let open = |own: &InstanceDescription| match own.name == instance {
+        true => part::open(own),
+        false => {
+            let (_, part) =
+                (parts.iter().find(|(name, _)| *name == own.name)).expect("an instance");
+            Ok(part.clone())
+        }
+    };
+    let below = Posed::new(&file, &open).ok()?;
+    let mut ask = |_: &Progress<'_>| match watch.is_over() {
+        true => ControlFlow::Break(watch.over().unwrap_or(Status::Stopped)),
+        false => ControlFlow::Continue(()),
+    };
+    let quiet = Watch::new(&mut ask, 1);
+    let begin = Begin::new(&below, &quiet);
+    let mut solved = raced(&below, &begin, &quiet).solved;
+    if !has_answer(&solved) {
+        return None;
+    }
+    let (best, _) = best_of(&solved, &quiet);
+    let theta = solved.swap_remove(best)?.theta();
+    let shared = below.unknowns.iter().filter_map(|(unknown, stands)| {
+        let value = below.places(stands).first().and_then(|k| theta.get(*k));
+        Some((unknown.name.as_str(), *value?))
+    });
+    let shared: HashMap<&str, f64> = shared.collect();
+    let order = file.order_of(&instance)? as usize;
+    let coefficients =
+        (1..=2 * order).map(|k| shared.get(&*format!("{instance}.theta{k}")).copied());
+    let coefficients: Vec<f64> = coefficients.collect::<Option<_>>()?;
+    let first = given(posed);
+    let with_pair = |place: &f64| {
+        let all = with_pair(&coefficients, *place);
+        let mut start = Start {
+            is_fitted: true,
+            is_raised: true,
+            ..first.clone()
+        };
+        for (unknown, stands) in &posed.unknowns {
+            let value = match number(&unknown.name, &instance) {
+                Some(k) => all.get(k - 1),
+                None => shared.get(unknown.name.as_str()),
+            };
+            let places = posed.places(stands).into_iter();
+            if let Some(value) = value {
+                places.for_each(|k| start.parameters[k] = *value);
+            }
+        }
+        start
+    };
+    let chosen = is_chosen(posed).then(|| first.clone());
+    Some(
+        chosen
+            .into_iter()
+            .chain(PAIRS.iter().map(with_pair))
+            .collect(),
+    )
+}
+
+/// The problem with the order below; None if there is none, or it would not be the same problem.
+fn lower(posed: &Posed<'_>, instance: &str) -> Option<ProblemFile> {
+    let file = posed.file;
+    check(file, instance).ok()?;
+    let order = file.order_of(instance).filter(|order| *order >= LOWEST)?;
+    let is_sought = |k: u32| {
+        let name = format!("{instance}.theta{k}");
+        posed.unknowns.iter().any(|(own, _)| own.name == name)
+    };
+    if file.options.starts < 2 || posed.filter.is_some() || !(1..=2 * order).all(is_sought) {
+        return None;
+    }
+    let mut lower = with_order(file, instance, order - 1, None);
+    lower.options.tolerance = lower.options.tolerance.max(ROUGH);
+    lower.runs.retain(|run| run.fits);
+    for (run, data) in lower.runs.iter_mut().zip(&posed.data) {
+        run.recorded = Some(data.series.clone());
+    }
+    Some(lower)
+}
+
+/// Whether some parameter begins elsewhere than in its model.
+fn is_chosen(posed: &Posed<'_>) -> bool {
+    let differs = |(unknown, _): &(Unknown, _)| {
+        let own = posed.joint.variables.get(&unknown.name);
+        own.is_some_and(|own| own.start != unknown.start)
+    };
+    posed.unknowns.iter().any(differs)
+}
+
+/// The coefficients of the same transfer function with a pole and a zero that cancel, at this multiple of the magnitude of its
+/// poles. Coefficients are those of the denominator in ascending powers of s without the leading 1, then those of the numerator.
+fn with_pair(theta: &[f64], place: f64) -> Vec<f64> {
+    let order = theta.len() / 2;
+    let (denominator, numerator) = theta.split_at(order);
+    let size = denominator[0].abs().powf(1.0 / order as f64);
+    let root = place * if size > 0.0 { size } else { 1.0 };
+    let times = |own: &[f64]| -> Vec<f64> {
+        let shifted = std::iter::once(0.0).chain(own.iter().copied());
+        let scaled = own.iter().map(|c| root * c).chain(std::iter::once(0.0));
+        scaled.zip(shifted).map(|(a, b)| a + b).collect()
+    };
+    let mut all = times(&[denominator, &[1.0]].concat());
+    all.truncate(order + 1);
+    all.extend(times(numerator));
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 3/(s + 2) is 3 (s + 4)/((s + 2)(s + 4)).
+    #[test]
+    fn a_pair_changes_nothing() {
+        assert_eq!(with_pair(&[2.0, 3.0], 2.0), [8.0, 6.0, 12.0, 3.0]);
+    }
+}
