@@ -265,7 +265,8 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
         let nearly = self.options.tolerance.sqrt();
         let is_nearly_optimal = |(_, kkt): &(Iterate, Kkt)| kkt.residual() <= nearly;
         let wanders = self.best.as_ref().is_some_and(is_nearly_optimal);
-        let count = if wanders { self.since } else { 0 };
+        // A variable that grows takes several infeasible steps in a row.
+        let count = if wanders { self.since / 2 } else { 0 };
         let count = count.max(self.still.1);
         self.options.stall.is_some_and(|most| count >= most)
     }

@@ -17,6 +17,10 @@ const OFFSET: f64 = 1e-3;
 /// is not small says so.
 const OFFSET_AT_KINKS: f64 = 1.0;
 
+/// Multiple of the tolerance up to which the KKT residual of a stalled solve is that of an optimum; the ratio is that of IPOPT's
+/// `acceptable_tol` and `tol`.
+const ACCEPTABLE: f64 = 100.0;
+
 /// Violation of the scaled equations with which an objective is that of a run.
 const FEASIBLE: f64 = 1e-6;
 
@@ -33,6 +37,9 @@ pub(crate) fn is_optimum(posed: &Posed<'_>, solved: &Solved) -> bool {
     let solution = &solved.solution;
     if solution.status != Status::NoProgress || solution.kkt.primal > FEASIBLE {
         return false;
+    }
+    if solution.kkt.residual() <= ACCEPTABLE * posed.file.options.tolerance {
+        return true;
     }
     let Some(linear) = linearised(posed, &solved.problem, &solution.iterate) else {
         return false;

@@ -129,7 +129,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         let simulated = simulated.as_ref().map(|own| &own.at);
         let at = (&last.problem, &last.solution.iterate);
         linear = linearised(posed, at.0, at.1);
-        if found.kkt.residual() > posed.file.options.tolerance {
+        if found.kkt.residual() > posed.file.options.tolerance && posed.may_have_kinks() {
             found.offset = linear.as_ref().and_then(|own| kinks::offset(&own.data));
         }
         let known = linear.as_ref().ok_or(Unsure::NoDerivatives);

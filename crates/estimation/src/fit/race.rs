@@ -13,7 +13,8 @@ use pilotage_collocation::{Run, coarser};
 use pilotage_sqp::Status;
 use rayon::prelude::*;
 
-/// Iterations of each start before those that are behind are dropped.
+/// Iterations of each start before those that are behind are dropped. Few of those from the order below are behind: they go on, since
+/// a pole that grows doubles with each iteration, and a new solve begins with small steps.
 const HEAT: usize = 30;
 
 /// Maximum number of starts that continue after that.
@@ -112,10 +113,16 @@ fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
         false => finish(posed, left, &mut solved, watch),
     }
     for _ in 0..EXTENSIONS {
-        let Some(better) = better(&solved) else {
+        let Some(best) = better(&solved) else {
             break;
         };
-        go_on(posed, &mut solved, vec![better], watch);
+        let objective =
+            |solved: &[Option<Solved>]| solved[best].as_ref().map_or(f64::MAX, Solved::nearly);
+        let before = objective(&solved);
+        go_on(posed, &mut solved, vec![best], watch);
+        if objective(&solved) >= before {
+            break;
+        }
     }
     Raced { solved, same }
 }
@@ -135,7 +142,10 @@ fn scout(
     watch: &Watch<'_, '_>,
 ) -> Scout {
     let limit = posed.file.options.max_iterations;
-    let limit = if is_race { limit.min(HEAT) } else { limit };
+    let limit = match is_race && !start.is_raised {
+        true => limit.min(HEAT),
+        false => limit,
+    };
     let see = |iteration: &_| watch.see(number, 0, iteration);
     let (whole, z) = begin(posed, &start, &|| watch.is_over());
     let is_as_it_is = start.is_raised || is_race && number == 0 && !start.is_fitted;

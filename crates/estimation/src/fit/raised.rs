@@ -21,7 +21,7 @@ use std::collections::HashMap;
 use std::ops::ControlFlow;
 
 /// Places of the pair, relative to the magnitude of the lower order's poles.
-const PAIRS: [f64; 3] = [0.8, 0.05, 5.0];
+const PAIRS: [f64; 3] = [1.1, 0.075, 7.5];
 
 /// Scaled KKT residual at which the fit of a lower order ends.
 const ROUGH: f64 = 1e-4;
@@ -101,6 +101,7 @@ fn raised(posed: &Posed<'_>, watch: &Watch<'_, '_>) -> Option<Vec<Start>> {
     let with_pair = |place: &f64| {
         let all = with_pair(&coefficients, *place);
         let mut start = Start {
+            follows: posed.followed.is_some(),
             is_fitted: true,
             is_raised: true,
             ..first.clone()

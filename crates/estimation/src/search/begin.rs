@@ -292,13 +292,10 @@ fn fitted_scales(posed: &Posed<'_>, theta: &[f64], assumed: &[f64]) -> Vec<f64> 
     let own = theta.iter().map(|own| own.abs().max(LEAST * largest));
     let mut scales: Vec<f64> = own.map(|own| if own > 0.0 { own } else { 1.0 }).collect();
     for (unknown, stands) in &posed.unknowns {
-        if let (Some(_), Stands::Shared(_) | Stands::Subjects(_)) =
-            (unknown.searched_nominal(), stands)
-        {
-            stands
-                .variables(0)
-                .iter()
-                .for_each(|k| scales[*k] = assumed[*k]);
+        let is_stated = unknown.log || unknown.nominal.is_some();
+        if is_stated && matches!(stands, Stands::Shared(_) | Stands::Subjects(_)) {
+            let places = stands.variables(0).into_iter();
+            places.for_each(|k| scales[k] = assumed[k]);
         }
     }
     scales
