@@ -205,9 +205,10 @@ fn the_greatest_speed_of_a_hand_is_found() {
     );
 }
 
-/// Without starts from the data three of the eight ended here.
+/// From the model's own values three of eight starts ended here, and seven with starts from the data; those from the order below
+/// are three.
 #[test]
-fn most_starts_of_the_shipped_flights_end_at_their_optimum() {
+fn all_starts_of_the_shipped_flights_end_at_their_optimum() {
     let folder = Folder::new();
     let runs: Vec<String> = ["10m", "20m"]
         .iter()
@@ -219,12 +220,12 @@ fn most_starts_of_the_shipped_flights_end_at_their_optimum() {
     assert_eq!(ended.code, 0, "{ended:?}");
     let ended = folder.pilotage(&["fit", "problem.toml", "-o", "fitted.toml", "--json"]);
     let fit = ended.json();
-    assert_objective(&fit, 258.50598);
+    assert_objective(&fit, 258.505967);
     let starts = fit["starts"].as_array().unwrap();
-    assert_eq!(starts.len(), 8);
+    assert_eq!(starts.len(), 3);
     let is_there = |start: &&Value| {
         let objective = start["objective"].as_f64().unwrap_or(f64::NAN);
-        start["status"] == "converged" && (objective / 258.506 - 1.0).abs() < 1e-5
+        start["status"] == "converged" && (objective / 258.505967 - 1.0).abs() < 1e-6
     };
-    assert!(starts.iter().filter(is_there).count() >= 7, "{starts:?}");
+    assert!(starts.iter().all(|start| is_there(&start)), "{starts:?}");
 }

@@ -41,6 +41,7 @@ closed_loop = true
 {runs}[fit]
 mesh = "samples"
 starts = 1
+tolerance = 1e-10
 "#
     )
 }

@@ -106,6 +106,6 @@ pub use options::{Hessian, SqpOptions};
 pub use problem::{Problem, SparseProblem};
 pub use qp::{QpFailure, QpSolver, Step};
 pub use solution::{Iteration, Solution, StepModel, Work};
-pub use solver::solve;
+pub use solver::{ACCEPTABLE, solve};
 pub use sparse_qp::SparseQp;
 pub use status::Status;

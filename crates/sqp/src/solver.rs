@@ -27,6 +27,9 @@ const GROWTH_RISE: f64 = 100.0;
 /// [`SqpOptions::stall`].
 const FEASIBLE: f64 = 1e-6;
 const UNCHANGED: f64 = 1e-8;
+/// Multiple of the tolerance up to which a KKT residual is nearly that of an optimum, likewise; the ratio is that of IPOPT's
+/// `acceptable_tol` and `tol`.
+pub const ACCEPTABLE: f64 = 100.0;
 /// Relative decrease of the violation below which the linearised constraints predict no progress.
 const STATIONARY: f64 = 1e-6;
 
@@ -262,7 +265,7 @@ impl<P: Problem + ?Sized, Q: QpSolver<P>> Sqp<'_, P, Q> {
             true => (before, count + 1),
             false => (f, 0),
         };
-        let nearly = self.options.tolerance.sqrt();
+        let nearly = ACCEPTABLE * self.options.tolerance;
         let is_nearly_optimal = |(_, kkt): &(Iterate, Kkt)| kkt.residual() <= nearly;
         let wanders = self.best.as_ref().is_some_and(is_nearly_optimal);
         // A variable that grows takes several infeasible steps in a row.

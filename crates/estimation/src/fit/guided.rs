@@ -46,6 +46,15 @@ impl Entrants {
             same: (0..starts.len()).collect(),
         }
     }
+
+    /// The same after these, which enter as they are.
+    pub fn after(self, others: &[Start]) -> Self {
+        let mut all = Self::new(others);
+        let first = others.len();
+        (all.all).extend(self.all.into_iter().map(|(k, start)| (first + k, start)));
+        (all.same).extend(self.same.into_iter().map(|k| first + k));
+        all
+    }
 }
 
 /// A start, and the objective of the corrected equations with its parameters.
@@ -60,13 +69,16 @@ struct Guided {
 pub(super) fn guided(
     posed: &Posed<'_>,
     observed: &Observed,
-    starts: &[Start],
+    (first, starts): (usize, &[Start]),
     watch: &Watch<'_, '_>,
 ) -> Entrants {
     let runs = some(posed);
     let led = starts.par_iter().enumerate().filter_map(|(number, start)| {
         let is_over = number > 0 && watch.is_over();
-        let own = || led(posed, observed, (number, start), &runs, watch);
+        let own = || {
+            let found = led(posed, observed, (first + number, start), &runs, watch)?;
+            Some(Guided { number, ..found })
+        };
         (!is_over).then(own).flatten()
     });
     let mut led: Vec<Guided> = led.collect();

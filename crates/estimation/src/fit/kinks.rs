@@ -8,7 +8,7 @@ use crate::posed::Posed;
 use crate::result::uncertainty::linearised;
 use crate::search::solved::Solved;
 use pilotage_inference::{Data, Inference};
-use pilotage_sqp::Status;
+use pilotage_sqp::{ACCEPTABLE, Status};
 
 /// Relative offset up to which a stalled solve of a smooth model has found an optimum (Bates & Watts, Technometrics 23, 1981).
 const OFFSET: f64 = 1e-3;
@@ -16,10 +16,6 @@ const OFFSET: f64 = 1e-3;
 /// The same with kinks, a standard deviation: it is 1e-2 to 1 there, since derivatives are those of one side. A fit whose offset
 /// is not small says so.
 const OFFSET_AT_KINKS: f64 = 1.0;
-
-/// Multiple of the tolerance up to which the KKT residual of a stalled solve is that of an optimum; the ratio is that of IPOPT's
-/// `acceptable_tol` and `tol`.
-const ACCEPTABLE: f64 = 100.0;
 
 /// Violation of the scaled equations with which an objective is that of a run.
 const FEASIBLE: f64 = 1e-6;

@@ -72,10 +72,8 @@ pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + Send +
 /// Fits a problem.
 pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let clock = Instant::now();
-    let first = Watch::new(observer, posed.file.options.starts);
-    let begin = Begin::new(posed, &first);
-    drop(first);
-    let starts = &begin.starts;
+    let begin = Begin::new(posed, &Watch::new(observer, posed.file.options.starts));
+    let starts = begin.starts();
     let watch = Watch::new(observer, starts.len());
     let Raced { mut solved, same } = raced(posed, &begin, &watch);
     let ends = same.iter().map(|k| end(posed, solved[*k].as_ref(), &watch));

@@ -52,14 +52,20 @@ pub(super) struct Raced {
 
 /// Solves all starts, from where the data lead them if instances can be corrected, and as they are if that gives no answer.
 pub(super) fn raced(posed: &Posed<'_>, begin: &Begin, watch: &Watch<'_, '_>) -> Raced {
-    let starts = &begin.starts;
+    let Begin { raised, drawn, .. } = begin;
     let led = begin.observed.as_ref();
-    let led = led.map(|own| race(posed, guided(posed, own, starts, watch), watch));
+    let led = led.map(|own| {
+        race(
+            posed,
+            guided(posed, own, (raised.len(), drawn), watch).after(raised),
+            watch,
+        )
+    });
     let is_enough = |raced: &Raced| has_answer(&raced.solved) || watch.is_over();
-    match led.filter(is_enough) {
-        Some(raced) => raced,
-        None => race(posed, Entrants::new(starts), watch),
+    if let Some(raced) = led.filter(is_enough) {
+        return raced;
     }
+    race(posed, Entrants::new(drawn).after(raised), watch)
 }
 
 /// Solves all entrants: each on a coarse mesh, where one is much smaller, then those that are not behind on the whole one. Of

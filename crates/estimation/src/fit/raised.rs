@@ -10,7 +10,7 @@ use super::race::{best_of, has_answer, raced};
 use super::watch::Watch;
 use crate::posed::Posed;
 use crate::posed::unknowns::Unknown;
-use crate::problem::file::ProblemFile;
+use crate::problem::file::{ProblemFile, Quantity};
 use crate::problem::order::{check, instance, number, with_order};
 use crate::search::observed::Observed;
 use crate::search::starts::{Start, given, recorded, starts};
@@ -31,34 +31,57 @@ const LOWEST: u32 = 3;
 
 /// Where a search begins.
 pub(super) struct Begin {
-    /// The starts.
-    pub starts: Vec<Start>,
-    /// The system with corrected instances, if it leads the starts.
+    /// Starts that are tried as they are.
+    pub raised: Vec<Start>,
+    /// The others.
+    pub drawn: Vec<Start>,
+    /// The system with corrected instances, if it leads these.
     pub observed: Option<Observed>,
 }
 
 impl Begin {
     /// The starts of a problem: those from the order below if there is one, after the given one if it is another than the
-    /// model's. Else the given and drawn ones.
+    /// model's. Where initial states are free there are many optima, and the given and drawn ones are tried, too; and where there
+    /// is no order below, these alone.
     pub fn new(posed: &Posed<'_>, watch: &Watch<'_, '_>) -> Self {
-        if let Some(starts) = raised(posed, watch) {
-            return Self {
-                starts,
+        let raised = raised(posed, watch).unwrap_or_default();
+        match raised.is_empty() || has_free_states(posed) {
+            true => Self {
+                raised,
+                ..Self::drawn(posed)
+            },
+            false => Self {
+                raised,
+                drawn: Vec::new(),
                 observed: None,
-            };
+            },
         }
-        Self::drawn(posed)
     }
 
-    /// The given start and drawn ones.
+    /// The given and drawn starts alone.
     pub fn drawn(posed: &Posed<'_>) -> Self {
         let observed = Observed::new(posed);
         let drawn = if observed.is_some() { recorded } else { starts };
         Self {
-            starts: drawn(posed, posed.file.options.starts),
+            raised: Vec::new(),
+            drawn: drawn(posed, posed.file.options.starts),
             observed,
         }
     }
+
+    /// All starts, in the order of their numbers.
+    pub fn starts(&self) -> Vec<Start> {
+        self.raised.iter().chain(&self.drawn).cloned().collect()
+    }
+}
+
+/// Whether states begin anywhere that are not measured.
+fn has_free_states(posed: &Posed<'_>) -> bool {
+    let is_measured = |name: &String| {
+        let mut measured = posed.file.measured.iter();
+        measured.any(|own| matches!(&own.of, Quantity::Signal(of) if of == name))
+    };
+    posed.free_states().any(|name| !is_measured(name))
 }
 
 /// The starts from the order below. None if no model has an order above it, if one start alone is asked for, or if the lower
