@@ -1,9 +1,9 @@
 //! Frequency responses of a fitted pilot and of its loop with the vehicle, with confidence bands.
 
 use super::figure::{Axis, Figure, Look, Panel, Series};
-use crate::identification::Spread;
 use crate::identification::closed_loop::LinearVehicle;
 use crate::identification::frequency::{open_loop, pilot};
+use crate::inference::Spread;
 use crate::linear::{Margins, Response};
 use crate::models::{Pilot, Quadcopter};
 use nalgebra::Complex;

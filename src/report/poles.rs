@@ -2,8 +2,8 @@
 
 use super::figure::{Axis, Figure, Look, Panel, Series};
 use super::frequency::Fitted;
-use crate::identification::{ClosedLoop, Spread};
-use crate::inference::{LEVEL, quantile};
+use crate::identification::ClosedLoop;
+use crate::inference::{LEVEL, Spread, quantile};
 use crate::linear::eigenvalues;
 use nalgebra::{Complex, DMatrix, Matrix2, SymmetricEigen};
 use std::f64::consts::PI;

@@ -3,8 +3,8 @@
 
 use super::closed_loop::LinearVehicle;
 use super::{Fit, FitOptions, Trial};
-use crate::spread::Spread;
 use nalgebra::Complex;
+use pilotage_inference::Spread;
 use pilotage_inference::spectrum::{Describing, Flight, Model};
 use pilotage_models::Pilot;
 

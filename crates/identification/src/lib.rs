@@ -20,7 +20,7 @@
 //! | [`frequency`](mod@frequency) | frequency responses and describing functions |
 //! | [`derived`](mod@derived) | crossover, margins and effective delay, with intervals |
 //! | [`uncertainty`](mod@uncertainty) | standard deviations and intervals of θ |
-//! | `spread` | the covariance of θ in a pilot file |
+//! | `spread` | the uncertainty of θ in a pilot file |
 //! | [`refits`](mod@refits) | profiles and bootstraps |
 //! | [`orders`](mod@orders) | choice of the order |
 //! | [`diagnostics`](mod@diagnostics) | why a fit may be less reliable than it seems |
@@ -62,5 +62,4 @@ pub use pilotage_flights::{Trial, TrialError, TrialSet};
 pub use result::{Fit, PilotDiagnostic, PilotFile, RunFit};
 pub use simulate::{simulate, simulate_from};
 pub use solve::{FitError, Progress, fit};
-pub use spread::Spread;
 pub use uncertainty::Uncertainty;

@@ -1,9 +1,9 @@
 //! The result file `pilot.toml`: θ and its provenance.
 
 use super::result::PilotDiagnostic;
+use super::spread;
 use super::{
-    ClosedLoop, Diagnostic, Fit, FitOptions, Identification, Mesh, PilotFile, Spread, Trial,
-    Uncertainty,
+    ClosedLoop, Diagnostic, Fit, FitOptions, Identification, Mesh, PilotFile, Trial, Uncertainty,
 };
 use nalgebra::Complex;
 use pilotage_flights::pilot::{FittedPilot, PilotError};
@@ -65,7 +65,7 @@ impl PilotFile {
         };
         Ok(Self {
             spread: match root.table("uncertainty")? {
-                Some(table) => Spread::of_table(&table, theta.len())?,
+                Some(table) => spread::of_table(&table, theta.len())?,
                 None => None,
             },
             theta,
@@ -199,7 +199,7 @@ fn uncertainty(own: &Uncertainty) -> String {
         "\n[uncertainty]                      # 95 % intervals\nmethod = {}\n",
         quoted(own.spread.method.as_str())
     );
-    text += &own.determined().map_or_else(String::new, Spread::to_toml);
+    text += &own.determined().map_or_else(String::new, spread::to_toml);
     for (i, own) in own.intervals.iter().enumerate() {
         text += &format!(
             "theta{} = {{ sd = {}, low = {}, high = {} }}\n",
@@ -447,14 +447,14 @@ mod tests {
             .unwrap();
         assert_eq!(spread.covariance, nalgebra::dmatrix![4.0, 1.9; 1.9, 1.0]);
         assert_eq!(spread.degrees, [5.0, f64::INFINITY]);
-        let odd = Spread {
+        let odd = pilotage_inference::Spread {
             method: spread.method,
             covariance: nalgebra::dmatrix![0.1 + 0.2, 1e-151; 1e-151, 1e-300],
             degrees: vec![1.0 / 3.0, f64::INFINITY],
         };
         let text = format!(
             "[theta]\ntheta1 = 1\ntheta2 = 2\n[uncertainty]\nmethod = \"cr3\"\n{}",
-            odd.to_toml()
+            spread::to_toml(&odd)
         );
         assert_eq!(
             PilotFile::parse(&text, "pilot.toml").unwrap().spread,

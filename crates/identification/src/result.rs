@@ -1,7 +1,7 @@
 //! Results of a fit and of the pilot file.
 
 use super::{ClosedLoop, Diagnostic, Uncertainty};
-use crate::spread::Spread;
+use pilotage_inference::Spread;
 use pilotage_models::Quadcopter;
 use pilotage_sqp::Status;
 
