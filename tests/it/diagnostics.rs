@@ -6,11 +6,12 @@ use pilotage::identification::closed_loop::LOOP_MARGIN;
 use pilotage::identification::diagnostics::recorded;
 use pilotage::identification::joint::Joint;
 use pilotage::identification::{
-    ClosedLoop, Diagnostic, Fit, FitOptions, InitialState, Mesh, Objective, Scheme, Trial,
-    TrialSet, fit, simulate,
+    Diagnostic, Fit, FitOptions, InitialState, Mesh, Objective, Scheme, Trial, TrialSet, fit,
+    simulate,
 };
 use pilotage::models::{Pilot, Quadcopter};
 use pilotage::synthetic::{Flights, Human};
+use pilotage::vehicle::ClosedLoop;
 use std::ops::ControlFlow;
 use std::sync::OnceLock;
 

@@ -23,8 +23,8 @@
 //! | module | content |
 //! | --- | --- |
 //! | [`trials`](mod@trials) | recorded flights |
-//! | [`vehicle`](mod@vehicle) | the vehicle's coefficients as a file, and its pitch loop |
-//! | [`pilot`](mod@pilot) | the pilot of a pilot file |
+//! | [`vehicle`](mod@vehicle) | the vehicle's coefficients as a file, and its loops, linearised |
+//! | [`pilot`](mod@pilot) | pilot files |
 //! | [`kind`](mod@kind) | kinds of TOML files, and which of them stand for models |
 //! | [`options`](mod@options) | what the options of a fit of flights say about its problem |
 //! | [`problem`](mod@problem) | the problem of flights, as text and in memory |

@@ -6,12 +6,11 @@ use super::refits::Refitted;
 use crate::cli::terminal;
 use crate::cli::{excitation, format};
 use crate::identification::{
-    ClosedLoop, Diagnostic, Fit, FitOptions, Identification, InitialState, Objective, Uncertainty,
-    pilot_file,
+    Diagnostic, Fit, FitOptions, Identification, InitialState, Objective, Uncertainty, pilot_file,
 };
 use crate::inference::{Interval, LEVEL, Method};
 use crate::linear::Figure;
-use crate::vehicle::Mode;
+use crate::vehicle::{ClosedLoop, Mode};
 use nalgebra::DMatrix;
 use pilotage_inference::statistics::rms;
 use pilotage_text::counted;

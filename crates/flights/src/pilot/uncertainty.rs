@@ -1,19 +1,19 @@
 //! The uncertainty of θ in a pilot file.
 
-use crate::pilot_file::PilotFileError;
+use super::PilotError;
 use nalgebra::DMatrix;
 use pilotage_inference::{Method, Spread};
-use pilotage_text::document::{TomlTable, number};
+use pilotage_text::document::TomlTable;
 
 /// Reads the table of the uncertainty; `None` if it has no covariance, as when the data leave a direction
 /// undetermined.
-pub(super) fn of_table(table: &TomlTable<'_>, n: usize) -> Result<Option<Spread>, PilotFileError> {
+pub(super) fn of_table(table: &TomlTable<'_>, n: usize) -> Result<Option<Spread>, PilotError> {
     let fields = ["method", "degrees_of_freedom", "covariance"].map(str::to_owned);
     let fields: Vec<String> = (fields.into_iter())
         .chain((1..=n).map(|i| format!("theta{i}")))
         .collect();
     table.only(&fields.iter().map(String::as_str).collect::<Vec<_>>())?;
-    let fault = |field: &str, fault: String| PilotFileError::Uncertainty {
+    let fault = |field: &str, fault: String| PilotError::Uncertainty {
         file: table.file().to_owned(),
         line: table.line(field),
         fault: format!("{field} {fault}"),
@@ -65,26 +65,10 @@ pub(super) fn of_table(table: &TomlTable<'_>, n: usize) -> Result<Option<Spread>
     }))
 }
 
-/// The fields that [`of_table`] reads, except the method.
-pub(super) fn to_toml(own: &Spread) -> String {
-    let row = |row: Vec<f64>| -> String {
-        let all: Vec<String> = row.into_iter().map(number).collect();
-        format!("[{}]", all.join(", "))
-    };
-    let rows = own.covariance.row_iter();
-    let rows: String = rows
-        .map(|line| format!("    {},\n", row(line.iter().copied().collect())))
-        .collect();
-    format!(
-        "degrees_of_freedom = {}\ncovariance = [                     # of theta1, theta2, ...\n{rows}]\n",
-        row(own.degrees.clone())
-    )
-}
-
 /// Rejects an invalid interval `{ sd, low, high }`.
-fn check_interval(table: &TomlTable<'_>) -> Result<(), PilotFileError> {
+fn check_interval(table: &TomlTable<'_>) -> Result<(), PilotError> {
     table.only(&["sd", "low", "high"])?;
-    let fault = |field: &str, fault: String| PilotFileError::Uncertainty {
+    let fault = |field: &str, fault: String| PilotError::Uncertainty {
         file: table.file().to_owned(),
         line: table.line(field),
         fault: format!("{field} {fault}"),
@@ -124,4 +108,89 @@ fn trouble(covariance: &DMatrix<f64>) -> Option<&'static str> {
     }
     let least = correlations.symmetric_eigenvalues().min();
     (least < -1e-6).then_some("is not positive semidefinite")
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::pilot::PilotFile;
+
+    const THREE: &str = "[theta]\ntheta1 = 1\ntheta2 = 2\n[uncertainty]\nmethod = \"cr3\"\n\
+        degrees_of_freedom = [5, inf]\ncovariance = [[4, 1.9], [1.9, 1]]\ntheta1 = { sd = 2 }\n";
+
+    #[test]
+    fn how_sure_it_is_is_read() {
+        let spread = PilotFile::parse(THREE, "pilot.toml")
+            .unwrap()
+            .spread
+            .unwrap();
+        assert_eq!(spread.covariance, nalgebra::dmatrix![4.0, 1.9; 1.9, 1.0]);
+        assert_eq!(spread.degrees, [5.0, f64::INFINITY]);
+        // Older files contain only intervals.
+        let lines = THREE.lines().filter(|line| !line.starts_with("covariance"));
+        let text: String = lines.map(|line| format!("{line}\n")).collect();
+        assert_eq!(PilotFile::parse(&text, "pilot.toml").unwrap().spread, None);
+    }
+
+    #[test]
+    fn what_is_no_covariance_is_told() {
+        for (old, new, message) in [
+            (
+                "[[4, 1.9], [1.9, 1]]",
+                "[[4, 2.1], [2.1, 1]]",
+                ":7: [uncertainty] covariance is not positive semidefinite",
+            ),
+            (
+                "[[4, 1.9], [1.9, 1]]",
+                "[[4, 1.9], [1.8, 1]]",
+                "is not symmetric",
+            ),
+            (
+                "[[4, 1.9], [1.9, 1]]",
+                "[[4, 1.9], [nan, 1]]",
+                "no finite number",
+            ),
+            (
+                "[[4, 1.9], [1.9, 1]]",
+                "[[-4, 0], [0, 1]]",
+                "a variance below 0",
+            ),
+            (
+                "[[4, 1.9], [1.9, 1]]",
+                "[[4, 1.9]]",
+                "is not 2 rows of 2 numbers",
+            ),
+            (
+                "[[4, 1.9], [1.9, 1]]",
+                "[4, 1.9]",
+                "an array of rows of numbers",
+            ),
+            (
+                "[5, inf]",
+                "[5, 0]",
+                ":6: [uncertainty] degrees_of_freedom is not 2 numbers above 0",
+            ),
+            ("[5, inf]", "5", "an array of numbers"),
+            ("cr3", "cr4", "known are plain, sidpac, ar, cr3"),
+            ("theta1 = {", "theta3 = {", "theta3"),
+            ("sd = 2", "sd = -2", ":8: [uncertainty] sd is -2, below 0"),
+            (
+                "sd = 2",
+                "sd = 3",
+                ":8: [uncertainty] theta1 has sd = 3, and the covariance says 2",
+            ),
+            (
+                "sd = 2",
+                "sd = 2, low = 3, high = 1",
+                ":8: [uncertainty] low is 3, above high = 1",
+            ),
+            ("sd = 2", "sd = 2, foo = 1", "foo"),
+        ] {
+            let text = THREE.replace(old, new);
+            assert_ne!(text, THREE, "{old}");
+            let error = PilotFile::parse(&text, "pilot.toml")
+                .unwrap_err()
+                .to_string();
+            assert!(error.contains(message), "{new}: {error}");
+        }
+    }
 }
