@@ -3,9 +3,10 @@
 
 use super::{Fit, FitOptions, Trial};
 use nalgebra::Complex;
+use pilotage_flights::trials::driven;
 use pilotage_flights::vehicle::{LinearVehicle, pilot_response};
 use pilotage_inference::Spread;
-use pilotage_inference::spectrum::{Describing, Flight, Model};
+use pilotage_inference::spectrum::{Describing, Model};
 
 /// Describing functions of pilot and loop, compared with a fitted θ. The loop has no fitted values if the vehicle is
 /// not known.
@@ -19,7 +20,7 @@ pub fn describing(fit: &Fit, trials: &[Trial], options: &FitOptions) -> Describi
     let [fitted_pilot, fitted_loop] = [&|omega| of_pilot(theta, omega), &|omega| {
         of_loop(theta, omega)
     }] as [Model<'_>; 2];
-    let mut own = Describing::of(&flights(trials), [fitted_pilot, fitted_loop]);
+    let mut own = Describing::of(&driven(trials), [fitted_pilot, fitted_loop]);
     if let Some(sure) = &fit.uncertainty {
         let variance = |of: &dyn Fn(&[f64], f64) -> Complex<f64>, omega: f64| {
             variance(&sure.spread, theta, |theta| of(theta, omega))
@@ -39,21 +40,4 @@ fn variance(spread: &Spread, theta: &[f64], of: impl Fn(&[f64]) -> Complex<f64>)
     let ends = spread.derived(theta, &parts(theta), parts);
     let variance: f64 = ends.iter().map(|own| own.sd.powi(2)).sum();
     if variance.is_finite() { variance } else { 0.0 }
-}
-
-/// Trials as flights driven only by their target.
-pub fn flights(trials: &[Trial]) -> Vec<Flight<'_>> {
-    let error = |own: &Trial| {
-        let pairs = own.target.iter().zip(&own.position);
-        pairs.map(|(target, position)| target - position).collect()
-    };
-    let all = trials.iter().map(|trial| Flight {
-        name: &trial.name,
-        time: &trial.time,
-        forcing: vec![&trial.target],
-        error: error(trial),
-        stick: trial.stick.as_deref(),
-        position: &trial.position,
-    });
-    all.collect()
 }

@@ -180,6 +180,7 @@ fn data(options: &FitOptions, trials: &[Trial]) -> String {
 mod tests {
     use super::*;
     use crate::TrialSet;
+    use pilotage_flights::Check;
     use pilotage_flights::pilot::{FittedPilot, PilotDiagnostic, PilotFile};
     use pilotage_inference::Method;
     use pilotage_sqp::Status;
@@ -210,7 +211,7 @@ mod tests {
             }),
             unbounded: None,
             uncertainty: None,
-            diagnostics: vec![Diagnostic::ConstantData],
+            diagnostics: vec![Check::ConstantData.into()],
         }
     }
 
@@ -255,7 +256,7 @@ mod tests {
                 spread: None,
                 diagnostics: vec![PilotDiagnostic {
                     code: "constant-data".into(),
-                    words: Diagnostic::ConstantData.to_string(),
+                    words: Check::ConstantData.to_string(),
                     fatal: true,
                 }],
             }
@@ -290,7 +291,7 @@ mod tests {
                 value: objective,
                 unit: "m",
                 count: 1,
-                share: Some(1.0),
+                share: 1.0,
             }];
             let ended = Fit { theta, objective, converged, status, kkt, seconds, diagnostics, ..fit() };
             let mesh = step.map_or(Mesh::Samples, Mesh::Step);

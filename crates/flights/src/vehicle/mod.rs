@@ -5,9 +5,11 @@ mod closed_loop;
 mod file;
 mod linear;
 mod pitch_loop;
+mod simulation;
 
 pub use closed_loop::ClosedLoop;
 pub use file::{VehicleError, of_table, parse, read, to_toml};
 pub use linear::{LinearVehicle, pilot_response};
 pub use pilotage_linear::Mode;
 pub use pitch_loop::PitchLoop;
+pub use simulation::{MAX_STEP, at_full_stick, fly};
