@@ -6,9 +6,8 @@ use super::made::{made, program, quoted};
 use super::{Failure, Outcome, folder, overwrite, terminal, validate};
 use crate::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuComponent, System};
 use crate::export::{Export, Provenance};
-use crate::identification::{
-    Fit, FitOptions, Identification, PilotFile, Trial, TrialSet, pilot_file,
-};
+use crate::flights::pilot::PilotFile;
+use crate::identification::{Fit, FitOptions, Identification, Trial, TrialSet, pilot_file};
 use crate::models::Model;
 use crate::report::{self, ClosedLoop, Report};
 use crate::series::Series;

@@ -8,9 +8,9 @@ use crate::date;
 use crate::document;
 use crate::export::{Export, ExportOptions, Provenance, platform};
 use crate::file;
+use crate::flights::pilot::PilotFile;
 use crate::fmi::description::FmiVersion;
 use crate::fmi_check::is_date_and_time;
-use crate::identification::PilotFile;
 use crate::models::Quadcopter;
 use crate::models::model::Model;
 use crate::models::pilot::PAPER_THETA;
@@ -270,11 +270,12 @@ fn fitted(file: &Path, allow_unconverged: bool) -> Result<(Model, Provenance), F
         &[recognise::FileKind::Pilot],
         "a pilot file (TOML)",
     )?;
-    let pilot = PilotFile::read(file)?;
-    if let Some(objection) = pilot.objection().filter(|_| !allow_unconverged) {
+    let fitted = PilotFile::read(file)?;
+    if let Some(objection) = fitted.objection().filter(|_| !allow_unconverged) {
         return Err(unconverged(file, &objection));
     }
-    let order = pilot.theta.len() / 2;
+    let pilot = &fitted.pilot;
+    let order = pilot.structure().order;
     if order > Model::MAX_ORDER {
         let message = format!(
             "{}: a pilot of order {order} cannot be exported; the highest order is {}",
@@ -288,8 +289,8 @@ fn fitted(file: &Path, allow_unconverged: bool) -> Result<(Model, Provenance), F
         model,
         Provenance::fit(
             document::read(file)?,
-            pilot.is_stable_loop(),
-            pilot.caveat(),
+            fitted.is_stable_loop(),
+            fitted.caveat(),
         ),
     ))
 }

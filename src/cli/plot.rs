@@ -5,8 +5,7 @@ use super::overwrite::{self, OutputKind, Overwrite};
 use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, fit, terminal};
 use crate::file;
-use crate::identification::PilotFile;
-use crate::models::Pilot;
+use crate::flights::pilot::PilotFile;
 use crate::report::figure::Figure;
 use crate::report::frequency::{Fitted, bode_figures};
 use crate::report::png::to_png;
@@ -267,10 +266,8 @@ fn of_page(text: &str) -> Content {
 fn pilot(path: &Path) -> Result<Content, Failure> {
     let file = PilotFile::read(path)?;
     let fitted = Fitted {
-        pilot: Pilot {
-            order: file.theta.len() / 2,
-        },
-        theta: &file.theta,
+        pilot: file.pilot.structure(),
+        theta: &file.pilot.theta,
         vehicle: file.vehicle.as_ref(),
         sure: file.spread.as_ref(),
     };

@@ -2,9 +2,8 @@
 
 use super::figure::{Figure, Look, Series};
 use super::frequency::{Curve, response_figures};
-use crate::identification::Spread;
 use crate::inference::spectrum::{Checked, Describing};
-use crate::inference::{LEVEL, quantile};
+use crate::inference::{LEVEL, Spread, quantile};
 use nalgebra::Complex;
 
 /// Explanation of the dots for captions.

@@ -1,11 +1,10 @@
 //! Frequency responses of a fitted pilot and of its loop with the vehicle, with confidence bands.
 
 use super::figure::{Axis, Figure, Look, Panel, Series};
-use crate::identification::Spread;
-use crate::identification::closed_loop::LinearVehicle;
-use crate::identification::frequency::{open_loop, pilot};
+use crate::inference::Spread;
 use crate::linear::{Margins, Response};
 use crate::models::{Pilot, Quadcopter};
+use crate::vehicle::{LinearVehicle, pilot_response};
 use nalgebra::Complex;
 use pilotage_text::number::significant;
 
@@ -38,12 +37,12 @@ pub fn bode_figures(fitted: &Fitted<'_>) -> Vec<Figure> {
         vehicle,
         sure,
     } = *fitted;
-    let of_pilot = |theta: &[f64], omega: f64| pilot(order, theta, omega);
+    let of_pilot = |theta: &[f64], omega: f64| pilot_response(order, theta, omega);
     let mut figures = Vec::new();
     let mut middle = None;
     if let Some(vehicle) = vehicle {
         let vehicle = LinearVehicle::of(vehicle);
-        let of_loop = |theta: &[f64], omega: f64| open_loop(&vehicle, order, theta, omega);
+        let of_loop = |theta: &[f64], omega: f64| vehicle.loop_at(order, theta, omega);
         middle = crossover(&of_loop, theta);
         let bode = Bode {
             of: &of_loop,

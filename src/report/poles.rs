@@ -2,9 +2,9 @@
 
 use super::figure::{Axis, Figure, Look, Panel, Series};
 use super::frequency::Fitted;
-use crate::identification::{ClosedLoop, Spread};
-use crate::inference::{LEVEL, quantile};
+use crate::inference::{LEVEL, Spread, quantile};
 use crate::linear::eigenvalues;
+use crate::vehicle::ClosedLoop;
 use nalgebra::{Complex, DMatrix, Matrix2, SymmetricEigen};
 use std::f64::consts::PI;
 

@@ -4,6 +4,7 @@ use super::html::{Html, html, paragraph, table};
 use super::number;
 use super::overlay::{self, Parameters};
 use crate::flights::trials::Summary;
+use crate::identification::closed_loop::on_bound;
 use crate::identification::pilot_file::units;
 use crate::identification::result::StartReport;
 use crate::identification::{
@@ -104,11 +105,7 @@ pub fn active(found: &Identification) -> Html {
         (count > 0).then(|| vec![html! { "|stick| ≤ " (limit) }, cell(&run.name), cell(share)])
     };
     let mut rows: Vec<_> = found.fit.runs.iter().filter_map(of_run).collect();
-    let pole = found
-        .fit
-        .closed_loop
-        .as_ref()
-        .and_then(|own| own.on_bound());
+    let pole = found.fit.closed_loop.as_ref().and_then(on_bound);
     rows.extend(pole.map(|pole| {
         let pole = html! { "pole at " (number::html(pole.re, 3)) " 1/s" };
         vec![cell("stability of the closed loop"), cell("all"), pole]

@@ -148,10 +148,13 @@ fn the_table_of_diagnostics_is_that_of_the_code() {
 
 #[test]
 fn each_diagnostic_of_flights_has_its_place_among_those_of_problems() {
-    let source = include_str!("../../crates/identification/src/diagnostics/diagnostic.rs");
+    let of_checks = in_source(include_str!("../../crates/flights/src/checks/check.rs"));
+    let of_fits = in_source(include_str!(
+        "../../crates/identification/src/diagnostics/diagnostic.rs"
+    ));
     let codes: BTreeSet<&str> = FLIGHTS.iter().map(|own| own.0).collect();
     assert_eq!(
-        (in_source(source), codes.len()),
+        (&of_checks | &of_fits, codes.len()),
         (codes.clone(), FLIGHTS.len())
     );
     let is_known = |code: &str| code.is_empty() || CODES.iter().any(|own| own.0 == code);

@@ -1,6 +1,7 @@
 //! What is special to flights of a pilot: recordings and lists of them ([`trials`](mod@trials)), the vehicle that was flown
-//! ([`vehicle`](mod@vehicle)), pilot and vehicle files as models ([`kind`](mod@kind)), a synthetic human
-//! ([`synthetic`](mod@synthetic)), and the problem that all of this poses ([`problem`](mod@problem)). Nothing is solved here.
+//! ([`vehicle`](mod@vehicle)), checks of both ([`checks`](mod@checks)), pilot and vehicle files as models
+//! ([`kind`](mod@kind)), a synthetic human ([`synthetic`](mod@synthetic)), and the problem that all of this poses
+//! ([`problem`](mod@problem)). Nothing is solved here.
 //!
 //! ```
 //! use pilotage_estimation::Posed;
@@ -23,13 +24,15 @@
 //! | module | content |
 //! | --- | --- |
 //! | [`trials`](mod@trials) | recorded flights |
-//! | [`vehicle`](mod@vehicle) | the vehicle's coefficients as a file, and its pitch loop |
-//! | [`pilot`](mod@pilot) | the pilot of a pilot file |
+//! | [`vehicle`](mod@vehicle) | the vehicle's coefficients as a file, and its loops, linearised |
+//! | [`pilot`](mod@pilot) | pilot files |
+//! | [`checks`](mod@checks) | what recordings and vehicle let doubt before any fit |
 //! | [`kind`](mod@kind) | kinds of TOML files, and which of them stand for models |
 //! | [`options`](mod@options) | what the options of a fit of flights say about its problem |
 //! | [`problem`](mod@problem) | the problem of flights, as text and in memory |
 //! | [`synthetic`](mod@synthetic) | a synthetic human, of another structure than the fitted model |
 
+pub mod checks;
 pub mod kind;
 pub mod options;
 pub mod pilot;
@@ -38,6 +41,7 @@ pub mod synthetic;
 pub mod trials;
 pub mod vehicle;
 
+pub use checks::Check;
 pub use kind::open;
 pub use problem::FlightOptions;
 pub use trials::{Trial, TrialError, TrialSet};

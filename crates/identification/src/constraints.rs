@@ -1,7 +1,8 @@
 //! Stability of the identified pilot, and of its closed loop.
 
-use super::closed_loop::{LOOP_MARGIN, LinearVehicle, routh};
+use super::closed_loop::{LOOP_MARGIN, routh};
 use pilotage_collocation::ParameterConstraints;
+use pilotage_flights::vehicle::LinearVehicle;
 use pilotage_models::{Pilot, Scalar};
 
 /// Smallest value of a coefficient or a Hurwitz minor, in its own unit: it makes the paper's strict inequalities (its

@@ -1,8 +1,8 @@
 //! Quantities derived from θ: the figures of the closed loop with the vehicle, each with its interval.
 
-use super::closed_loop::LinearVehicle;
 use super::{Fit, FitOptions};
 use nalgebra::Complex;
+use pilotage_flights::vehicle::LinearVehicle;
 use pilotage_inference::Interval;
 use pilotage_linear::{Figure, LoopFigures, OpenLoop};
 use pilotage_models::{Pilot, Quadcopter};
@@ -17,7 +17,7 @@ pub fn open_loop(
     let linear = LinearVehicle::of(&vehicle);
     let own = theta.to_vec();
     OpenLoop {
-        response: move |omega| linear.loop_at(pilot, &own, Complex::new(0.0, omega)),
+        response: move |omega| linear.loop_at(pilot, &own, omega),
         open: [pilot.poles(theta), linear.poles()].concat(),
         closed: linear.closed_poles(pilot, theta),
     }

@@ -5,6 +5,7 @@ use super::simulate::{LONGEST, at_rest};
 use super::solve::Observer;
 use super::{Fit, FitError, FitOptions, Objective, RunFit, Trial, TrialSet};
 use super::{derived, fit, frequency, simulate, simulate_from};
+use pilotage_flights::trials::driven;
 use pilotage_inference::Interval;
 use pilotage_inference::spectrum::{Describing, Excitation};
 use pilotage_inference::statistics::rms;
@@ -73,7 +74,7 @@ impl Identification {
             .collect();
         Self {
             derived: derived::derived(&fit, &options),
-            excitation: Excitation::of(&frequency::flights(&trials.fit)),
+            excitation: Excitation::of(&driven(&trials.fit)),
             describing: frequency::describing(&fit, &trials.fit, &options),
             fit,
             options,

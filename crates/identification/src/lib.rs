@@ -15,17 +15,16 @@
 //! | `race` | when a start has lost |
 //! | [`result`](mod@result) | results of a fit |
 //! | [`identification`](mod@identification) | a fit with all that is derived from it |
-//! | [`closed_loop`](mod@closed_loop) | poles of the closed loop |
+//! | [`closed_loop`](mod@closed_loop) | the bound on the closed loop |
 //! | `linearised` | a model about zero |
-//! | [`frequency`](mod@frequency) | frequency responses and describing functions |
+//! | [`frequency`](mod@frequency) | describing functions |
 //! | [`derived`](mod@derived) | crossover, margins and effective delay, with intervals |
 //! | [`uncertainty`](mod@uncertainty) | standard deviations and intervals of θ |
-//! | `spread` | the covariance of θ in a pilot file |
 //! | [`refits`](mod@refits) | profiles and bootstraps |
 //! | [`orders`](mod@orders) | choice of the order |
 //! | [`diagnostics`](mod@diagnostics) | why a fit may be less reliable than it seems |
 //! | [`simulate`](mod@simulate) | a run flown by the identified pilot alone |
-//! | [`pilot_file`](mod@pilot_file) | the result file |
+//! | [`pilot_file`](mod@pilot_file) | the text of the result file |
 
 pub mod closed_loop;
 pub mod constraints;
@@ -47,20 +46,16 @@ pub mod refits;
 pub mod result;
 pub mod simulate;
 pub mod solve;
-mod spread;
 pub mod start;
 mod tumbles;
 pub mod uncertainty;
 
-pub use closed_loop::ClosedLoop;
 pub use diagnostics::{Diagnostic, diagnostics};
 pub use identification::Identification;
 pub use options::{FitOptions, InitialPosition, InitialState, Mesh, Objective};
-pub use pilot_file::PilotFileError;
 pub use pilotage_collocation::Scheme;
 pub use pilotage_flights::{Trial, TrialError, TrialSet};
-pub use result::{Fit, PilotDiagnostic, PilotFile, RunFit};
+pub use result::{Fit, RunFit};
 pub use simulate::{simulate, simulate_from};
 pub use solve::{FitError, Progress, fit};
-pub use spread::Spread;
 pub use uncertainty::Uncertainty;

@@ -1,145 +1,13 @@
-//! The result file `pilot.toml`: θ and its provenance.
+//! The text of the result file `pilot.toml`: θ and its provenance.
 
-use super::result::PilotDiagnostic;
-use super::{
-    ClosedLoop, Diagnostic, Fit, FitOptions, Identification, Mesh, PilotFile, Spread, Trial,
-    Uncertainty,
-};
+use super::{Diagnostic, Fit, FitOptions, Identification, Mesh, Trial, Uncertainty};
 use nalgebra::Complex;
-use pilotage_flights::pilot::{FittedPilot, PilotError};
-use pilotage_flights::vehicle::{self, Mode, VehicleError};
+use pilotage_flights::vehicle::{ClosedLoop, Mode};
+use pilotage_inference::Spread;
 use pilotage_models::{COEFFICIENTS, Pilot};
-use pilotage_text::document::{self, Document, DocumentError, number, quoted};
+use pilotage_text::document::{number, quoted};
 use pilotage_text::printable::comment;
 use pilotage_units::{power, pretty};
-use std::path::Path;
-
-/// Errors of a pilot file.
-#[derive(Debug, thiserror::Error)]
-pub enum PilotFileError {
-    /// Not TOML, or a field of the wrong type.
-    #[error(transparent)]
-    Document(#[from] DocumentError),
-    /// Not the fields of a pilot, or θ is missing or out of range.
-    #[error(transparent)]
-    Pilot(#[from] PilotError),
-    /// The vehicle is invalid.
-    #[error(transparent)]
-    Vehicle(#[from] VehicleError),
-    /// The table `[uncertainty]` is invalid.
-    #[error("{file}:{line}: [uncertainty] {fault}")]
-    Uncertainty {
-        /// The file.
-        file: String,
-        /// Line of the field.
-        line: usize,
-        /// The field and its fault.
-        fault: String,
-    },
-}
-
-/// Code of the diagnostic for a loop that was allowed to be unstable.
-const UNSTABLE: &str = "unstable-loop";
-
-impl PilotFile {
-    /// Reads a pilot file.
-    ///
-    /// # Errors
-    /// If the file cannot be read, or θ is missing or not numeric.
-    pub fn read(path: &Path) -> Result<Self, PilotFileError> {
-        Self::parse(&document::read(path)?, &path.display().to_string())
-    }
-
-    /// Parses the text of a pilot file; `file` is its name in messages. If `converged` or `stick_limit` is missing, as
-    /// in a file written by hand, it defaults to `true` or 1.
-    ///
-    /// # Errors
-    /// As [`PilotFile::read`].
-    pub fn parse(text: &str, file: &str) -> Result<Self, PilotFileError> {
-        let document = Document::parse(text, file)?;
-        let root = document.root();
-        let FittedPilot { theta, stick_limit } = FittedPilot::of_table(root)?;
-        let vehicle = match (root.table("closed_loop")?, root.table("vehicle")?) {
-            (Some(_), Some(table)) => Some(vehicle::of_table(&table)?),
-            _ => None,
-        };
-        Ok(Self {
-            spread: match root.table("uncertainty")? {
-                Some(table) => Spread::of_table(&table, theta.len())?,
-                None => None,
-            },
-            theta,
-            stick_limit,
-            converged: root.boolean("converged")?.unwrap_or(true),
-            vehicle,
-            diagnostics: (root.tables("doubt")?.iter())
-                .map(PilotDiagnostic::read)
-                .collect::<Result<_, _>>()?,
-        })
-    }
-
-    /// Why the pilot is not a valid result; `None` if it is.
-    pub fn objection(&self) -> Option<String> {
-        if !self.converged {
-            return Some("did not converge".into());
-        }
-        if let Some(diagnostic) = self.diagnostics.iter().find(|diagnostic| diagnostic.fatal) {
-            return Some(format!("is no answer: {}", diagnostic.words));
-        }
-        let is_reported = self
-            .diagnostics
-            .iter()
-            .any(|diagnostic| diagnostic.code == UNSTABLE);
-        let unstable = self.is_stable_loop() == Some(false);
-        (unstable && !is_reported).then(|| {
-            "is no answer: the closed loop of [theta] with [vehicle] is unstable, and the file does not say so; it \
-             may have been edited"
-                .into()
-        })
-    }
-
-    /// The closed loop with the vehicle of the fit, computed from θ in the file; `None` if the file does not specify
-    /// the vehicle.
-    pub fn closed_loop(&self) -> Option<ClosedLoop> {
-        let pilot = Pilot {
-            order: self.theta.len() / 2,
-        };
-        self.vehicle
-            .map(|vehicle| ClosedLoop::of(vehicle, pilot, &self.theta))
-    }
-
-    /// Whether [`Self::closed_loop`] is stable.
-    pub fn is_stable_loop(&self) -> Option<bool> {
-        self.closed_loop().map(|known| known.is_stable())
-    }
-
-    /// Warnings for users of the pilot; statements of the file about its loop are included only if they agree with θ.
-    pub fn caveat(&self) -> Option<String> {
-        let unconverged = "The fit did NOT converge: θ is its best iterate, not a solution.";
-        let unconverged = (!self.converged).then(|| unconverged.to_owned());
-        let is_true =
-            |diagnostic: &&PilotDiagnostic| match (diagnostic.code.as_str(), self.is_stable_loop())
-            {
-                (UNSTABLE, Some(stable)) => !stable,
-                ("loop-on-bound" | "slow-loop" | "leaves-target", Some(stable)) => stable,
-                _ => true,
-            };
-        let diagnostics = (self.diagnostics.iter().filter(is_true))
-            .map(|diagnostic| format!("Diagnostic: {}.", diagnostic.words));
-        let all: Vec<String> = unconverged.into_iter().chain(diagnostics).collect();
-        (!all.is_empty()).then(|| all.join(" "))
-    }
-}
-
-impl PilotDiagnostic {
-    fn read(table: &document::TomlTable) -> Result<Self, DocumentError> {
-        Ok(Self {
-            code: table.required("code", table.string("code")?)?.into(),
-            words: table.required("words", table.string("words")?)?.into(),
-            fatal: table.boolean("fatal")?.unwrap_or(false),
-        })
-    }
-}
 
 /// Text of a pilot file. An invalid fit is marked as such at the top.
 pub fn to_toml(found: &Identification) -> String {
@@ -199,7 +67,7 @@ fn uncertainty(own: &Uncertainty) -> String {
         "\n[uncertainty]                      # 95 % intervals\nmethod = {}\n",
         quoted(own.spread.method.as_str())
     );
-    text += &own.determined().map_or_else(String::new, Spread::to_toml);
+    text += &own.determined().map_or_else(String::new, covariance);
     for (i, own) in own.intervals.iter().enumerate() {
         text += &format!(
             "theta{} = {{ sd = {}, low = {}, high = {} }}\n",
@@ -210,6 +78,22 @@ fn uncertainty(own: &Uncertainty) -> String {
         );
     }
     text
+}
+
+/// Its fields that are read again, except the method.
+fn covariance(own: &Spread) -> String {
+    let row = |row: Vec<f64>| -> String {
+        let all: Vec<String> = row.into_iter().map(number).collect();
+        format!("[{}]", all.join(", "))
+    };
+    let rows = own.covariance.row_iter();
+    let rows: String = rows
+        .map(|line| format!("    {},\n", row(line.iter().copied().collect())))
+        .collect();
+    format!(
+        "degrees_of_freedom = {}\ncovariance = [                     # of theta1, theta2, ...\n{rows}]\n",
+        row(own.degrees.clone())
+    )
 }
 
 fn diagnostic(diagnostic: &Diagnostic) -> String {
@@ -296,6 +180,9 @@ fn data(options: &FitOptions, trials: &[Trial]) -> String {
 mod tests {
     use super::*;
     use crate::TrialSet;
+    use pilotage_flights::Check;
+    use pilotage_flights::pilot::{FittedPilot, PilotDiagnostic, PilotFile};
+    use pilotage_inference::Method;
     use pilotage_sqp::Status;
     use proptest::prelude::*;
 
@@ -324,7 +211,7 @@ mod tests {
             }),
             unbounded: None,
             uncertainty: None,
-            diagnostics: vec![Diagnostic::ConstantData],
+            diagnostics: vec![Check::ConstantData.into()],
         }
     }
 
@@ -360,14 +247,16 @@ mod tests {
         assert_eq!(
             read,
             PilotFile {
-                theta: fit().theta,
-                stick_limit: 1.0,
+                pilot: FittedPilot {
+                    theta: fit().theta,
+                    stick_limit: 1.0
+                },
                 converged: false,
                 vehicle: Some(FitOptions::default().vehicle),
                 spread: None,
                 diagnostics: vec![PilotDiagnostic {
                     code: "constant-data".into(),
-                    words: Diagnostic::ConstantData.to_string(),
+                    words: Check::ConstantData.to_string(),
                     fatal: true,
                 }],
             }
@@ -402,7 +291,7 @@ mod tests {
                 value: objective,
                 unit: "m",
                 count: 1,
-                share: Some(1.0),
+                share: 1.0,
             }];
             let ended = Fit { theta, objective, converged, status, kkt, seconds, diagnostics, ..fit() };
             let mesh = step.map_or(Mesh::Samples, Mesh::Step);
@@ -418,7 +307,7 @@ mod tests {
                 fatal: true,
             }];
             let vehicle = Some(options.vehicle);
-            prop_assert_eq!(read, PilotFile { theta: ended.theta, stick_limit, converged, vehicle, spread: None, diagnostics });
+            prop_assert_eq!(read, PilotFile { pilot: FittedPilot { theta: ended.theta, stick_limit }, converged, vehicle, spread: None, diagnostics });
             let table: toml::Table = text.parse().unwrap();
             prop_assert_eq!(table["status"].as_str(), Some(ended.status.as_str()));
             let found = table["fit"]["kkt"].as_float().unwrap();
@@ -436,96 +325,20 @@ mod tests {
         assert_eq!(units(Pilot { order: 12 })[12], "1/(m·s¹²)");
     }
 
-    const THREE: &str = "[theta]\ntheta1 = 1\ntheta2 = 2\n[uncertainty]\nmethod = \"cr3\"\n\
-        degrees_of_freedom = [5, inf]\ncovariance = [[4, 1.9], [1.9, 1]]\ntheta1 = { sd = 2 }\n";
-
     #[test]
     fn how_sure_it_is_reads_back_to_the_same_bits() {
-        let spread = PilotFile::parse(THREE, "pilot.toml")
-            .unwrap()
-            .spread
-            .unwrap();
-        assert_eq!(spread.covariance, nalgebra::dmatrix![4.0, 1.9; 1.9, 1.0]);
-        assert_eq!(spread.degrees, [5.0, f64::INFINITY]);
         let odd = Spread {
-            method: spread.method,
+            method: Method::Cr3,
             covariance: nalgebra::dmatrix![0.1 + 0.2, 1e-151; 1e-151, 1e-300],
             degrees: vec![1.0 / 3.0, f64::INFINITY],
         };
         let text = format!(
             "[theta]\ntheta1 = 1\ntheta2 = 2\n[uncertainty]\nmethod = \"cr3\"\n{}",
-            odd.to_toml()
+            covariance(&odd)
         );
         assert_eq!(
             PilotFile::parse(&text, "pilot.toml").unwrap().spread,
             Some(odd)
         );
-        // Older files contain only intervals.
-        let lines = THREE.lines().filter(|line| !line.starts_with("covariance"));
-        let text: String = lines.map(|line| format!("{line}\n")).collect();
-        assert_eq!(PilotFile::parse(&text, "pilot.toml").unwrap().spread, None);
-    }
-
-    #[test]
-    fn what_is_no_covariance_is_told() {
-        for (old, new, message) in [
-            (
-                "[[4, 1.9], [1.9, 1]]",
-                "[[4, 2.1], [2.1, 1]]",
-                ":7: [uncertainty] covariance is not positive semidefinite",
-            ),
-            (
-                "[[4, 1.9], [1.9, 1]]",
-                "[[4, 1.9], [1.8, 1]]",
-                "is not symmetric",
-            ),
-            (
-                "[[4, 1.9], [1.9, 1]]",
-                "[[4, 1.9], [nan, 1]]",
-                "no finite number",
-            ),
-            (
-                "[[4, 1.9], [1.9, 1]]",
-                "[[-4, 0], [0, 1]]",
-                "a variance below 0",
-            ),
-            (
-                "[[4, 1.9], [1.9, 1]]",
-                "[[4, 1.9]]",
-                "is not 2 rows of 2 numbers",
-            ),
-            (
-                "[[4, 1.9], [1.9, 1]]",
-                "[4, 1.9]",
-                "an array of rows of numbers",
-            ),
-            (
-                "[5, inf]",
-                "[5, 0]",
-                ":6: [uncertainty] degrees_of_freedom is not 2 numbers above 0",
-            ),
-            ("[5, inf]", "5", "an array of numbers"),
-            ("cr3", "cr4", "known are plain, sidpac, ar, cr3"),
-            ("theta1 = {", "theta3 = {", "theta3"),
-            ("sd = 2", "sd = -2", ":8: [uncertainty] sd is -2, below 0"),
-            (
-                "sd = 2",
-                "sd = 3",
-                ":8: [uncertainty] theta1 has sd = 3, and the covariance says 2",
-            ),
-            (
-                "sd = 2",
-                "sd = 2, low = 3, high = 1",
-                ":8: [uncertainty] low is 3, above high = 1",
-            ),
-            ("sd = 2", "sd = 2, foo = 1", "foo"),
-        ] {
-            let text = THREE.replace(old, new);
-            assert_ne!(text, THREE, "{old}");
-            let error = PilotFile::parse(&text, "pilot.toml")
-                .unwrap_err()
-                .to_string();
-            assert!(error.contains(message), "{new}: {error}");
-        }
     }
 }

@@ -1,12 +1,12 @@
 //! The paper's problem, built from trials and options.
 
-use super::closed_loop::LinearVehicle;
 use super::constraints::{RouthHurwitz, Stability};
 use super::joint::{Joint, open_loop};
 use super::{FitOptions, InitialPosition, InitialState, Mesh, Objective, Trial};
 use pilotage_collocation::{Bound, Collocation, Differentiated, ParameterConstraints};
 use pilotage_collocation::{Loss, Recording, Run, Scales};
 use pilotage_expression::System;
+use pilotage_flights::vehicle::LinearVehicle;
 use pilotage_models::Quadcopter;
 use std::sync::Arc;
 

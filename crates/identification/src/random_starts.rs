@@ -1,10 +1,10 @@
 //! Random starts: pilots over a wider range than human ones, to find optima that the starts from the data may miss.
 
 use super::FitOptions;
-use super::closed_loop::LinearVehicle;
 use super::constraints::{RouthHurwitz, Stability};
 use super::start::denominator;
 use nalgebra::Complex;
+use pilotage_flights::vehicle::LinearVehicle;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, Uniform};

@@ -1,8 +1,7 @@
-//! Results of a fit and of the pilot file.
+//! Results of a fit.
 
-use super::{ClosedLoop, Diagnostic, Uncertainty};
-use crate::spread::Spread;
-use pilotage_models::Quadcopter;
+use super::{Diagnostic, Uncertainty};
+use pilotage_flights::vehicle::ClosedLoop;
 use pilotage_sqp::Status;
 
 /// One run as the identified pilot flies it in the optimiser's solution.
@@ -131,32 +130,4 @@ impl Fit {
         let near = self.starts.iter().filter(near);
         near.map(|start| start.descents).sum()
     }
-}
-
-/// The result file `pilot.toml`.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PilotFile {
-    /// θ.
-    pub theta: Vec<f64>,
-    /// Limit on |y_p| that the fit used.
-    pub stick_limit: f64,
-    /// False for the best iterate of a fit that did not converge.
-    pub converged: bool,
-    /// The vehicle of its closed loop; `None` if the vehicle is not known.
-    pub vehicle: Option<Quadcopter>,
-    /// Uncertainty of θ; `None` if the file does not contain it for all components.
-    pub spread: Option<Spread>,
-    /// Diagnostics of the fit.
-    pub diagnostics: Vec<PilotDiagnostic>,
-}
-
-/// A [`Diagnostic`] as stored in a pilot file.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PilotDiagnostic {
-    /// Code for scripts.
-    pub code: String,
-    /// Message.
-    pub words: String,
-    /// Whether it makes the result meaningless.
-    pub fatal: bool,
 }

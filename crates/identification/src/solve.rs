@@ -4,10 +4,11 @@ use super::multi_start::{Start, Starts, multi_start};
 use super::problem::{self, Posed, fill_gaps};
 use super::projection::Search;
 use super::{
-    ClosedLoop, Diagnostic, Fit, FitOptions, InitialState, Mesh, Objective, RunFit, Trial,
+    Diagnostic, Fit, FitOptions, InitialState, Mesh, Objective, RunFit, Trial, closed_loop,
     diagnostics, random_starts, start,
 };
 use pilotage_collocation::{Collocation, Scales};
+use pilotage_flights::vehicle::ClosedLoop;
 use pilotage_models::Pilot;
 use pilotage_sqp::{Iteration, SqpOptions, Status};
 use rayon::prelude::*;
@@ -169,7 +170,7 @@ pub fn fit(
 /// The objective without the bound on the closed loop if a solution lies on it: that of the optimum reached from this
 /// solution. Computed only for few trials, since it requires another solve.
 fn unbounded(fit: &Fit, trials: &[Trial], options: &FitOptions) -> Result<Option<f64>, FitError> {
-    let on_bound = fit.closed_loop.as_ref().and_then(ClosedLoop::on_bound);
+    let on_bound = fit.closed_loop.as_ref().and_then(closed_loop::on_bound);
     if !(fit.converged && on_bound.is_some() && options.kept_vehicle().is_some())
         || trials.len() > MANY_TRIALS
     {

@@ -2,13 +2,11 @@
 
 use super::problem::{fill_gaps, recorded_error};
 use super::{FitOptions, Trial};
-use nalgebra::{Complex, DMatrix, DVector, Matrix4, Vector4};
+use nalgebra::{Complex, DMatrix, DVector};
 use pilotage_collocation::rk4;
+use pilotage_flights::checks::implied::{self, Smoothed};
 use pilotage_models::lti::Transition;
 use pilotage_models::{Pilot, Quadcopter, quadcopter};
-
-/// Half width of the window of the local polynomials that smooth a recorded position [s].
-const WINDOW: f64 = 0.35;
 
 /// Poles of the regressions' filters [1/s]: about the bandwidth of a human who flies to a target.
 const FILTERS: [f64; 2] = [0.5, 1.0];
@@ -21,60 +19,12 @@ const FASTEST: f64 = 30.0;
 /// Reaction time of a pilot [s], for the estimate of gain and lead.
 const REACTION: f64 = 0.2;
 
-/// Smoothed position of a run with its derivatives, before any fit.
-#[derive(Debug, Clone)]
-pub struct Smoothed {
-    /// Position \[m\].
-    pub z: Vec<f64>,
-    /// Velocity [m/s].
-    pub v: Vec<f64>,
-    /// Acceleration [m/s²].
-    pub a: Vec<f64>,
+/// Smoothed position of a run.
+fn smoothed(trial: &Trial) -> Smoothed {
+    implied::smooth(&trial.time, &fill_gaps(&trial.time, &trial.position))
 }
 
-/// Fits local cubic polynomials to the samples within 0.35 s (Savitzky & Golay 1964).
-pub fn smooth(trial: &Trial) -> Smoothed {
-    let (time, position) = (&trial.time, fill_gaps(&trial.time, &trial.position));
-    let n = time.len();
-    let mut out = Smoothed {
-        z: position.clone(),
-        v: vec![0.0; n],
-        a: vec![0.0; n],
-    };
-    for k in 0..n {
-        let t0 = time[k];
-        let first = time.partition_point(|t| *t < t0 - WINDOW);
-        let end = time.partition_point(|t| *t <= t0 + WINDOW);
-        let near = match end - first < 5 {
-            true => k.saturating_sub(2)..(k + 3).min(n),
-            false => first..end,
-        };
-        if let Some(c) = local_cubic(&time[near.clone()], &position[near], t0) {
-            out.z[k] = c[0];
-            out.v[k] = c[1] / WINDOW;
-            out.a[k] = 2.0 * c[2] / (WINDOW * WINDOW);
-        }
-    }
-    out
-}
-
-/// Coefficients of the least-squares cubic in `(t - t0)/WINDOW`, of lower degree if there are too few values; the
-/// others are zero.
-fn local_cubic(time: &[f64], values: &[f64], t0: f64) -> Option<Vector4<f64>> {
-    let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
-    for (t, value) in time.iter().zip(values) {
-        let x = (t - t0) / WINDOW;
-        let mut row = Vector4::new(1.0, x, x * x, x * x * x);
-        (time.len()..4).for_each(|unused| row[unused] = 0.0);
-        normal += row * row.transpose();
-        right += row * *value;
-    }
-    (time.len()..4).for_each(|unused| normal[(unused, unused)] = 1.0);
-    normal.cholesky().map(|factor| factor.solve(&right))
-}
-
-/// The stick of a run: the recorded one if available, else that of the inverted vehicle, `sin φ = -v̇/g` with an
-/// attitude loop that follows the stick instantly.
+/// The stick of a run: the recorded one if available, else that of the inverted vehicle.
 pub fn implied_stick(trial: &Trial, vehicle: &Quadcopter) -> Vec<f64> {
     match &trial.stick {
         // A stick that never moves was not recorded.
@@ -82,12 +32,8 @@ pub fn implied_stick(trial: &Trial, vehicle: &Quadcopter) -> Vec<f64> {
             fill_gaps(&trial.time, stick)
         }
         _ => {
-            let pitch = |a: &f64| -(a / vehicle.gravity).clamp(-0.95, 0.95).asin();
-            smooth(trial)
-                .a
-                .iter()
-                .map(|a| (pitch(a) / vehicle.max_pitch).clamp(-1.0, 1.0))
-                .collect()
+            let position = fill_gaps(&trial.time, &trial.position);
+            implied::implied_stick(&trial.time, &position, vehicle)
         }
     }
 }
@@ -204,7 +150,7 @@ fn proportional_derivative(trials: &[Trial], sticks: &[Vec<f64>]) -> (f64, f64) 
         nalgebra::Vector2::<f64>::zeros(),
     );
     for (trial, stick) in trials.iter().zip(sticks) {
-        let smoothed = smooth(trial);
+        let smoothed = smoothed(trial);
         for (k, t) in trial.time.iter().enumerate() {
             let seen = trial.time.partition_point(|s| *s < t - REACTION);
             let row =
@@ -316,7 +262,7 @@ fn pilot_states(trial: &Trial, pilot: Pilot, theta: &[f64]) -> Vec<Vec<f64>> {
 /// States of the closed loop at the samples, from the data: position and velocity as recorded; attitude loop and pilot
 /// simulated (each is stable by itself), the pilot with the recorded error as input.
 pub fn joint_states(trial: &Trial, options: &FitOptions, theta: &[f64]) -> Vec<Vec<f64>> {
-    let smoothed = smooth(trial);
+    let smoothed = smoothed(trial);
     let pilot = pilot_states(trial, options.pilot, theta);
     let stick = |k: usize| {
         options
@@ -406,24 +352,5 @@ mod tests {
         for (a, b) in restrained.iter().zip(&theta) {
             assert!((a / b - 1.0).abs() < 1e-9, "{restrained:?}");
         }
-    }
-
-    #[test]
-    fn a_cubic_keeps_its_derivatives() {
-        let time = (0..40).map(|k| 0.05 * f64::from(k)).collect();
-        let smoothed = smooth(&trial(time, |t| 1.0 + 2.0 * t - t * t + 0.5 * t.powi(3)));
-        for (k, t) in (0..40).map(|k| (k, 0.05 * k as f64)) {
-            assert!((smoothed.z[k] - (1.0 + 2.0 * t - t * t + 0.5 * t.powi(3))).abs() < 1e-9);
-            assert!((smoothed.v[k] - (2.0 - 2.0 * t + 1.5 * t * t)).abs() < 1e-9);
-            assert!((smoothed.a[k] - (-2.0 + 3.0 * t)).abs() < 1e-9);
-        }
-    }
-
-    /// Only two samples are near each other: the fit is a line without acceleration.
-    #[test]
-    fn two_samples_make_a_line() {
-        let smoothed = smooth(&trial(vec![0.0, 1.0], |t| 3.0 * t));
-        assert!((smoothed.z[1] - 3.0).abs() < 1e-9 && (smoothed.v[0] - 3.0).abs() < 1e-9);
-        assert_eq!(smoothed.a, [0.0, 0.0]);
     }
 }

@@ -1,10 +1,10 @@
 //! Uncertainty of θ: standard deviations and 95 % intervals, by `pilotage-inference`.
 
-use super::{FitOptions, Spread};
+use super::FitOptions;
 use nalgebra::{DMatrix, DVector};
 use pilotage_collocation::{Collocation, Sensitivities};
 use pilotage_inference::{Data, Inference, Interval, Method, Row, Run};
-use pilotage_inference::{Direction, Noise};
+use pilotage_inference::{Direction, Noise, Spread};
 use pilotage_sqp::Iterate;
 use pilotage_text::counted;
 
@@ -67,11 +67,7 @@ impl Uncertainty {
             held: data.active.nrows(),
             limited: data.runs.iter().map(|run| run.active.nrows()).sum(),
             open: inference.directions.clone(),
-            spread: Spread {
-                method: covariance.method,
-                covariance: covariance.matrix,
-                degrees: covariance.degrees,
-            },
+            spread: Spread::of(&covariance),
         })
     }
 

@@ -30,6 +30,7 @@
 //! | [`inference`] | information, undetermined directions |
 //! | [`covariance`], `meat`, `autoregression`, `burg`, `restricted` | the methods |
 //! | [`interval`] | intervals with Student's t |
+//! | `spread` | intervals of functions of the parameters |
 //! | [`outliers`] | samples and runs that stand out |
 //! | [`residuals`], [`crossed`] | residual tests, alone and against the inputs |
 //! | [`choice`], [`homogeneity`] | choice between models; whether groups of data have the same parameters |
@@ -56,6 +57,7 @@ mod restricted;
 mod row;
 pub mod sampling;
 pub mod spectrum;
+mod spread;
 pub mod statistics;
 mod stepped;
 pub mod timing;
@@ -66,4 +68,5 @@ pub use data::{Data, Run};
 pub use inference::{Direction, Inference, Obstacle};
 pub use interval::{Class, Interval, LEVEL, quantile};
 pub use row::{Noise, Row, normal_equations};
+pub use spread::Spread;
 pub use stepped::{are_stepped, is_stepped};

@@ -19,7 +19,7 @@ use super::trials::Columns;
 use super::{Failure, Outcome, excitation, interrupt, terminal, vehicle};
 use crate::atomic_file::AtomicFile;
 use crate::cli::deadline::Deadline;
-use crate::identification::frequency::flights;
+use crate::flights::trials::driven;
 use crate::identification::solve::MAX_ORDER;
 use crate::identification::{
     self, FitOptions, Identification, InitialPosition, InitialState, Mesh, Objective, Scheme,
@@ -308,7 +308,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         terminal::note(note);
     }
     args.check_outputs(&set)?;
-    let excited = Excitation::of(&flights(&set.fit));
+    let excited = Excitation::of(&driven(&set.fit));
     if let Some(own) = excited.filter(|_| !args.json && !args.logs_to_stdout()) {
         terminal::print(&excitation::first_lines(&own))?;
     }

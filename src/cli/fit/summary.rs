@@ -6,17 +6,17 @@ use super::refits::Refitted;
 use crate::cli::terminal;
 use crate::cli::{excitation, format};
 use crate::identification::{
-    ClosedLoop, Diagnostic, Fit, FitOptions, Identification, InitialState, Objective, Uncertainty,
-    pilot_file,
+    Diagnostic, Fit, FitOptions, Identification, InitialState, Objective, Uncertainty, pilot_file,
 };
 use crate::inference::{Interval, LEVEL, Method};
 use crate::linear::Figure;
-use crate::vehicle::Mode;
+use crate::vehicle::{ClosedLoop, Mode};
 use nalgebra::DMatrix;
 use pilotage_inference::statistics::rms;
 use pilotage_text::counted;
 use pilotage_text::number::significant;
 use serde_json::{Value, json};
+use std::fmt::Display;
 
 /// The rows of a matrix for `--json`.
 pub fn reals(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
@@ -215,9 +215,14 @@ fn closed_loop(closed_loop: &ClosedLoop) -> Value {
 }
 
 /// Code and words of each, and whether it is fatal.
-pub(in crate::cli) fn diagnostics(all: &[Diagnostic]) -> Vec<Value> {
-    let one = |diagnostic: &Diagnostic| json!({ "code": diagnostic.code(), "words": diagnostic.to_string(), "fatal": diagnostic.is_fatal() });
+pub fn diagnostics(all: &[Diagnostic]) -> Vec<Value> {
+    let one = |own: &Diagnostic| doubt(own.code(), own, own.is_fatal());
     all.iter().map(one).collect()
+}
+
+/// Code and words of a doubt, and whether it is fatal.
+pub(in crate::cli) fn doubt(code: &str, words: &impl Display, is_fatal: bool) -> Value {
+    json!({ "code": code, "words": words.to_string(), "fatal": is_fatal })
 }
 
 /// The status of the fit in a few words, which always includes doubts if there are diagnostics.

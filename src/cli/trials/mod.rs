@@ -7,9 +7,8 @@ use super::fit::summary;
 use super::recognise::{self, FileKind};
 use super::system::flags::pair;
 use super::{Failure, Outcome, excitation, terminal};
-use crate::flights::trials::{ColumnNames, SATURATED, Summary, TrialError, TrialSet};
-use crate::identification::diagnostics::{self, Diagnostic};
-use crate::identification::frequency::flights;
+use crate::flights::checks::{self, Check};
+use crate::flights::trials::{ColumnNames, SATURATED, Summary, TrialError, TrialSet, driven};
 use crate::inference::spectrum::Excitation;
 use crate::report::target_of;
 use crate::series::SeriesError;
@@ -130,11 +129,14 @@ fn to_json(set: &TrialSet) -> Value {
             })
         })
         .collect();
+    let doubts: Vec<Value> = (checks(set).iter())
+        .map(|own| summary::doubt(own.code(), own, own.is_fatal()))
+        .collect();
     let excitation = excited(set);
     json!({
         "trials": trials,
         "notes": set.notes,
-        "doubts": summary::diagnostics(&diagnostics(set)),
+        "doubts": doubts,
         "excitation": excitation::to_json(excitation.as_ref()),
     })
 }
@@ -188,22 +190,21 @@ fn to_table(set: &TrialSet) -> String {
             );
         }
     }
-    for diagnostic in diagnostics(set) {
-        let label = format!("diagnostic ({})", diagnostic.code());
-        text += &terminal::labelled(&label, &diagnostic.to_string());
+    for check in checks(set) {
+        let label = format!("diagnostic ({})", check.code());
+        text += &terminal::labelled(&label, &check.to_string());
     }
     text + &excited(set).map_or(String::new(), |own| excitation::to_text(&own))
 }
 
 /// What the recordings of the fit, and those of its validation, let doubt before any fit.
-fn diagnostics(set: &TrialSet) -> Vec<Diagnostic> {
+fn checks(set: &TrialSet) -> Vec<Check> {
     let sets = [&set.fit, &set.validation].into_iter();
     let sets = sets.filter(|trials| !trials.is_empty());
-    sets.flat_map(|trials| diagnostics::recorded(trials))
-        .collect()
+    sets.flat_map(|trials| checks::recorded(trials)).collect()
 }
 
 /// The excitation by the trials of the fit.
 fn excited(set: &TrialSet) -> Option<Excitation> {
-    Excitation::of(&flights(&set.fit))
+    Excitation::of(&driven(&set.fit))
 }

@@ -11,12 +11,14 @@
 //! ```
 
 mod columns;
+mod driven;
 mod error;
 mod manifest;
 mod read;
 mod summary;
 
 pub use columns::ColumnNames;
+pub use driven::driven;
 pub use error::TrialError;
 pub use manifest::TrialSet;
 pub use read::sha256;

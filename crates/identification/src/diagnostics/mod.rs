@@ -10,23 +10,9 @@ mod solution;
 pub use diagnostic::Diagnostic;
 
 use super::{Fit, FitOptions, Trial, frequency};
+use pilotage_flights::Check;
+use pilotage_flights::trials::driven;
 use pilotage_inference::spectrum::Excitation;
-
-/// Diagnostics of recorded flights before any fit, the most severe first.
-pub fn recorded(trials: &[Trial]) -> Vec<Diagnostic> {
-    let mut diagnostics = flights::recorded(trials);
-    diagnostics.extend(samples::recorded(trials));
-    retain_relevant(&mut diagnostics);
-    diagnostics.sort_by_key(|diagnostic| !diagnostic.is_fatal());
-    diagnostics
-}
-
-/// Where nothing moves, neither its samples nor the properties of a pilot are of interest.
-fn retain_relevant(diagnostics: &mut Vec<Diagnostic>) {
-    if diagnostics.contains(&Diagnostic::ConstantData) {
-        diagnostics.retain(Diagnostic::is_fatal);
-    }
-}
 
 /// Diagnostics of a fit, the most severe first.
 pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Diagnostic> {
@@ -36,7 +22,10 @@ pub fn diagnostics(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Vec<Dia
     diagnostics.extend(solution::diagnostics(fit, options));
     diagnostics.extend(contradicted(fit, options, trials));
     diagnostics.extend(starved(fit, trials));
-    retain_relevant(&mut diagnostics);
+    // Where nothing moves, neither samples nor the properties of a pilot are of interest.
+    if diagnostics.contains(&Check::ConstantData.into()) {
+        diagnostics.retain(Diagnostic::is_fatal);
+    }
     let rank = |diagnostic: &Diagnostic| {
         (
             !matches!(diagnostic, Diagnostic::UnstableLoop { .. }),
@@ -56,7 +45,7 @@ fn contradicted(fit: &Fit, options: &FitOptions, trials: &[Trial]) -> Option<Dia
 
 /// Whether the target's sines determine fewer parameters than θ has.
 fn starved(fit: &Fit, trials: &[Trial]) -> Option<Diagnostic> {
-    let excitation = Excitation::of(&frequency::flights(trials))?;
+    let excitation = Excitation::of(&driven(trials))?;
     let found = excitation.starved(fit.theta.len(), 1)?;
     Some(Diagnostic::Starved(found))
 }

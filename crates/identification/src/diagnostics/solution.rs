@@ -1,6 +1,7 @@
 //! Diagnostics of θ, its poles, its residuals and the other starts.
 
 use super::{Diagnostic, Fit, FitOptions};
+use crate::closed_loop;
 use crate::constraints::{RouthHurwitz, STABILITY_MARGIN};
 use crate::result::{AGREE, RunFit, StartReport};
 use crate::{InitialState, Objective};
@@ -61,7 +62,7 @@ fn closed_loop(fit: &Fit, options: &FitOptions) -> Option<Diagnostic> {
         return Some(Diagnostic::UnstableLoop { pole, allowed });
     }
     let duration = fit.runs.iter().map(RunFit::duration).fold(0.0, f64::max);
-    if let Some(pole) = closed_loop.on_bound() {
+    if let Some(pole) = closed_loop::on_bound(closed_loop) {
         // Two equal real poles may be a slow pair by rounding.
         let swings = (pole.im * duration > SWINGS).then_some(pole.im);
         let cost = (fit.unbounded).map(|unbounded| fit.objective / unbounded - 1.0);
@@ -213,8 +214,8 @@ fn zeros(numerator: &[f64]) -> Vec<Complex<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ClosedLoop;
     use crate::RunFit;
+    use pilotage_flights::vehicle::ClosedLoop;
 
     /// A fit of `theta` to samples 0.05 s apart, with starts of these objectives.
     fn fit(theta: [f64; 6], starts: &[f64]) -> Fit {

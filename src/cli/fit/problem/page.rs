@@ -9,7 +9,7 @@ use crate::estimation::file::{Fed, Quantity};
 use crate::estimation::result::RunFit;
 use crate::estimation::result::courses::courses;
 use crate::estimation::{Fit, OpenLoops, PilotPaths};
-use crate::identification::Spread;
+use crate::inference::Spread;
 use crate::report::certainty::{correlation_figure, waterfall_figure};
 use crate::report::describing::describing_figures;
 use crate::report::figure::{Axis, Figure, Look, Panel, Series};
@@ -332,11 +332,7 @@ fn spread(fit: &Fit) -> Option<Spread> {
         .iter()
         .flatten()
         .all(|interval| interval.sd.is_finite());
-    (is_known && is_determined).then(|| Spread {
-        method: own.method,
-        covariance: own.covariance.matrix.clone(),
-        degrees: own.covariance.degrees.to_vec(),
-    })
+    (is_known && is_determined).then(|| Spread::of(&own.covariance))
 }
 
 /// The poles of the connected system; `None` if it has none.

@@ -1,15 +1,39 @@
-//! The pilot of a pilot file, as `fit` writes it: θ and the limit of the stick.
+//! Pilot files, as `fit` writes them.
+//!
+//! | module | content |
+//! | --- | --- |
+//! | `file` | the file: the pilot, how sure it is, what the fit said against it |
+//! | `uncertainty` | the covariance of θ |
 
+mod file;
+mod uncertainty;
+
+pub use file::{PilotDiagnostic, PilotFile};
+
+use crate::vehicle::VehicleError;
 use pilotage_language::file::with_starts;
-use pilotage_models::{Model, library};
+use pilotage_models::{Model, Pilot, library};
 use pilotage_text::document::{DocumentError, TomlTable};
 
-/// Why a file has no pilot.
+/// A mistake in a pilot file.
 #[derive(Debug, thiserror::Error)]
 pub enum PilotError {
     /// Unknown fields, a missing field, or one of the wrong type.
     #[error(transparent)]
     Document(#[from] DocumentError),
+    /// Of the vehicle of its closed loop.
+    #[error(transparent)]
+    Vehicle(#[from] VehicleError),
+    /// The table `[uncertainty]` is invalid.
+    #[error("{file}:{line}: [uncertainty] {fault}")]
+    Uncertainty {
+        /// The file.
+        file: String,
+        /// Line of the field.
+        line: usize,
+        /// The field and its fault.
+        fault: String,
+    },
     /// The number of parameters is not that of a pilot.
     #[error(
         "{file}:{line}: [theta] has {found} parameters; a pilot of order n has 2n: theta1 to theta2n"
@@ -102,6 +126,13 @@ impl FittedPilot {
         Ok(Self { theta, stick_limit })
     }
 
+    /// Its structure.
+    pub fn structure(&self) -> Pilot {
+        Pilot {
+            order: self.theta.len() / 2,
+        }
+    }
+
     /// The pilot as a model that runs; `file` is its name in the message.
     ///
     /// # Errors
@@ -122,11 +153,14 @@ impl FittedPilot {
             .map(|(i, value)| (format!("theta{}", i + 1), *value))
             .collect();
         values.push(("stick_limit".to_owned(), self.stick_limit));
-        Ok(with_starts(&library::linear(self.theta.len() / 2), &values))
+        Ok(with_starts(
+            &library::linear(self.structure().order),
+            &values,
+        ))
     }
 
     fn check_order(&self, file: &str) -> Result<(), PilotError> {
-        let order = self.theta.len() / 2;
+        let order = self.structure().order;
         match order <= Model::MAX_ORDER {
             true => Ok(()),
             false => Err(PilotError::Order {
