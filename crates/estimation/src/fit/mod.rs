@@ -72,10 +72,16 @@ pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + Send +
 /// Fits a problem.
 pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let clock = Instant::now();
-    let begin = Begin::new(posed, &Watch::new(observer, posed.file.options.starts));
+    let mut begin = Begin::new(posed, &Watch::new(observer, posed.file.options.starts));
+    let mut watch = Watch::new(observer, begin.starts().len());
+    let mut found = raced(posed, &begin, &watch);
+    if begin.drawn.is_empty() && !has_answer(&found.solved) && !watch.is_over() {
+        begin = Begin::drawn(posed);
+        watch = watch.of(begin.drawn.len());
+        found = raced(posed, &begin, &watch);
+    }
     let starts = begin.starts();
-    let watch = Watch::new(observer, starts.len());
-    let Raced { mut solved, same } = raced(posed, &begin, &watch);
+    let Raced { mut solved, same } = found;
     let ends = same.iter().map(|k| end(posed, solved[*k].as_ref(), &watch));
     let ends: Vec<StartEnd> = ends.collect();
     let lower = better(&solved);

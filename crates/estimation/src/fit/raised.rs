@@ -15,6 +15,7 @@ use crate::problem::order::{check, instance, number, with_order};
 use crate::search::observed::Observed;
 use crate::search::starts::{Start, given, recorded, starts};
 use crate::system::part;
+use pilotage_collocation::stays_large;
 use pilotage_cosim::description::InstanceDescription;
 use pilotage_sqp::Status;
 use std::collections::HashMap;
@@ -159,7 +160,13 @@ fn lower(posed: &Posed<'_>, instance: &str) -> Option<ProblemFile> {
         let name = format!("{instance}.theta{k}");
         posed.unknowns.iter().any(|(own, _)| own.name == name)
     };
-    if file.options.starts < 2 || posed.filter.is_some() || !(1..=2 * order).all(is_sought) {
+    // A fit of long runs costs as much as the search itself.
+    let is_large = posed.runs.iter().any(stays_large);
+    if file.options.starts < 2
+        || is_large
+        || posed.filter.is_some()
+        || !(1..=2 * order).all(is_sought)
+    {
         return None;
     }
     let mut lower = with_order(file, instance, order - 1, None);

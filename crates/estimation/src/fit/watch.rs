@@ -26,6 +26,11 @@ impl<'a, 'o> Watch<'a, 'o> {
         }
     }
 
+    /// The same for another number of starts.
+    pub fn of(self, starts: usize) -> Self {
+        Self { starts, ..self }
+    }
+
     /// Passes on an iterate of a start after a number of refinements.
     pub fn see(
         &self,
