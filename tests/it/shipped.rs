@@ -41,7 +41,6 @@ closed_loop = true
 {runs}[fit]
 mesh = "samples"
 starts = 1
-tolerance = 1e-10
 "#
     )
 }

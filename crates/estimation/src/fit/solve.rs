@@ -47,7 +47,7 @@ pub fn solve(
         next.solution.work += best.solution.work;
         best.solution.work = next.solution.work;
         let has_converged = next.solution.status == Status::Converged;
-        if !has_converged && next.nearly() > best.nearly() {
+        if !has_converged && next.nearly() >= best.nearly() {
             break;
         }
         best = next;

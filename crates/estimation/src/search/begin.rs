@@ -40,6 +40,8 @@ pub(crate) struct Point<'p> {
     pub follows: bool,
     /// Whether the parameters are those of a fit, so that they tell their own magnitudes.
     pub is_fitted: bool,
+    /// Whether they are those of a fit of the order below.
+    pub is_raised: bool,
 }
 
 /// The nonlinear program of a start on a mesh that suits a simulation from there, and its variables. If stopped, the
@@ -103,6 +105,7 @@ fn point<'p>(posed: &Posed<'_>, start: &'p Start, runs: Vec<usize>) -> Point<'p>
         runs,
         follows: start.follows,
         is_fitted: start.is_fitted,
+        is_raised: start.is_raised,
     }
 }
 
@@ -158,7 +161,7 @@ fn along(
     }
     let mut scales = scales(posed, &paths, point.theta);
     if point.is_fitted {
-        scales.parameters = fitted_scales(posed, point.theta, &scales.parameters);
+        scales.parameters = fitted_scales(posed, point, &scales.parameters);
     }
     let bounds = bounds(posed, &paths, point);
     let problem = discretised(posed, runs, scales, &bounds, scheme);
@@ -285,15 +288,20 @@ pub(crate) fn scales(posed: &Posed<'_>, courses: &[Course], theta: &[f64]) -> Sc
     }
 }
 
-/// Magnitudes of fitted parameters: their own, but at least a millionth of the largest, or those that their models state.
-fn fitted_scales(posed: &Posed<'_>, theta: &[f64], assumed: &[f64]) -> Vec<f64> {
+/// Magnitudes of fitted parameters: their own, but at least a millionth of the largest, or those that are assumed: of parameters from
+/// the order below only those that the models or the problem state, since values of another order say nothing of their size.
+fn fitted_scales(posed: &Posed<'_>, point: &Point<'_>, assumed: &[f64]) -> Vec<f64> {
     const LEAST: f64 = 1e-6;
-    let largest = theta.iter().fold(0.0, |most: f64, own| most.max(own.abs()));
-    let own = theta.iter().map(|own| own.abs().max(LEAST * largest));
+    let all = point.theta.iter().map(|own| own.abs());
+    let largest = all.clone().fold(0.0, f64::max);
+    let own = all.map(|own| own.max(LEAST * largest));
     let mut scales: Vec<f64> = own.map(|own| if own > 0.0 { own } else { 1.0 }).collect();
     for (unknown, stands) in &posed.unknowns {
-        let is_stated = unknown.log || unknown.nominal.is_some();
-        if is_stated && matches!(stands, Stands::Shared(_) | Stands::Subjects(_)) {
+        let is_assumed = match point.is_raised {
+            true => unknown.log || unknown.nominal.is_some(),
+            false => unknown.searched_nominal().is_some(),
+        };
+        if is_assumed && matches!(stands, Stands::Shared(_) | Stands::Subjects(_)) {
             let places = stands.variables(0).into_iter();
             places.for_each(|k| scales[k] = assumed[k]);
         }
