@@ -10,7 +10,7 @@ use super::race::{best_of, has_answer, raced};
 use super::watch::Watch;
 use crate::posed::Posed;
 use crate::posed::unknowns::Unknown;
-use crate::problem::file::{ProblemFile, Quantity};
+use crate::problem::file::{Measured, ProblemFile, Quantity};
 use crate::problem::order::{check, instance, number, with_order};
 use crate::search::observed::Observed;
 use crate::search::starts::{Start, given, recorded, starts};
@@ -160,10 +160,14 @@ fn lower(posed: &Posed<'_>, instance: &str) -> Option<ProblemFile> {
         let name = format!("{instance}.theta{k}");
         posed.unknowns.iter().any(|(own, _)| own.name == name)
     };
-    // A fit of long runs costs as much as the search itself.
-    let is_large = posed.runs.iter().any(stays_large);
+    // A fit of long runs costs as much as the search itself, and where its output is recorded a model is found without.
+    let is_needless = posed.runs.iter().any(stays_large);
+    let prefix = format!("{instance}.");
+    let is_own =
+        |own: &Measured| matches!(&own.of, Quantity::Signal(of) if of.starts_with(&prefix));
+    let is_needless = is_needless || file.measured.iter().any(is_own);
     if file.options.starts < 2
-        || is_large
+        || is_needless
         || posed.filter.is_some()
         || !(1..=2 * order).all(is_sought)
     {

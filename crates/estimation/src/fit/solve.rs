@@ -52,6 +52,10 @@ pub fn solve(
         }
         best = next;
     }
+    // Other scales may lead further.
+    if is_optimum(posed, &best) {
+        best.solution.status = Status::Converged;
+    }
     best
 }
 
@@ -66,7 +70,7 @@ pub(super) fn once(
     let solution =
         pilotage_collocation::solve(&problem, z, &options, &mut |iteration| see(iteration));
     let mut solved = Solved { problem, solution };
-    if is_optimum(posed, &solved) {
+    if posed.may_have_kinks() && is_optimum(posed, &solved) {
         solved.solution.status = Status::Converged;
     }
     solved

@@ -2,7 +2,7 @@
 
 use pilotage_models::{Quadcopter, quadcopter::N_STATES};
 
-/// Maximum integration step [s]: small compared with the vehicle's attitude loop.
+/// Maximum integration step \[s\]: small compared with the vehicle's attitude loop.
 pub const MAX_STEP: f64 = 2e-3;
 
 /// Distance that a vehicle covers from hover in `duration` seconds with the stick at `limit` \[m\].
