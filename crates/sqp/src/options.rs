@@ -29,9 +29,10 @@ pub struct SqpOptions {
     /// Shortest step length α if damping has not helped. Default: 1e-8.
     pub min_step: f64,
     /// Number of iterations after which the solve ends with [`Status::NoProgress`](super::Status::NoProgress) if all
-    /// iterates are feasible and their objectives differ by rounding alone, or if for twice as many none was better than a feasible one whose KKT
-    /// residual is below [a multiple](crate::ACCEPTABLE) of the tolerance. At the kinks of a problem that is not smooth the KKT residual does not
-    /// vanish, and a variable may grow without end; whether such a point is an optimum is the caller's to judge. Default: none.
+    /// iterates are feasible and their objectives differ by rounding alone, or if for twice as many none was better than a
+    /// feasible one whose KKT residual is below [a multiple](crate::ACCEPTABLE) of the tolerance. At the kinks of a problem
+    /// that is not smooth the KKT residual does not vanish, and a variable may grow without end; whether such a point is an
+    /// optimum is the caller's to judge. Default: none.
     pub stall: Option<usize>,
 }
 

@@ -73,11 +73,11 @@ pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + Send +
 pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let clock = Instant::now();
     let mut begin = Begin::new(posed, &Watch::new(observer, posed.file.options.starts));
-    let mut watch = Watch::new(observer, begin.starts().len());
+    let mut watch = Watch::new(observer, begin.count());
     let mut found = raced(posed, &begin, &watch);
     if begin.drawn.is_empty() && !has_answer(&found.solved) && !watch.is_over() {
         begin = Begin::drawn(posed);
-        watch = watch.of(begin.drawn.len());
+        watch = watch.of(begin.count());
         found = raced(posed, &begin, &watch);
     }
     let starts = begin.starts();

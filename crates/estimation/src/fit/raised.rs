@@ -11,7 +11,7 @@ use super::watch::Watch;
 use crate::posed::Posed;
 use crate::posed::unknowns::Unknown;
 use crate::problem::file::{Measured, ProblemFile, Quantity};
-use crate::problem::order::{check, instance, number, with_order};
+use crate::problem::order::{check, instance, number, with_order, with_pair};
 use crate::search::observed::Observed;
 use crate::search::starts::{Start, given, recorded, starts};
 use crate::system::part;
@@ -70,6 +70,11 @@ impl Begin {
         }
     }
 
+    /// Number of all starts.
+    pub fn count(&self) -> usize {
+        self.raised.len() + self.drawn.len()
+    }
+
     /// All starts, in the order of their numbers.
     pub fn starts(&self) -> Vec<Start> {
         self.raised.iter().chain(&self.drawn).cloned().collect()
@@ -122,8 +127,8 @@ fn raised(posed: &Posed<'_>, watch: &Watch<'_, '_>) -> Option<Vec<Start>> {
         (1..=2 * order).map(|k| shared.get(&*format!("{instance}.theta{k}")).copied());
     let coefficients: Vec<f64> = coefficients.collect::<Option<_>>()?;
     let first = given(posed);
-    let with_pair = |place: &f64| {
-        let all = with_pair(&coefficients, *place);
+    let raised = |place: &f64| {
+        let all = with_pair(&coefficients, *place, 1.0);
         let mut start = Start {
             follows: posed.followed.is_some(),
             is_fitted: true,
@@ -143,12 +148,8 @@ fn raised(posed: &Posed<'_>, watch: &Watch<'_, '_>) -> Option<Vec<Start>> {
         start
     };
     let chosen = is_chosen(posed).then(|| first.clone());
-    Some(
-        chosen
-            .into_iter()
-            .chain(PAIRS.iter().map(with_pair))
-            .collect(),
-    )
+    let all = chosen.into_iter().chain(PAIRS.iter().map(raised));
+    Some(all.collect())
 }
 
 /// The problem with the order below; None if there is none, or it would not be the same problem.
@@ -160,17 +161,13 @@ fn lower(posed: &Posed<'_>, instance: &str) -> Option<ProblemFile> {
         let name = format!("{instance}.theta{k}");
         posed.unknowns.iter().any(|(own, _)| own.name == name)
     };
-    // A fit of long runs costs as much as the search itself, and where its output is recorded a model is found without.
-    let is_needless = posed.runs.iter().any(stays_large);
     let prefix = format!("{instance}.");
     let is_own =
         |own: &Measured| matches!(&own.of, Quantity::Signal(of) if of.starts_with(&prefix));
-    let is_needless = is_needless || file.measured.iter().any(is_own);
-    if file.options.starts < 2
-        || is_needless
-        || posed.filter.is_some()
-        || !(1..=2 * order).all(is_sought)
-    {
+    // A fit of long runs costs as much as the search itself, and where its output is recorded a model is found without.
+    let is_needless = posed.runs.iter().any(stays_large) || file.measured.iter().any(is_own);
+    let is_alone = file.options.starts < 2 || posed.filter.is_some();
+    if is_needless || is_alone || !(1..=2 * order).all(is_sought) {
         return None;
     }
     let mut lower = with_order(file, instance, order - 1, None);
@@ -189,33 +186,4 @@ fn is_chosen(posed: &Posed<'_>) -> bool {
         own.is_some_and(|own| own.start != unknown.start)
     };
     posed.unknowns.iter().any(differs)
-}
-
-/// The coefficients of the same transfer function with a pole and a zero that cancel, at this multiple of the magnitude of its
-/// poles. Coefficients are those of the denominator in ascending powers of s without the leading 1, then those of the numerator.
-fn with_pair(theta: &[f64], place: f64) -> Vec<f64> {
-    let order = theta.len() / 2;
-    let (denominator, numerator) = theta.split_at(order);
-    let size = denominator[0].abs().powf(1.0 / order as f64);
-    let root = place * if size > 0.0 { size } else { 1.0 };
-    let times = |own: &[f64]| -> Vec<f64> {
-        let shifted = std::iter::once(0.0).chain(own.iter().copied());
-        let scaled = own.iter().map(|c| root * c).chain(std::iter::once(0.0));
-        scaled.zip(shifted).map(|(a, b)| a + b).collect()
-    };
-    let mut all = times(&[denominator, &[1.0]].concat());
-    all.truncate(order + 1);
-    all.extend(times(numerator));
-    all
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// 3/(s + 2) is 3 (s + 4)/((s + 2)(s + 4)).
-    #[test]
-    fn a_pair_changes_nothing() {
-        assert_eq!(with_pair(&[2.0, 3.0], 2.0), [8.0, 6.0, 12.0, 3.0]);
-    }
 }

@@ -159,3 +159,44 @@ pub(crate) fn with_order(
     file.parameters.splice(place..place, lines);
     file
 }
+
+/// The coefficients of almost the same transfer function with one more pole, at this multiple of the magnitude of its poles, and a
+/// zero that is `apart` times as far from 0, with which the pole cancels if that is 1. Coefficients are those of the denominator in
+/// ascending powers of s without the leading 1, then those of the numerator.
+pub(crate) fn with_pair(theta: &[f64], place: f64, apart: f64) -> Vec<f64> {
+    let order = theta.len() / 2;
+    let (below, above) = theta.split_at(order);
+    let size = below[0].abs().powf(1.0 / order as f64);
+    let pole = place * if size > 0.0 { size } else { 1.0 };
+    // (s + a) times a polynomial with its leading coefficient last.
+    let times = |own: &[f64], a: f64| -> Vec<f64> {
+        let shifted = std::iter::once(0.0).chain(own.iter().copied());
+        let scaled = own.iter().map(|c| a * c).chain(std::iter::once(0.0));
+        scaled.zip(shifted).map(|(a, b)| a + b).collect()
+    };
+    let mut all = times(&[below, &[1.0]].concat(), pole);
+    all.truncate(order + 1);
+    let numerator = times(above, apart * pole);
+    all.extend(numerator.iter().map(|c| c / apart));
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 3/(s + 2) is 3 (s + 4)/((s + 2)(s + 4)).
+    #[test]
+    fn a_pair_changes_nothing() {
+        assert_eq!(with_pair(&[2.0, 3.0], 2.0, 1.0), [8.0, 6.0, 12.0, 3.0]);
+    }
+
+    /// 1/(s + 2) becomes (s + 6.6)/1.1 / ((s + 2)(s + 6)), with the same static gain.
+    #[test]
+    fn a_grown_transfer_function_is_nearly_the_same() {
+        let found = with_pair(&[2.0, 1.0], 3.0, 1.1);
+        let expected = [12.0, 8.0, 6.0, 1.0 / 1.1];
+        let is_near = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-12;
+        assert!(found.iter().zip(&expected).all(is_near), "{found:?}");
+    }
+}

@@ -4,7 +4,7 @@ use crate::fit::{Observer, fit};
 use crate::posed::Posed;
 use crate::problem::error::ProblemError;
 use crate::problem::file::ProblemFile;
-use crate::problem::order::{check, instance, number, with_order};
+use crate::problem::order::{check, instance, number, with_order, with_pair};
 use crate::result::Fit;
 use crate::studies::comparison::{Candidate, candidates};
 use crate::studies::folds::{Ask, OpenInParallel, fitted};
@@ -61,7 +61,7 @@ pub fn ordered(
         }
         let before = all.last().map(|own| &own.candidate.fit);
         let before = before.filter(|own| own.is_answer());
-        let start = before.map(|own| grown(&coefficients(own, &instance)));
+        let start = before.map(|own| with_pair(&coefficients(own, &instance), FASTER, APART));
         let mut file = with_order(file, &instance, order, start.as_deref());
         let candidate = {
             let posed = Posed::new(&file, open)?;
@@ -99,37 +99,4 @@ fn coefficients(fit: &Fit, instance: &str) -> Vec<f64> {
     let mut all: Vec<(usize, f64)> = found.collect();
     all.sort_by_key(|(k, _)| *k);
     all.into_iter().map(|(_, value)| value).collect()
-}
-
-/// The coefficients of almost the same transfer function with one more pole and zero.
-fn grown(theta: &[f64]) -> Vec<f64> {
-    let order = theta.len() / 2;
-    let (below, above) = theta.split_at(order);
-    let size = below[0].abs().powf(1.0 / order as f64);
-    let pole = FASTER * if size > 0.0 { size } else { 1.0 };
-    // (s + a) times a polynomial with its leading coefficient last.
-    let times = |own: &[f64], a: f64| -> Vec<f64> {
-        let shifted = std::iter::once(0.0).chain(own.iter().copied());
-        let scaled = own.iter().map(|c| a * c).chain(std::iter::once(0.0));
-        scaled.zip(shifted).map(|(a, b)| a + b).collect()
-    };
-    let mut grown = times(&[below, &[1.0]].concat(), pole);
-    grown.truncate(order + 1);
-    let numerator = times(above, APART * pole);
-    grown.extend(numerator.iter().map(|c| c / APART));
-    grown
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// 1/(s + 2) becomes (s + 6.6)/1.1 / ((s + 2)(s + 6)), with the same static gain.
-    #[test]
-    fn a_grown_transfer_function_is_nearly_the_same() {
-        let found = grown(&[2.0, 1.0]);
-        let expected = [12.0, 8.0, 6.0, 1.0 / 1.1];
-        let is_near = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-12;
-        assert!(found.iter().zip(&expected).all(is_near), "{found:?}");
-    }
 }
