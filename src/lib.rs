@@ -7,18 +7,21 @@
 //! This example fits a pilot to the six shipped flights, exports FMUs of pilot and vehicle, and co-simulates both:
 //!
 //! ```
-//! use pilotage::{Algorithm, Clock, Export, FitOptions, FmuComponent, Model};
+//! use pilotage::{Algorithm, Clock, Export, FlightOptions, FmuComponent, Model, Posed};
 //! use pilotage::{Provenance, SeriesRecorder, System, TrialSet};
 //! use std::ops::ControlFlow;
 //!
-//! let trials = TrialSet::read(&["examples/trials/trials.toml".into()])?.fit;
-//! let options = FitOptions::default();
-//! let fit = pilotage::fit(&trials, &options, &mut |_iteration| ControlFlow::Continue(()))?;
-//! assert!(fit.is_answer(), "{}", fit.status);
+//! let flights = TrialSet::read(&["examples/trials/trials.toml".into()])?;
+//! let options = FlightOptions::default();
+//! let problem = options.problem(&flights)?;
+//! let posed = Posed::new(&problem, &pilotage::open)?;
+//! let fit = pilotage::fit(&posed, &mut |_iteration| ControlFlow::Continue(()));
+//! assert!(fit.is_answer(), "{}", fit.verdict());
 //!
 //! let folder = tempfile::tempdir()?;
 //! let [pilot, quadcopter] = ["pilot.fmu", "quadcopter.fmu"].map(|file| folder.path().join(file));
-//! let (model, vehicle) = (Model::pilot(&fit.theta, options.stick_limit), Model::quadcopter(&options.vehicle));
+//! let theta: Vec<f64> = (1..=6).filter_map(|k| fit.value(&format!("pilot.theta{k}"))).collect();
+//! let (model, vehicle) = (Model::pilot(&theta, options.stick_limit), Model::quadcopter(&options.vehicle));
 //! Export::new(&model, &Provenance::default()).write(&pilot)?;
 //! Export::new(&vehicle, &Provenance::vehicle(None)).write(&quadcopter)?;
 //!
@@ -37,7 +40,7 @@
 //! ```
 //!
 //! These names cover what most programs need. Everything else is in the crates from which they are re-exported:
-//! `pilotage-identification` (fit, diagnostics, pilot files), `pilotage-flights` (trials, vehicle files), `pilotage-cosim` (the master), `pilotage-fmi`
+//! `pilotage-estimation` (any problem), `pilotage-flights` (trials, vehicle and pilot files), `pilotage-cosim` (the master), `pilotage-fmi`
 //! (FMUs of other tools), `pilotage-linear` (poles and margins), `pilotage-sdk` (FMUs of user-written models), and the
 //! crates they build on: `pilotage-collocation`, `pilotage-sqp` and `pilotage-ode`.
 //!
@@ -51,9 +54,9 @@ pub use pilotage_cosim::{
     Algorithm, Clock, FmuComponent, SeriesRecorder, System, run as co_simulate,
 };
 #[doc(inline)]
-pub use pilotage_flights::{Trial, TrialSet};
+pub use pilotage_estimation::{Fit, Posed, ProblemFile, fit};
 #[doc(inline)]
-pub use pilotage_identification::{Fit, FitOptions, fit};
+pub use pilotage_flights::{FlightOptions, Trial, TrialSet, open};
 #[doc(inline)]
 pub use pilotage_models::Model;
 
@@ -74,8 +77,7 @@ pub use {
     pilotage_estimation as estimation, pilotage_expression as expression,
     pilotage_filter as filter, pilotage_flights as flights,
     pilotage_flights::{synthetic, vehicle},
-    pilotage_fmi as fmi, pilotage_fmi_check as fmi_check,
-    pilotage_identification as identification, pilotage_inference as inference,
+    pilotage_fmi as fmi, pilotage_fmi_check as fmi_check, pilotage_inference as inference,
     pilotage_linear as linear, pilotage_models as models, pilotage_ode as ode,
     pilotage_refits as refits, pilotage_series as series, pilotage_sqp as sqp,
     pilotage_text::{document, error_chain, file, suggestion},

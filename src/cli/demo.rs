@@ -1,18 +1,19 @@
 //! `pilotage demo`: the complete workflow on the six example trials, into a new folder.
 
 use super::deadline::Deadline;
-use super::fit::{Watch, summary};
+use super::fit::{self, Task, Watch};
 use super::made::{made, program, quoted};
 use super::{Failure, Outcome, folder, overwrite, terminal, validate};
 use crate::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuComponent, System};
+use crate::estimation::{Fit, Posed};
 use crate::export::{Export, Provenance};
-use crate::flights::pilot::PilotFile;
-use crate::identification::{Fit, FitOptions, Identification, Trial, TrialSet, pilot_file};
-use crate::models::Model;
-use crate::report::{self, ClosedLoop, Report};
+use crate::flights::trials::TrialSet;
+use crate::flights::{self, FlightOptions};
+use crate::models::{Model, Quadcopter, TextModel};
+use crate::report::figure::{Axis, Figure, Look, Panel};
+use crate::report::{self, palette::colour};
 use crate::series::Series;
 use crate::vehicle;
-use pilotage_inference::statistics::rms;
 use pilotage_text::counted;
 use pilotage_text::number::significant;
 use std::path::PathBuf;
@@ -53,16 +54,22 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     folder::create_new(&args.output, args.force)?;
     let demo = Demo {
         folder: args.output,
-        options: FitOptions::default(),
     };
-    let trials = demo.trials()?;
-    let found = demo.fit(trials)?;
-    demo.export(&found.fit)?;
+    let task = demo.task()?;
+    let posed = Posed::new(&task.file, &flights::open)?;
+    let found = demo.fit(&task, &posed)?;
+    demo.export()?;
     let valid = demo.validate()?;
-    let loops = demo.co_simulate(&found.trials.fit)?;
-    demo.report(&found, &loops)?;
+    let loops = demo.co_simulate(&task)?;
+    let page = fit::page(
+        &fit::outcomes((&posed, &found), &[]),
+        vec![figure(&task, &loops)],
+        &made(),
+    );
+    demo.save("report.html", page.as_bytes())?;
+    print_step("report", "report.html")?;
     terminal::print(&demo.what_lies_where(&loops))?;
-    Ok(match found.fit.is_answer() && valid {
+    Ok(match found.is_answer() && valid {
         true => Outcome::Done,
         false => Outcome::No,
     })
@@ -77,7 +84,6 @@ struct Flight {
 
 struct Demo {
     folder: PathBuf,
-    options: FitOptions,
 }
 
 impl Demo {
@@ -90,57 +96,54 @@ impl Demo {
     }
 
     /// Writes the example trials and reads them like a user's.
-    fn trials(&self) -> Result<TrialSet, Failure> {
+    fn task(&self) -> Result<Task, Failure> {
         folder::create_new(&self.path("trials"), true)?;
         for (file, content) in TRIALS {
             self.save(&format!("trials/{file}"), content)?;
         }
         let trials = TrialSet::read(&[self.path("trials/trials.toml")])?;
         print_step("trials", &format!("{} recorded flights", trials.fit.len()))?;
-        Ok(trials)
+        Task::of_flights(trials, FlightOptions::default())
     }
 
-    fn fit(&self, trials: TrialSet) -> Result<Identification, Failure> {
-        let mut watch = Watch::new(Deadline::after(None), None, false);
-        let options = self.options.clone();
-        let found = Identification::new(trials, options, &mut |progress| watch.flights(progress));
-        watch.end();
-        let found = found?;
-        let fitted = &found.fit;
-        let text = pilot_file::to_toml(&found);
-        self.save("pilot.toml", text.as_bytes())?;
+    fn fit(&self, task: &Task, posed: &Posed<'_>) -> Result<Fit, Failure> {
+        let (mut found, _) = fit::solved(posed, Watch::new(Deadline::after(None), None, false));
+        found.diagnostics.extend(task.doubts(&found));
+        for own in fit::planned(posed, Some(&self.path("pilot.toml")))? {
+            own.write(posed, &found)?;
+        }
         self.save(
             "vehicle.toml",
-            vehicle::to_toml(&self.options.vehicle).as_bytes(),
+            vehicle::to_toml(&Quadcopter::default()).as_bytes(),
         )?;
-        let verdict = summary::verdict(fitted);
-        let residual = rms(fitted.runs.iter().flat_map(|run| &run.residual));
+        let unknowns = found
+            .solved
+            .as_ref()
+            .map(|own| own.solution.iterate.z.len());
         print_step(
             "fit",
             &format!(
-                "{verdict}: {}, {}, {} s; rms residual {} m",
-                counted(fitted.unknowns, "unknown"),
-                counted(fitted.iterations, "iteration"),
-                significant(fitted.seconds, 3),
-                significant(residual, 3)
+                "{}: {}, {}, {} s; rms residual {} m",
+                found.verdict(),
+                counted(unknowns.unwrap_or_default(), "unknown"),
+                counted(found.refinement.iterations, "iteration"),
+                significant(found.seconds, 3),
+                significant((found.chi2 / found.samples as f64).sqrt(), 3)
             ),
         )?;
-        for diagnostic in &fitted.diagnostics {
-            print_step(
-                "",
-                &format!("diagnostic ({}): {diagnostic}", diagnostic.code()),
-            )?;
+        for own in &found.diagnostics {
+            print_step("", &format!("diagnostic [{}]: {own}", own.code()))?;
         }
         Ok(found)
     }
 
-    fn export(&self, fit: &Fit) -> Result<(), Failure> {
-        let text = crate::document::read(&self.path("pilot.toml"))?;
-        let pilot = PilotFile::parse(&text, "pilot.toml")?;
-        let provenance = Provenance::fit(text, pilot.is_stable_loop(), pilot.caveat());
-        let model = Model::pilot(&fit.theta, self.options.stick_limit);
-        Export::new(&model, &provenance).write(&self.path("pilot.fmu"))?;
-        let vehicle = Model::quadcopter(&self.options.vehicle);
+    fn export(&self) -> Result<(), Failure> {
+        let pilot = TextModel::read(&self.path("pilot.toml"))?;
+        let own = &pilot.compiled().file;
+        let mut provenance = Provenance::model_file("pilot.toml", &own.source);
+        provenance.caveat = own.fit.as_ref().and_then(|fit| fit.caveat());
+        Export::text(&pilot, &provenance).write(&self.path("pilot.fmu"))?;
+        let vehicle = Model::quadcopter(&Quadcopter::default());
         Export::new(&vehicle, &Provenance::vehicle(None)).write(&self.path("quadcopter.fmu"))?;
         print_step("export", "pilot.fmu and quadcopter.fmu")
     }
@@ -163,9 +166,9 @@ impl Demo {
     }
 
     /// Simulates a flight to each target of the trials.
-    fn co_simulate(&self, trials: &[Trial]) -> Result<Vec<Flight>, Failure> {
+    fn co_simulate(&self, task: &Task) -> Result<Vec<Flight>, Failure> {
         let mut flights: Vec<Flight> = Vec::new();
-        for trial in trials {
+        for trial in task.trials() {
             let target = trial.summary().target;
             if flights.iter().any(|flight| flight.target == target) {
                 continue;
@@ -211,26 +214,6 @@ impl Demo {
         (recorder.finish()).map_err(|error| Failure::new(format!("cannot write a row: {error}")))
     }
 
-    fn report(&self, found: &Identification, flights: &[Flight]) -> Result<(), Failure> {
-        let loops: Vec<ClosedLoop> = (flights.iter())
-            .map(|flight| ClosedLoop {
-                target: flight.target,
-                series: &flight.series,
-                position: "quadcopter.z",
-                stick: "pilot.stick",
-            })
-            .collect();
-        let page = report::page(&Report {
-            found,
-            refits: None,
-            profiles: None,
-            loops: &loops,
-            made: &made(),
-        });
-        self.save("report.html", page.as_bytes())?;
-        print_step("report", "report.html")
-    }
-
     fn what_lies_where(&self, flights: &[Flight]) -> String {
         let results: Vec<&str> = flights.iter().map(|flight| flight.file.as_str()).collect();
         let rows = [
@@ -271,4 +254,45 @@ impl Demo {
 /// Prints one line of progress.
 fn print_step(step: &str, what: &str) -> Result<(), Failure> {
     terminal::print(&format!("{step:<9} {what}\n"))
+}
+
+/// What the two FMUs do together, and the recordings.
+fn figure(task: &Task, flights: &[Flight]) -> Figure {
+    let panel = |label: &str, height: f64, lines: Vec<report::figure::Series>| Panel {
+        x: Axis::time(),
+        y: Axis::linear(label),
+        height,
+        series: lines,
+        ..Panel::default()
+    };
+    let recorded = task.trials().iter().flat_map(|own| {
+        let line = |label: &str, colour: &str, values: &[f64]| {
+            report::figure::Series::line(label, colour, &own.time, values)
+        };
+        [
+            line("goal", "goal", &own.target).looks(Look::Dashed),
+            line("recorded", "data", &own.position),
+        ]
+    });
+    let flown = |column: &str| -> Vec<report::figure::Series> {
+        let line = |(k, own): (usize, &Flight)| {
+            let values = &own.series.column(column)?.values;
+            let label = format!("FMUs, {} m", own.target);
+            let line = report::figure::Series::line(&label, colour(k), &own.series.time, values);
+            Some(line)
+        };
+        flights.iter().enumerate().filter_map(line).collect()
+    };
+    let positions = recorded.chain(flown("quadcopter.z")).collect();
+    let caption = "The exported FMUs of pilot and vehicle, coupled by the master, from rest.";
+    let mut figure = Figure::of(
+        "closed-loop",
+        "Closed loop",
+        caption,
+        panel("position [m]", 300.0, positions),
+    );
+    figure
+        .panels
+        .push(panel("stick", 220.0, flown("pilot.stick")));
+    figure
 }

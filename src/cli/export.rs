@@ -49,7 +49,7 @@ enum Command {
         pilotage export pilot pilot.toml -o pilot.fmu      the pilot that `pilotage fit` found\n  \
         pilotage export pilot --preset paper -o paper.fmu  the published pilot")]
     Pilot {
-        /// Pilot file of `pilotage fit`.
+        /// File of the pilot that `pilotage fit` wrote.
         #[arg(required_unless_present = "preset", conflicts_with = "preset")]
         pilot: Option<PathBuf>,
         /// A published pilot.
@@ -198,6 +198,14 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             allow_unconverged,
             fmu,
         } => {
+            let is_model = |file: &PathBuf| recognise::of(file) == Some(recognise::FileKind::Model);
+            if let Some(file) = pilot.as_ref().filter(|file| is_model(file)) {
+                let model = ModelArgs {
+                    model: file.display().to_string(),
+                    order: None,
+                };
+                return text(&model, Some(output), allow_unconverged, &fmu);
+            }
             fmu.check_output(pilot.as_deref(), &output)?;
             let (model, mut provenance) = match (pilot, preset) {
                 (Some(file), _) => fitted(&file, allow_unconverged)?,
@@ -263,7 +271,7 @@ fn text(
     print_written(&provenance, &output)
 }
 
-/// The pilot of a result file.
+/// The pilot of a pilot file, which fits of flights wrote before they wrote model files.
 fn fitted(file: &Path, allow_unconverged: bool) -> Result<(Model, Provenance), Failure> {
     recognise::expect(
         [&file.to_owned()],

@@ -25,20 +25,12 @@ impl Progress {
         }
     }
 
-    /// Shows the search for starts, of which this share is done.
-    pub fn search(&mut self, order: usize, done: f64) {
-        let message = || format!("percent: looking for starts of order {order}");
-        self.show((100.0 * done) as u64, 100, message);
-    }
-
     /// Shows an iterate.
     pub fn iterate(&mut self, at: &Iterate) {
         let message = || {
-            let order = at.order.map(|order| format!("order {order}, "));
             let mesh = (at.refinement > 0).then(|| format!("refinement {}, ", at.refinement));
             format!(
-                "starts: {}{}iteration {}, objective {:.6e}, KKT residual {:.1e}",
-                order.unwrap_or_default(),
+                "starts: {}iteration {}, objective {:.6e}, KKT residual {:.1e}",
                 mesh.unwrap_or_default(),
                 at.iteration.number,
                 at.objective,

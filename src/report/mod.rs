@@ -5,14 +5,13 @@ mod axis;
 pub mod certainty;
 pub mod describing;
 pub mod figure;
-mod figures;
+mod formula;
 mod frame;
 pub mod frequency;
 mod html;
 mod loops;
 mod number;
 mod overlay;
-mod page;
 pub mod palette;
 #[cfg(feature = "png")]
 pub mod png;
@@ -31,14 +30,12 @@ mod thin;
 use crate::series::cell;
 
 pub use figure::Figure;
-pub use figures::ClosedLoop;
 pub use html::{Made, policy, side_by_side};
 pub use loops::{LoopFigure, LoopPage, Stability, loop_page};
 pub use overlay::{Overlay, Parameters, overlay_page};
-pub use page::{Report, page, well_determined};
 pub use simulation::{Simulation, result_figures, simulation_page};
 pub use steps::{StepFigure, step_page};
-pub use tables::{modes, target_of};
+pub use tables::modes;
 
 /// A table as CSV, with quotes where required (RFC 4180).
 fn csv<R: AsRef<[String]>>(rows: &[R]) -> String {

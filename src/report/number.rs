@@ -1,12 +1,7 @@
 //! Numbers as HTML.
 
 use super::html::{Html, html};
-use pilotage_text::number::{short, significant};
-
-/// [`short`] as HTML: with a true minus sign, and the exponent as a superscript.
-pub fn chosen(value: f64, digits: usize) -> Html {
-    marked_up(&short(value, digits))
-}
+use pilotage_text::number::significant;
 
 /// [`significant`] as HTML: with a true minus sign, and the exponent as a superscript.
 pub fn html(value: f64, digits: usize) -> Html {

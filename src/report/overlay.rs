@@ -1,6 +1,7 @@
-//! The report page of a problem: verdict, figures of recorded and modelled signals, tables.
+//! The report page of a fit: verdict, figures of recorded and modelled signals, tables.
 
 use super::figure::Figure;
+use super::formula::transfer_function;
 use super::html::{self, Html, Made, html, paragraph};
 
 /// Contents of the report page of a fit.
@@ -14,6 +15,8 @@ pub struct Overlay<'a> {
     pub diagnostics: Vec<(String, String)>,
     /// Names and values of the main figures.
     pub facts: Vec<(&'a str, String)>,
+    /// θ of a linear pilot, shown as its transfer function.
+    pub formula: Option<Vec<f64>>,
     /// A sentence about the uncertainty.
     pub sureness: String,
     /// The figures, in page order.
@@ -35,17 +38,13 @@ pub struct Parameters {
     pub notes: Vec<String>,
 }
 
-/// The section about refits; empty if there are none.
-pub(super) fn refits(own: Option<&Parameters>) -> Html {
-    html! { @if let Some(own) = own { (html::section("Profiles and bootstrap", &table(own))) } }
-}
-
 /// The page as a self-contained HTML file.
 pub fn overlay_page(page: &Overlay<'_>, made: &Made) -> String {
     let (class, verdict) = page.ending;
     let body = html! {
         (html::header(page.title, class, verdict))
         @for (code, words) in &page.diagnostics { (html::diagnostic("caution", code, words)) }
+        @if let Some(theta) = &page.formula { div class="formula" { (transfer_function(theta)) } }
         (html::facts(&page.facts))
         (paragraph(None, &page.sureness))
         (html::choice())

@@ -66,7 +66,7 @@ pub use posed::Posed;
 pub use problem::error::ProblemError;
 pub use problem::file::{self, ProblemFile};
 pub use problem::read::OWN_KEYS;
-pub use result::diagnostic::{CODES, Diagnostic};
+pub use result::diagnostic::{CODES, Diagnostic, Doubt};
 pub use result::loops::OpenLoops;
 pub use result::paths::PilotPaths;
 pub use result::{Fit, beforehand, describing, left_over, uncertainty};

@@ -64,7 +64,7 @@ impl Log {
     /// Writes one iteration.
     pub fn iteration(&mut self, iterate: &Iterate) {
         let iteration = iterate.iteration;
-        let mut object = json!({
+        self.line(&json!({
             "event": "iteration",
             "start": iterate.start + 1,
             "refinement": iterate.refinement,
@@ -79,11 +79,7 @@ impl Log {
             "penalty": iteration.penalty,
             "active": iteration.active,
             "hessian": iteration.model.as_str(),
-        });
-        if let Some(order) = iterate.order {
-            object["order"] = json!(order);
-        }
-        self.line(&object);
+        }));
     }
 
     /// Writes the results of the starts and of the fit, from the object of `--json`.

@@ -1,8 +1,7 @@
 //! `--orders`: selects the order of the linear pilot. The fit continues with the selected order.
 
-use super::watch::Watch;
-use super::{Args, MAX_ORDER};
-use crate::cli::compare::{self, Line, coloured, comparisons_json, figures_json, table, words};
+use super::Args;
+use crate::cli::compare;
 use crate::cli::deadline::Deadline;
 use crate::cli::folds::Folds;
 use crate::cli::{Failure, terminal};
@@ -10,10 +9,7 @@ use crate::estimation::comparison::{Candidate, Compared};
 use crate::estimation::orders::Ordered as Solved;
 use crate::estimation::{self, Fit, ProblemFile};
 use crate::flights;
-use crate::identification::orders::{self, Ordered};
-use crate::identification::{FitOptions, InitialState, Objective, TrialSet};
-use crate::inference::choice::{Comparison, Contender, choose};
-use pilotage_text::counted;
+use crate::models::library::MAX_ORDER;
 use serde_json::{Value, json};
 use std::ops::RangeInclusive;
 
@@ -35,21 +31,17 @@ pub fn orders(text: &str) -> Result<Orders, String> {
 }
 
 /// The output of the comparison, and the selected item, if any.
-pub struct Chosen<T> {
+pub struct Chosen {
     pub text: String,
     pub json: Value,
-    pub taken: Option<T>,
+    pub taken: Option<(ProblemFile, Fit)>,
     /// False if Ctrl-C or the time limit ended the comparison.
     pub is_whole: bool,
 }
 
 impl Orders {
-    /// Selects an order for a problem file. The returned problem starts at the result of its fit.
-    pub fn problem(
-        &self,
-        file: &ProblemFile,
-        deadline: Deadline,
-    ) -> Result<Chosen<(ProblemFile, Fit)>, Failure> {
+    /// Selects an order of a problem's linear pilot. The returned problem starts at the result of its fit.
+    pub fn chosen(&self, file: &ProblemFile, deadline: Deadline) -> Result<Chosen, Failure> {
         let folds = Folds::until(deadline);
         let range = u32::from(*self.0.start())..=u32::from(*self.0.end());
         let ask = |done: usize, all: usize| folds.ask(done, all);
@@ -91,46 +83,9 @@ impl Orders {
         }
         .with_ending(last))
     }
-
-    /// Selects an order for recorded flights.
-    pub fn flights(
-        &self,
-        args: &Args,
-        set: &TrialSet,
-        options: &FitOptions,
-        deadline: Deadline,
-    ) -> Result<Chosen<Ordered>, Failure> {
-        check(options)?;
-        let mut watch = Watch::new(deadline, None, args.verbose);
-        let range = usize::from(*self.0.start())..=usize::from(*self.0.end());
-        let count = range.clone().count();
-        let all = orders::ordered(set, options, range, &mut |progress| watch.flights(progress));
-        watch.end();
-        let all = all?;
-        let is_whole = all.len() == count && all.iter().all(|own| own.is_whole);
-        let (mut known, last): (Vec<_>, Vec<_>) =
-            (all.into_iter()).partition(|own| own.fit.is_answer() && own.is_whole);
-        let last = unanswered(last.iter().map(|own| {
-            let status = (!own.fit.is_answer()).then(|| own.fit.status.as_str());
-            (own.order, status)
-        }));
-        if known.is_empty() {
-            return Ok(Chosen::none(last, is_whole));
-        }
-        let figures: Vec<Contender> = known.iter().map(|own| own.figures.clone()).collect();
-        let choice = choose(&figures);
-        let compared = ComparedOrders::new(&known, set);
-        Ok(Chosen {
-            text: compared.text(choice.as_ref()),
-            json: compared.json(choice.as_ref()),
-            taken: choice.map(|(taken, _)| known.swap_remove(taken)),
-            is_whole,
-        }
-        .with_ending(last))
-    }
 }
 
-impl<T> Chosen<T> {
+impl Chosen {
     fn none(last: (String, Value), is_whole: bool) -> Self {
         Self {
             text: String::new(),
@@ -173,91 +128,8 @@ fn unanswered<'a>(all: impl Iterator<Item = (usize, Option<&'a str>)>) -> (Strin
     (words.collect(), objects.collect())
 }
 
-/// Checks the options: trials that are left out are flown from rest, and their positions are compared.
-fn check(options: &FitOptions) -> Result<(), Failure> {
-    if options.objective != Objective::Response {
-        let message = "--orders compares responses, and --objective stick fits the stick";
-        return Err(Failure::new(message).hint("leave --objective out"));
-    }
-    if options.initial_state != InitialState::AtRest {
-        let message = "--orders flies trials that are left out from rest, and --initial-state says that they are not";
-        return Err(Failure::new(message)
-            .hint("--initial-state at-rest, or a problem file, where free states are estimated"));
-    }
-    Ok(())
-}
-
-/// The compared orders of recorded flights.
-struct ComparedOrders<'a> {
-    all: &'a [Ordered],
-    set: &'a TrialSet,
-    names: Vec<String>,
-}
-
-impl<'a> ComparedOrders<'a> {
-    fn new(all: &'a [Ordered], set: &'a TrialSet) -> Self {
-        let names = all
-            .iter()
-            .map(|own| format!("order {}", own.order))
-            .collect();
-        Self { all, set, names }
-    }
-
-    fn lines(&self) -> Vec<Line<'_>> {
-        let all = self.names.iter().zip(self.all);
-        all.map(|(name, own)| Line {
-            name,
-            status: own.fit.status.as_str(),
-            is_answer: true,
-            figures: &own.figures,
-        })
-        .collect()
-    }
-
-    fn text(&self, choice: Option<&(usize, Vec<Comparison>)>) -> String {
-        let names: Vec<&str> = self.names.iter().map(String::as_str).collect();
-        let figures: Vec<&Contender> = self.all.iter().map(|own| &own.figures).collect();
-        let head = format!(
-            "{} on {}, {} values. Left out: −2 log likelihood of the runs, flown from rest by pilots of the others.\n\n",
-            counted(names.len(), "order"),
-            counted(self.set.fit.len(), "run"),
-            figures[0].samples
-        );
-        let text = match choice {
-            None => format!("{}\n", compare::few()),
-            Some(choice) => {
-                let runs = self.all[choice.0].fit.runs.iter();
-                words(
-                    &names,
-                    &figures,
-                    choice,
-                    coloured(runs.map(|run| run.residual.clone())),
-                )
-            }
-        };
-        head + &table("pilot", &self.lines()) + "\n" + &text
-    }
-
-    fn json(&self, choice: Option<&(usize, Vec<Comparison>)>) -> Value {
-        let names: Vec<&str> = self.names.iter().map(String::as_str).collect();
-        let problems = self.lines().into_iter().map(|line| {
-            let runs = self.set.fit.iter().zip(&line.figures.held_out);
-            let mut object = figures_json(&line, true);
-            object["held_out"] = runs
-                .map(|(run, own)| (run.name.clone(), json!(own)))
-                .collect();
-            object
-        });
-        json!({
-            "problems": problems.collect::<Vec<_>>(),
-            "comparisons": comparisons_json(&names, choice),
-            "taken": choice.map(|(taken, _)| names[*taken]),
-        })
-    }
-}
-
 /// Prints the choice before the fit continues; with `--json` it is part of the fit's object.
-pub fn print_choice<T>(args: &Args, chosen: &Chosen<T>) -> Result<(), Failure> {
+pub fn print_choice(args: &Args, chosen: &Chosen) -> Result<(), Failure> {
     match (args.json, args.logs_to_stdout()) {
         (true, _) => {}
         (false, true) => terminal::eprint(&chosen.text),

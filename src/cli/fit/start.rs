@@ -3,7 +3,6 @@
 use crate::cli::Failure;
 use crate::cli::number::number;
 use crate::estimation::{Posed, ProblemFile};
-use crate::models::Pilot;
 use crate::suggestion::{did_you_mean, suggestion};
 use pilotage_text::counted;
 
@@ -25,12 +24,12 @@ pub fn begin(text: &str) -> Result<Begin, String> {
     Ok(Begin { name, value })
 }
 
-/// θ of a pilot: all of it.
-pub fn theta(given: &[Begin], pilot: Pilot) -> Result<Vec<f64>, Failure> {
+/// θ of a pilot of this order: all of it.
+pub fn theta(given: &[Begin], order: usize) -> Result<Vec<f64>, Failure> {
     if given.iter().all(|own| own.name.is_none()) {
         return Ok(given.iter().map(|own| own.value).collect());
     }
-    let names: Vec<String> = (1..=2 * pilot.order).map(|k| format!("theta{k}")).collect();
+    let names: Vec<String> = (1..=2 * order).map(|k| format!("pilot.theta{k}")).collect();
     let found = placed(given, &names)?;
     let value = |k: usize| found.iter().find(|own| own.0 == k).map(|own| own.1);
     let all: Option<Vec<f64>> = (0..names.len()).map(value).collect();
@@ -63,6 +62,14 @@ pub fn set(given: &[Begin], posed: &Posed<'_>, file: &mut ProblemFile) -> Result
     Ok(())
 }
 
+/// The place of a name, whole or without its instance if one parameter alone is called so.
+fn placed_name(name: &str, names: &[String]) -> Option<usize> {
+    let is_short = |known: &String| known.rsplit_once('.').is_some_and(|own| own.1 == name);
+    let mut short = (0..names.len()).filter(|k| is_short(&names[*k]));
+    let whole = names.iter().position(|known| known == name);
+    whole.or_else(|| short.next().filter(|_| short.next().is_none()))
+}
+
 /// The place of each value among these names.
 fn placed(given: &[Begin], names: &[String]) -> Result<Vec<(usize, f64)>, Failure> {
     let all = || names.join(", ");
@@ -91,7 +98,7 @@ fn placed(given: &[Begin], names: &[String]) -> Result<Vec<(usize, f64)>, Failur
             found.push((place, own.value));
             continue;
         };
-        let Some(k) = names.iter().position(|known| known == name) else {
+        let Some(k) = placed_name(name, names) else {
             let near = did_you_mean(suggestion(name, names.iter().map(String::as_str)));
             let message = format!(
                 "--start: nothing that is sought is called `{name}`{near}; there are {}",

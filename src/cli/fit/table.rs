@@ -6,7 +6,7 @@ use crate::cli::terminal::eprint;
 /// Number of lines between two headers.
 const PAGE: usize = 20;
 
-const HEADER: &str = "order start  mesh  iter     objective    inf_pr    inf_du     compl     alpha     |d|    lg(rg)   penalty \
+const HEADER: &str = "start  mesh  iter     objective    inf_pr    inf_du     compl     alpha     |d|    lg(rg)   penalty \
                       active  hessian";
 
 /// Prints one line for each iteration.
@@ -36,8 +36,7 @@ fn line(iterate: &Iterate) -> String {
         false => "-".into(),
     };
     format!(
-        "{:>5} {:>5} {:>5} {:>5} {:>13.6e} {:>9.2e} {:>9.2e} {:>9.2e} {:>9.2e} {:>7.0e} {damping:>9} {:>9.2e} {:>6}  {}\n",
-        iterate.order.map_or("-".into(), |order| order.to_string()),
+        "{:>5} {:>5} {:>5} {:>13.6e} {:>9.2e} {:>9.2e} {:>9.2e} {:>9.2e} {:>7.0e} {damping:>9} {:>9.2e} {:>6}  {}\n",
         iterate.start + 1,
         iterate.refinement,
         i.number,
@@ -76,7 +75,6 @@ mod tests {
             model: StepModel::GaussNewton,
         };
         let text = line(&Iterate {
-            order: Some(3),
             start: 1,
             starts: 4,
             refinement: 0,
@@ -84,8 +82,8 @@ mod tests {
             iteration: &iteration,
         });
         insta::assert_snapshot!(format!("{HEADER}\n{text}"), @"
-        order start  mesh  iter     objective    inf_pr    inf_du     compl     alpha     |d|    lg(rg)   penalty active  hessian
-            3     2     0    12   -2.682500e2   2.50e-9   1.00e-3    0.00e0   5.00e-1    3e-2      -4.0    1.70e1     41  gauss-newton
+        start  mesh  iter     objective    inf_pr    inf_du     compl     alpha     |d|    lg(rg)   penalty active  hessian
+            2     0    12   -2.682500e2   2.50e-9   1.00e-3    0.00e0   5.00e-1    3e-2      -4.0    1.70e1     41  gauss-newton
         ");
     }
 }

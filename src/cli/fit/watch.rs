@@ -4,16 +4,13 @@ use super::log::Log;
 use super::table::IterationTable;
 use crate::cli::deadline::Deadline;
 use crate::cli::progress::Progress;
-use crate::estimation::fit::Progress as OfProblem;
-use crate::identification::Progress as OfFlights;
+use crate::estimation::fit;
 use crate::sqp::{Iteration, Status};
 use std::ops::ControlFlow;
 
-/// An iterate of a fit, of flights or of a problem file.
+/// An iterate of a fit.
 #[derive(Debug, Clone, Copy)]
 pub struct Iterate<'a> {
-    /// Order of the linear pilot; lower orders lead to starts. None if there are none.
-    pub order: Option<usize>,
     /// The start that it belongs to, from 0.
     pub start: usize,
     /// Number of starts so far.
@@ -52,28 +49,10 @@ impl Watch {
         }
     }
 
-    /// Shows the progress of a fit of flights and returns whether to continue.
-    pub fn flights(&mut self, progress: &OfFlights) -> ControlFlow<Status> {
-        match (progress, &mut self.shown) {
-            (OfFlights::Iterate(own), _) => self.iterate(&Iterate {
-                order: Some(own.order),
-                start: own.start,
-                starts: own.starts,
-                refinement: 0,
-                objective: own.iteration.objective,
-                iteration: own.iteration,
-            }),
-            (OfFlights::Search { order, done }, Shown::Bar(bar)) => bar.search(*order, *done),
-            (OfFlights::Search { .. }, Shown::Table(_)) => {}
-        }
-        self.deadline.ask()
-    }
-
-    /// The same for a problem, with the factor by which the solver's objective differs from its own.
-    pub fn problem(&mut self, progress: &OfProblem, factor: f64) -> ControlFlow<Status> {
+    /// Shows the progress of a fit and returns whether to continue; the solver's objective is the problem's times this factor.
+    pub fn see(&mut self, progress: &fit::Progress<'_>, factor: f64) -> ControlFlow<Status> {
         if let Some(iteration) = progress.iteration {
             self.iterate(&Iterate {
-                order: None,
                 start: progress.start,
                 starts: progress.starts,
                 refinement: progress.refinement,

@@ -3,14 +3,12 @@
 mod flown;
 mod synth;
 
-use super::fit::summary;
 use super::recognise::{self, FileKind};
 use super::system::flags::pair;
 use super::{Failure, Outcome, excitation, terminal};
 use crate::flights::checks::{self, Check};
 use crate::flights::trials::{ColumnNames, SATURATED, Summary, TrialError, TrialSet, driven};
 use crate::inference::spectrum::Excitation;
-use crate::report::target_of;
 use crate::series::SeriesError;
 use clap::Subcommand;
 use pilotage_text::number::{short, significant};
@@ -50,6 +48,11 @@ pub struct Columns {
 }
 
 impl Columns {
+    /// The names of the columns.
+    pub fn names(&self) -> Result<ColumnNames, Failure> {
+        Ok(ColumnNames::new(&self.named)?)
+    }
+
     /// Reads trials and manifests.
     pub fn read(&self, paths: &[PathBuf]) -> Result<TrialSet, Failure> {
         let what = "recorded flights (CSV) or lists of them (TOML)";
@@ -58,7 +61,7 @@ impl Columns {
             &[FileKind::Trial, FileKind::Table, FileKind::Manifest],
             what,
         )?;
-        let read = TrialSet::read_with(paths, &ColumnNames::new(&self.named)?);
+        let read = TrialSet::read_with(paths, &self.names()?);
         read.map_err(|error| {
             let quantity = match &error {
                 TrialError::NoColumn { column, .. } => column.clone(),
@@ -130,7 +133,7 @@ fn to_json(set: &TrialSet) -> Value {
         })
         .collect();
     let doubts: Vec<Value> = (checks(set).iter())
-        .map(|own| summary::doubt(own.code(), own, own.is_fatal()))
+        .map(|own| json!({ "code": own.code(), "words": own.to_string(), "fatal": own.is_fatal() }))
         .collect();
     let excitation = excited(set);
     json!({
@@ -195,6 +198,15 @@ fn to_table(set: &TrialSet) -> String {
         text += &terminal::labelled(&label, &check.to_string());
     }
     text + &excited(set).map_or(String::new(), |own| excitation::to_text(&own))
+}
+
+/// The target of a run \[m\], or its range if it moves.
+fn target_of(summary: &Summary) -> String {
+    let [least, greatest] = summary.target_range.map(|target| short(target, 4));
+    match summary.target_range[0] == summary.target_range[1] {
+        true => least,
+        false => format!("{least} to {greatest}"),
+    }
 }
 
 /// What the recordings of the fit, and those of its validation, let doubt before any fit.

@@ -2,7 +2,7 @@
 
 use crate::innovations;
 use crate::posed::{Posed, Stands};
-use crate::result::Fit;
+use crate::result::{Fit, RunFit};
 use crate::search::begin::begin;
 use crate::search::starts::{Start, given};
 use pilotage_collocation::Collocation;
@@ -17,9 +17,10 @@ pub struct Evaluation {
     /// Its derivative with respect to each sought parameter, in the coordinates of the search, by central differences
     /// that stay in the range.
     pub gradient: Vec<(String, f64)>,
-    /// For each run and measured signal, the residual at each sample in standard deviations. For log-normal noise it is
-    /// that of the logarithms. NaN where nothing was measured.
-    pub residuals: Vec<Vec<Vec<f64>>>,
+    /// The runs, simulated.
+    pub runs: Vec<RunFit>,
+    /// The nonlinear program and its variables along these simulations.
+    pub at: (Collocation, Vec<f64>),
 }
 
 /// Step of the differences, relative to the size of a parameter.
@@ -54,15 +55,11 @@ pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
     }
     let at_start = begin(posed, &start, &|| false);
     let runs = Fit::runs(posed, &at_start.0, &at_start.1);
-    let noises = posed.file.measured.iter().map(|measured| measured.noise);
-    let residuals = runs.iter().map(|run| {
-        let signals = noises.clone().enumerate();
-        signals.map(|(k, noise)| run.residuals(k, noise)).collect()
-    });
     Evaluation {
         objective: at(&start),
         gradient,
-        residuals: residuals.collect(),
+        runs,
+        at: at_start,
     }
 }
 

@@ -1,17 +1,20 @@
 //! Signals along a solution, measured or not.
 
 use crate::posed::{Posed, variables};
-use crate::search::solved::Solved;
+use pilotage_collocation::Collocation;
 use pilotage_expression::Node;
 
-/// Values of signals at the samples of each run. None for a name that is no signal of the system.
-pub fn courses(posed: &Posed<'_>, solved: &Solved, names: &[&str]) -> Vec<Option<Vec<Vec<f64>>>> {
+/// Values of signals at the samples of each run, at these variables. None for a name that is no signal of the system.
+pub fn courses(
+    posed: &Posed<'_>,
+    (problem, z): (&Collocation, &[f64]),
+    names: &[&str],
+) -> Vec<Option<Vec<Vec<f64>>>> {
     let nodes: Vec<Option<Node>> = names.iter().map(|name| posed.joint.signal(name)).collect();
-    let z = &solved.solution.iterate.z;
-    let theta = solved.problem.physical_theta(z);
+    let theta = problem.physical_theta(z);
     let mut all = vec![vec![Vec::new(); posed.runs.len()]; names.len()];
     for j in 0..posed.runs.len() {
-        let states = solved.problem.states_at_samples(z, j);
+        let states = problem.states_at_samples(z, j);
         for (sample, x) in states.iter().enumerate() {
             let own = (posed.model.system.graph).values(&variables(posed, j, sample, x, &theta));
             let joint = posed.quantities.joint.iter().map(|node| own[node.index()]);

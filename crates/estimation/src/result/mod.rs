@@ -308,6 +308,12 @@ impl Fit {
         }
     }
 
+    /// The value of a parameter, or its mean over runs or subjects; `None` if nothing of this name was sought.
+    pub fn value(&self, name: &str) -> Option<f64> {
+        let mut all = self.parameters.iter();
+        Some(all.find(|own| own.name == name)?.mean())
+    }
+
     /// Whether the states satisfy the equations and the constraints hold. Otherwise objective and residuals do not
     /// belong to a run, or are not finite at the start.
     pub fn is_met(&self) -> bool {
@@ -315,8 +321,18 @@ impl Fit {
     }
 
     /// Whether the fit is complete: the solver converged, the fit was not ended early, no iteration limit ended the
-    /// refinement of the mesh, and the mesh is fine enough or a simulation with the estimates agrees.
+    /// refinement of the mesh, the mesh is fine enough or a simulation with the estimates agrees, and no diagnostic makes it
+    /// meaningless.
     pub fn is_answer(&self) -> bool {
+        self.is_found() && self.fatal().is_none()
+    }
+
+    /// The first diagnostic that makes the result meaningless.
+    fn fatal(&self) -> Option<&Diagnostic> {
+        self.diagnostics.iter().find(|own| own.is_fatal())
+    }
+
+    fn is_found(&self) -> bool {
         let is_rough = |own: &Diagnostic| matches!(own, Diagnostic::MeshError { .. });
         let has_mesh = !self.diagnostics.iter().any(is_rough) || self.agrees();
         let is_limited = self.cut.is_some() || self.refinement.is_limited;
@@ -338,8 +354,8 @@ impl Fit {
             (None, Status::Converged) if self.refinement.is_limited => {
                 Status::IterationLimit.as_str()
             }
-            (None, Status::Converged) if !self.is_answer() => "mesh-error",
-            (None, status) => status.as_str(),
+            (None, Status::Converged) if !self.is_found() => "mesh-error",
+            (None, status) => self.fatal().map_or(status.as_str(), |own| own.code()),
         }
     }
 
@@ -372,6 +388,7 @@ impl Fit {
     /// How the fit ended, in a word or two.
     pub fn verdict(&self) -> String {
         match (self.is_answer(), self.diagnostics.len()) {
+            (false, _) if self.is_found() => format!("NO ANSWER ({})", self.ending()),
             (false, _) => format!("NOT CONVERGED ({})", self.ending()),
             (true, 0) => "converged".to_owned(),
             (true, count) => format!("converged, in doubt ({count})"),

@@ -299,7 +299,7 @@ fn stretches(count: usize) -> String {
 }
 
 /// Number of outliers, if there is more than one.
-pub fn worst(count: usize) -> String {
+fn worst(count: usize) -> String {
     match count {
         1 => String::new(),
         _ => format!(", the worst of {count} such samples"),

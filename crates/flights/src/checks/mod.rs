@@ -4,19 +4,23 @@
 //! | --- | --- |
 //! | `check` | what a check may find, with message and code |
 //! | `motion` | of whole flights |
-//! | [`samples`](mod@samples) | of samples |
+//! | `samples` | of samples |
 //! | `vehicle` | of the vehicle, and of flights that it cannot fly |
+//! | `fitted` | of fitted flights |
 //! | [`implied`](mod@implied) | the stick that a motion implies |
 
 mod check;
+mod fitted;
 pub mod implied;
 mod motion;
-pub mod samples;
+mod samples;
 mod vehicle;
 
-pub use check::{Check, worst};
-pub use motion::of_motion;
-pub use vehicle::{moving, of_vehicle};
+pub use check::Check;
+pub use fitted::doubts;
+pub use vehicle::of_vehicle;
+
+use motion::of_motion;
 
 use crate::Trial;
 

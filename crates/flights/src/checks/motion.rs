@@ -32,7 +32,7 @@ const NEAR_ONE: std::ops::RangeInclusive<f64> = 0.5..=1.5;
 const BESIDE: f64 = 0.5;
 
 /// The checks of whole flights.
-pub fn of_motion(trials: &[Trial]) -> Vec<Check> {
+pub(super) fn of_motion(trials: &[Trial]) -> Vec<Check> {
     let all = [
         movement(trials),
         origin(trials),

@@ -21,11 +21,11 @@ const LEVELS: f64 = 2.5;
 const LATE: f64 = 0.02;
 
 /// The checks of the samples.
-pub fn of_samples(trials: &[Trial]) -> Vec<Check> {
+pub(super) fn of_samples(trials: &[Trial]) -> Vec<Check> {
     let looked_at: Vec<Values> = (trials.iter())
         .map(|trial| values(trial, trial.position.clone()))
         .collect();
-    let (frozen, mut breaks) = broken(trials, &looked_at, Kind::Recorded);
+    let (frozen, mut breaks) = broken(trials, &looked_at);
     // A vehicle may follow a target that jumps at once.
     let is_led = |run: usize, k: usize, size: f64| {
         let trial = &trials[run];
@@ -49,7 +49,7 @@ pub fn of_samples(trials: &[Trial]) -> Vec<Check> {
 }
 
 /// The checks of columns, each by itself.
-pub fn of_columns(trials: &[Trial]) -> [Option<Check>; 4] {
+fn of_columns(trials: &[Trial]) -> [Option<Check>; 4] {
     [
         trials.iter().find_map(frozen_target),
         clipped(trials),
@@ -59,7 +59,7 @@ pub fn of_columns(trials: &[Trial]) -> [Option<Check>; 4] {
 }
 
 /// Values at the samples of a run.
-pub fn values(trial: &Trial, values: Vec<f64>) -> Values {
+pub(super) fn values(trial: &Trial, values: Vec<f64>) -> Values {
     Values {
         time: trial.time.clone(),
         values: outliers::of_fresh(values, &trial.position),
@@ -69,7 +69,7 @@ pub fn values(trial: &Trial, values: Vec<f64>) -> Values {
 }
 
 /// The largest position among the outliers.
-pub fn outlier(breaks: &Breaks, looked_at: &[Values], trials: &[Trial]) -> Option<Check> {
+fn outlier(breaks: &Breaks, looked_at: &[Values], trials: &[Trial]) -> Option<Check> {
     let size = |(run, k): (usize, usize)| looked_at[run].values[k].abs();
     let (run, k) = (breaks.samples()).max_by(|a, b| size(*a).total_cmp(&size(*b)))?;
     Some(Check::Outlier {
@@ -81,7 +81,7 @@ pub fn outlier(breaks: &Breaks, looked_at: &[Values], trials: &[Trial]) -> Optio
 }
 
 /// The largest jump of a position.
-pub fn jump(breaks: &Breaks, trials: &[Trial]) -> Option<Check> {
+fn jump(breaks: &Breaks, trials: &[Trial]) -> Option<Check> {
     let (run, k, size) = breaks.jump()?;
     Some(Check::Jump {
         run: trials[run].name.clone(),
@@ -91,8 +91,8 @@ pub fn jump(breaks: &Breaks, trials: &[Trial]) -> Option<Check> {
 }
 
 /// The longest stretch in which a position stands still while the vehicle moves, and the breaks that are none of these.
-pub fn broken(trials: &[Trial], looked_at: &[Values], kind: Kind) -> (Option<Check>, Breaks) {
-    let mut breaks = Breaks::of(looked_at, kind);
+fn broken(trials: &[Trial], looked_at: &[Values]) -> (Option<Check>, Breaks) {
+    let mut breaks = Breaks::of(looked_at, Kind::Recorded);
     let mut all: Vec<(&Trial, Frozen)> = Vec::new();
     for (run, trial) in trials.iter().enumerate() {
         let mut frozen = outliers::frozen(&trial.position);
@@ -173,7 +173,7 @@ fn slow_sensor(trial: &Trial) -> Option<Check> {
 }
 
 /// A target that leaves its value for a few samples and returns to it, constant before and after.
-fn target_outlier(trial: &Trial) -> Option<Check> {
+pub(super) fn target_outlier(trial: &Trial) -> Option<Check> {
     let target = &trial.target;
     for count in 1..=FLICKER {
         for k in 2..target.len().saturating_sub(count + 1) {

@@ -54,7 +54,7 @@ fn vehicle_size(vehicle: &Quadcopter) -> Option<Check> {
 
 /// A run that moves faster at its start than the vehicle from rest with the stick at its limit; `noise` is that of the
 /// positions \[m\].
-pub fn moving(
+pub(super) fn moving(
     vehicle: &Quadcopter,
     stick_limit: f64,
     noise: f64,

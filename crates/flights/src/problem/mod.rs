@@ -100,9 +100,10 @@ impl FlightOptions {
         let all: Vec<&Trial> = flights.all().collect();
         let series: Vec<Series> = all.iter().map(|own| self.recorded(own)).collect();
         let text = self.text(flights, &series)?;
-        let mut file = ProblemFile::parse(&text, Path::new("problem.toml"))?;
-        for (run, series) in file.runs.iter_mut().zip(series) {
+        let mut file = ProblemFile::parse(&text, Path::new("flights"))?;
+        for ((run, series), own) in file.runs.iter_mut().zip(series).zip(all) {
             run.recorded = Some(Arc::new(series));
+            run.name.clone_from(&own.name);
         }
         Ok(file)
     }

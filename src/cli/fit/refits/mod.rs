@@ -147,7 +147,16 @@ fn chosen(list: &str, names: &[(String, Option<String>)]) -> Result<Vec<usize>, 
     let list = list.replace('θ', "theta");
     for name in list.split(',').map(str::trim) {
         let is_meant = |k: &usize| names[*k].0 == name || full_name(&names[*k]) == name;
-        let own: Vec<usize> = (0..names.len()).filter(is_meant).collect();
+        let mut own: Vec<usize> = (0..names.len()).filter(is_meant).collect();
+        if own.is_empty() {
+            // Without its instance, if that is clear.
+            let plain = |k: &usize| names[*k].0.rsplit_once('.').map(|own| own.1) == Some(name);
+            own = (0..names.len()).filter(plain).collect();
+            let is_one = own
+                .windows(2)
+                .all(|pair| names[pair[0]].0 == names[pair[1]].0);
+            own.retain(|_| is_one);
+        }
         if own.is_empty() {
             return Err(unknown(name, names));
         }

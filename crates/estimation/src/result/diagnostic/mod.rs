@@ -15,9 +15,22 @@ use crate::result::events::Event;
 use pilotage_inference::spectrum::{Contradiction, Starved};
 use pilotage_sqp::Status;
 
+/// What a crate that knows where the recordings are from finds in them, or in a model, beside a fit.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Doubt {
+    /// Its code, for scripts.
+    pub code: &'static str,
+    /// The message.
+    pub words: String,
+    /// Whether it makes the result meaningless, converged or not.
+    pub is_fatal: bool,
+}
+
 /// A reason to doubt a result.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Diagnostic {
+    /// A doubt about the recordings or a model that does not depend on the fit.
+    Beside(Doubt),
     /// The solver did not converge.
     NotConverged {
         /// How it ended.
@@ -325,6 +338,7 @@ impl Diagnostic {
     /// Its code, for scripts: one of [`CODES`].
     pub fn code(&self) -> &'static str {
         match self {
+            Self::Beside(own) => own.code,
             Self::NotConverged { .. } => "not-converged",
             Self::AtKinks(_) => "kinks",
             Self::AtBound { .. } => "at-bound",
@@ -365,5 +379,10 @@ impl Diagnostic {
             Self::Event(_) => "event",
             Self::Description { .. } => "fmu-description",
         }
+    }
+
+    /// Whether it makes the result meaningless, converged or not.
+    pub fn is_fatal(&self) -> bool {
+        matches!(self, Self::Beside(own) if own.is_fatal)
     }
 }

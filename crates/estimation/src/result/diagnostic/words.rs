@@ -10,6 +10,7 @@ use std::fmt;
 impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Beside(own) => f.write_str(&own.words),
             Self::NotConverged {
                 status,
                 has_kinks,

@@ -26,10 +26,13 @@ fn to_json(posed: &Posed<'_>, found: &Evaluation) -> Value {
         .gradient
         .iter()
         .map(|(name, value)| (name.clone(), json!(value)));
-    let residuals = found.residuals.iter().enumerate().map(|(j, of_run)| {
-        let all = posed.file.measured.iter().zip(of_run);
-        let all = all.map(|(measured, values)| (measured.column.value.clone(), json!(values)));
-        json!({ "name": posed.data[j].name(), "residuals": Value::Object(all.collect()) })
+    let residuals = found.runs.iter().map(|run| {
+        let all = posed.file.measured.iter().enumerate();
+        let all = all.map(|(k, measured)| {
+            let values = run.residuals(k, measured.noise);
+            (measured.column.value.clone(), json!(values))
+        });
+        json!({ "name": run.name, "residuals": Value::Object(all.collect()) })
     });
     json!({
         "schema": SCHEMA,
@@ -60,12 +63,13 @@ fn to_text(posed: &Posed<'_>, found: &Evaluation) -> String {
 /// Number of samples and scaled rms residual for each run and column.
 fn residual_rows(posed: &Posed<'_>, found: &Evaluation) -> Vec<[String; 4]> {
     let mut rows = vec![["run", "column", "samples", "rms residual over sd"].map(str::to_owned)];
-    for (run, residuals) in posed.data.iter().zip(&found.residuals) {
-        for (measured, own) in posed.file.measured.iter().zip(residuals) {
-            let own: Vec<f64> = own.iter().copied().filter(|r| !r.is_nan()).collect();
+    for run in &found.runs {
+        for (k, measured) in posed.file.measured.iter().enumerate() {
+            let mut own = run.residuals(k, measured.noise);
+            own.retain(|r| !r.is_nan());
             let squares: f64 = own.iter().map(|r| r * r).sum();
             rows.push([
-                run.name(),
+                run.name.clone(),
                 measured.column.value.clone(),
                 own.len().to_string(),
                 significant((squares / own.len() as f64).sqrt(), 4),

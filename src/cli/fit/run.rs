@@ -1,67 +1,40 @@
-//! `pilotage fit problem.toml`: fits any pilot, vehicle and task.
-
-mod checks;
-mod evaluate;
-mod kept;
-mod models;
-mod page;
-mod summary;
-mod sure;
-mod tables;
+//! One fit, from the problem to what is written.
 
 use super::log::Log;
+use super::models::{self, Fitted};
 use super::refits::{NOTHING, Plan, Refitted};
-use super::{Args, Watch, log, orders, start};
+use super::summary::{self, Outcomes};
+use super::task::Task;
+use super::{Args, Watch, evaluate, log, orders, page, start};
 use crate::cli::deadline::Deadline;
 use crate::cli::made::{made, program, quoted};
 use crate::cli::overwrite::{self, OutputKind};
 use crate::cli::progress::Spinner;
-use crate::cli::{Failure, Outcome, excitation, interrupt, recognise, terminal};
+use crate::cli::{Failure, Outcome, excitation, interrupt, terminal};
 use crate::estimation::beforehand::beforehand;
 use crate::estimation::file::{Mesh, Options};
 use crate::estimation::fit::alone::alone;
 use crate::estimation::left_over::processes;
-use crate::estimation::validation::validated;
-use crate::estimation::{Diagnostic, Fit, Posed, ProblemFile, refits};
+use crate::estimation::validation::{Judged, validated};
+use crate::estimation::{Diagnostic, Fit, Posed, refits};
 use crate::flights;
 use crate::sqp::Status;
-pub use checks::Checks;
-use models::Fitted;
-pub use models::HEAD as FITTED;
 use serde_json::Value;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// The problem file among the arguments, if there is one.
-pub fn of(args: &Args) -> Result<Option<&Path>, Failure> {
-    let Some(problem) = args.trials.iter().find(|path| recognise::is_problem(path)) else {
-        return Ok(None);
-    };
-    if args.trials.len() > 1 {
-        let message = format!(
-            "{} is a problem file, which names its runs itself",
-            problem.display()
-        );
-        return Err(Failure::new(message).hint("give the problem file alone"));
-    }
-    if let Some((_, flag, place)) = args.of_flights {
-        let message = format!("{flag} belongs to `pilotage fit run*.csv`");
-        return Err(Failure::new(message).hint(format!("in a problem file {place}")));
-    }
-    Ok(Some(problem))
-}
-
 /// Fits a problem.
-pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
-    let mut file = ProblemFile::read(path)?;
-    args.override_options(&mut file.options)?;
+pub fn run(args: &Args) -> Result<Outcome, Failure> {
     args.check_alone()?;
+    let task = Task::of(args)?;
+    let mut file = task.file.clone();
+    args.override_options(&mut file.options)?;
     let deadline = Deadline::after(args.time_limit);
     let mut chosen = None;
     let mut known = None;
     if let Some(orders) = &args.orders {
         interrupt::listen("stopping")?;
-        let found = orders.problem(&file, deadline)?;
+        let found = orders.chosen(&file, deadline)?;
         orders::print_choice(args, &found)?;
         match found.taken {
             Some(taken) => (file, known) = (taken.0, Some(taken.1)),
@@ -69,7 +42,8 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         }
         chosen = Some((found.json, found.is_whole));
     }
-    if let Some(given) = &args.start {
+    // Flights begin at θ that `--start` has.
+    if let Some(given) = args.start.as_ref().filter(|_| task.flights.is_none()) {
         let mut begun = file.clone();
         start::set(given, &Posed::new(&file, &flights::open)?, &mut begun)?;
         file = begun;
@@ -106,9 +80,10 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
         .refits
         .plan(&refits::sought(&posed), posed.runs.len())?;
     args.checks.check(posed.runs.len())?;
-    let fitted = models::planned(&posed, args.output.as_deref())?;
-    check_outputs(args, path, &fitted)?;
-    models::make_folder(args.output.as_deref(), &fitted)?;
+    let output = args.output.as_deref().or(task.default_output());
+    let fitted = models::planned(&posed, output)?;
+    check_outputs(args, &task, &fitted)?;
+    models::make_folder(output, &fitted)?;
     if args.orders.is_none() {
         interrupt::listen("stopping")?;
     }
@@ -123,15 +98,17 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     let log = args.log.as_deref().map(Log::open).transpose()?;
     let (mut fit, log) = match known {
         Some(known) => (known, log),
-        None => solved(args, &posed, deadline, log),
+        None => solved(&posed, Watch::new(deadline, log, args.verbose)),
     };
-    let doubts = before.doubts(&fit);
+    let mut doubts = before.doubts(&fit);
+    doubts.extend(task.doubts(&fit));
     // It names what cannot be told apart, too.
     let tells = |own: &Diagnostic| matches!(own, Diagnostic::Unidentifiable(_));
     if doubts.iter().any(tells) {
         (fit.diagnostics).retain(|own| !matches!(own, Diagnostic::Undetermined { .. }));
     }
     fit.diagnostics.extend(doubts);
+    (fit.diagnostics).sort_by_key(|own| !own.is_fatal());
     // A user who stopped the fit still wants to see its validation.
     let was_asked = interrupt::is_asked();
     let goes_on = || match interrupt::is_asked() && !was_asked {
@@ -148,21 +125,21 @@ pub fn run(args: &Args, path: &Path) -> Result<Outcome, Failure> {
     };
     let checked = args.checks.run((&file, &fit), deadline)?;
     let alone = alone(&posed, &fit, &|| deadline.ask().is_break());
-    let outcome = summary::Outcomes {
+    let outcome = Outcomes {
         posed: &posed,
         fit: &fit,
         judged: &judged,
         refitted: refitted.as_ref(),
         before: Some(&before),
-        processes: &processes(&posed, &fit),
-        checked: &checked,
+        processes: processes(&posed, &fit),
+        checked: Some(&checked),
         alone: alone.as_deref(),
     };
     for own in &fitted {
-        own.write(&posed, &fit, path)?;
+        own.write(&posed, &fit)?;
     }
     if let Some(path) = &args.report {
-        overwrite::save(path, page::page(&outcome, &made()))?;
+        overwrite::save(path, page::page(&outcome, Vec::new(), &made()))?;
     }
     let (orders, is_compared) = chosen.unzip();
     args.print(&match args.json {
@@ -212,28 +189,36 @@ fn refitted(
 
 /// Fits a problem and returns its page, and whether the fit has an answer.
 pub fn page_of(path: &Path) -> Result<(String, bool), Failure> {
-    let file = ProblemFile::read(path)?;
+    let file = Task::of_file(path)?.file;
     let posed = Posed::new(&file, &flights::open)?;
     let fit = crate::estimation::fit(&posed, &mut |_| ControlFlow::Continue(()));
     let judged = validated(&file, &fit, &flights::open, &|| ControlFlow::Continue(()))?;
     let alone = alone(&posed, &fit, &|| false);
-    let outcome = summary::Outcomes {
-        posed: &posed,
-        fit: &fit,
-        judged: &judged,
-        refitted: None,
-        before: None,
-        processes: &processes(&posed, &fit),
-        checked: &checks::Checked::default(),
+    let outcome = Outcomes {
         alone: alone.as_deref(),
+        ..outcomes((&posed, &fit), &judged)
     };
     if !fit.is_answer() {
         terminal::note(&format!("{}: {}", path.display(), fit.verdict()));
     }
-    Ok((page::page(&outcome, &made()), fit.is_answer()))
+    Ok((page::page(&outcome, Vec::new(), &made()), fit.is_answer()))
 }
 
-fn check_outputs(args: &Args, path: &Path, fitted: &[Fitted]) -> Result<(), Failure> {
+/// A fit with its validation runs, without what takes more than it.
+pub fn outcomes<'a>((posed, fit): (&'a Posed<'a>, &'a Fit), judged: &'a [Judged]) -> Outcomes<'a> {
+    Outcomes {
+        posed,
+        fit,
+        judged,
+        refitted: None,
+        before: None,
+        processes: processes(posed, fit),
+        checked: None,
+        alone: None,
+    }
+}
+
+fn check_outputs(args: &Args, task: &Task, fitted: &[Fitted]) -> Result<(), Failure> {
     let mut outputs: Vec<(&Path, OutputKind)> = Vec::new();
     outputs.extend(
         fitted
@@ -244,30 +229,22 @@ fn check_outputs(args: &Args, path: &Path, fitted: &[Fitted]) -> Result<(), Fail
     let log = args.log.as_deref().filter(|log| !log::is_stdout(log));
     outputs.extend(log.map(|path| (path, OutputKind::Log)));
     outputs.extend(args.refits.output());
-    args.overwrite.check(&[path.to_owned()], &outputs)
+    args.overwrite.check(&task.inputs, &outputs)
 }
 
 /// Computes the fit with progress output, log, time limit and Ctrl-C.
-fn solved(
-    args: &Args,
-    posed: &Posed<'_>,
-    deadline: Deadline,
-    log: Option<Log>,
-) -> (Fit, Option<Log>) {
-    let mut watch = Watch::new(deadline, log, args.verbose);
-    let fit = crate::estimation::fit(posed, &mut |progress| watch.problem(progress, posed.factor));
+pub fn solved(posed: &Posed<'_>, mut watch: Watch) -> (Fit, Option<Log>) {
+    let fit = crate::estimation::fit(posed, &mut |progress| watch.see(progress, posed.factor));
     (fit, watch.end())
 }
 
 impl Args {
     /// Options that take precedence over those of the file.
-    fn override_options(&self, own: &mut Options) -> Result<(), Failure> {
+    pub(super) fn override_options(&self, own: &mut Options) -> Result<(), Failure> {
         let within = |flag: &str, value: usize, most: usize| match (1..=most).contains(&value) {
             true => Ok(value),
-            false => Err(
-                Failure::new(format!("{flag} is out of range for a problem file"))
-                    .hint(format!("at most {most} in all")),
-            ),
+            false => Err(Failure::new(format!("{flag} is out of range"))
+                .hint(format!("at most {most} in all"))),
         };
         if let Some(limit) = self.max_iterations {
             own.max_iterations = within("--max-iterations", limit, Options::MOST_ITERATIONS)?;
@@ -302,12 +279,39 @@ fn next(args: &Args, fit: &Fit, fitted: &[Fitted], limit: usize) -> String {
             false => format!("next: {} export {model} -o {fmu}\n", program()),
         };
     }
-    if !fit.is_answer() {
+    let is_meaningless = fit.diagnostics.iter().any(Diagnostic::is_fatal);
+    if !fit.is_answer() && is_meaningless {
+        text += "next: mend what the first diagnostic says, and fit again\n";
+    } else if !fit.is_answer() {
         let end = fit.cut.unwrap_or(match fit.refinement.is_limited {
             true => Status::IterationLimit,
             false => fit.status,
         });
-        text += &args.what_else(end, "", &values(fit), limit);
+        text += &what_else(args, end, &values(fit), limit);
+    }
+    text
+}
+
+/// Suggestions for a solve that did not converge, with the values of `--start` at which it ended and its iteration limit.
+fn what_else(args: &Args, end: Status, start: &str, limit: usize) -> String {
+    let mut text = String::from("next: this is the best iterate, not a result; try\n");
+    let ended_by = |status: Status| end == status;
+    let was_cut_short = [
+        Status::IterationLimit,
+        Status::TimeLimit,
+        Status::Interrupted,
+    ]
+    .into_iter()
+    .any(ended_by);
+    text += &match was_cut_short && !start.is_empty() {
+        true => format!("      --start {start}, to go on from here\n"),
+        false => "      --random-starts 20, or --start with other values\n".into(),
+    };
+    if let (true, Some(limit)) = (ended_by(Status::TimeLimit), args.time_limit) {
+        text += &format!("      --time-limit above {limit}\n");
+    }
+    if ended_by(Status::IterationLimit) {
+        text += &format!("      --max-iterations above {limit}\n");
     }
     text
 }

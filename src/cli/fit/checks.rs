@@ -21,10 +21,10 @@ use serde_json::{Map, Value, json};
 /// Arguments of what fits a problem to some of its runs.
 #[derive(Debug, clap::Args)]
 pub struct Checks {
-    /// For a problem file: predict each run by a fit to the others.
+    /// Predict each run by a fit to the others.
     #[arg(long)]
     leave_one_out: bool,
-    /// For a problem file: fit each run, or the runs of each subject, alone, and test whether all have the same
+    /// Fit each run, or the runs of each subject, alone, and test whether all have the same
     /// parameters.
     #[arg(long)]
     per_run: bool,

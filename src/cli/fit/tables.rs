@@ -18,7 +18,7 @@ pub fn tables(outcomes: &Outcomes<'_>) -> Vec<(&'static str, Parameters)> {
     let mut all = vec![("Parameters", parameters(fit))];
     all.extend((outcomes.refitted).map(|own| ("Profiles and bootstrap", Refitted::table(own))));
     all.push(("Active constraints", active(fit)));
-    all.extend(outcomes.checked.tables(fit));
+    all.extend(outcomes.checked.iter().flat_map(|own| own.tables(fit)));
     let poles = fit.poles.iter().map(|own| Complex::new(own[0], own[1]));
     let poles = Mode::of_poles(&poles.collect::<Vec<_>>());
     all.extend((!poles.is_empty()).then(|| ("Poles of the system", modes(&poles))));

@@ -8,7 +8,7 @@ use crate::estimation::describing::FittedLoop;
 use crate::estimation::file::{Fed, Quantity};
 use crate::estimation::result::RunFit;
 use crate::estimation::result::courses::courses;
-use crate::estimation::{Fit, OpenLoops, PilotPaths};
+use crate::estimation::{Fit, OpenLoops, PilotPaths, Posed};
 use crate::inference::Spread;
 use crate::report::certainty::{correlation_figure, waterfall_figure};
 use crate::report::describing::describing_figures;
@@ -21,11 +21,12 @@ use crate::report::{Made, Overlay, overlay_page};
 use crate::sqp::Status;
 use nalgebra::Complex;
 use pilotage_text::number::significant;
+use pilotage_units::Unit;
 use std::cell::RefCell;
 
-/// The HTML page.
-pub fn page(outcomes: &Outcomes<'_>, made: &Made) -> String {
-    let Outcomes { posed, fit, .. } = *outcomes;
+/// The HTML page, with further figures after those of the runs.
+pub fn page(outcomes: &Outcomes<'_>, others: Vec<Figure>, made: &Made) -> String {
+    let Outcomes { posed, fit, .. } = outcomes;
     let verdict = fit.verdict();
     let class = match (fit.is_answer(), fit.diagnostics.is_empty()) {
         (false, _) => "bad",
@@ -41,7 +42,8 @@ pub fn page(outcomes: &Outcomes<'_>, made: &Made) -> String {
             .collect(),
         facts: facts(outcomes),
         sureness: sure::in_a_sentence(fit),
-        figures: figures(outcomes),
+        formula: formula(fit),
+        figures: figures(outcomes, others),
         tables: tables(outcomes),
     };
     overlay_page(&page, made)
@@ -69,10 +71,11 @@ fn facts(outcomes: &Outcomes<'_>) -> Vec<(&'static str, String)> {
 }
 
 /// All figures of a fit, in page order.
-fn figures(outcomes: &Outcomes<'_>) -> Vec<Figure> {
+fn figures(outcomes: &Outcomes<'_>, others: Vec<Figure>) -> Vec<Figure> {
     let fit = outcomes.fit;
     let mut all = vec![response(outcomes)];
     all.extend(signals(outcomes));
+    all.extend(others);
     all.extend(bode(outcomes));
     all.extend(poles(outcomes));
     if fit.is_met() {
@@ -96,6 +99,26 @@ fn figures(outcomes: &Outcomes<'_>) -> Vec<Figure> {
         all[k].name = name.unwrap_or_default();
     }
     all
+}
+
+/// θ of the linear pilot, if nothing else is asked of a pilot.
+fn formula(fit: &Fit) -> Option<Vec<f64>> {
+    let of_pilot = fit
+        .parameters
+        .iter()
+        .filter(|own| own.name.starts_with("pilot."));
+    let theta: Vec<(Option<usize>, f64)> = of_pilot
+        .map(|own| {
+            let number = own.name.strip_prefix("pilot.theta");
+            (number.and_then(|own| own.parse().ok()), own.mean())
+        })
+        .collect();
+    let is_whole = theta
+        .iter()
+        .enumerate()
+        .all(|(k, own)| own.0 == Some(k + 1));
+    let is_even = theta.len() >= 2 && theta.len().is_multiple_of(2);
+    (is_whole && is_even).then(|| theta.into_iter().map(|own| own.1).collect())
 }
 
 /// A panel for each measured signal, with all runs.
@@ -164,7 +187,10 @@ fn goals(outcomes: &Outcomes<'_>, k: usize) -> Vec<Series> {
 fn along(outcomes: &Outcomes<'_>, names: &[&str]) -> Vec<Option<Vec<Vec<f64>>>> {
     let solved = outcomes.fit.solved.as_deref();
     let solved = solved.filter(|_| outcomes.fit.is_met() && !names.is_empty());
-    solved.map_or(Vec::new(), |solved| courses(outcomes.posed, solved, names))
+    solved.map_or(Vec::new(), |solved| {
+        let at = (&solved.problem, &solved.solution.iterate.z[..]);
+        courses(outcomes.posed, at, names)
+    })
 }
 
 /// What runs along the wires and is not measured, such as the stick; `None` if there is nothing.
@@ -192,16 +218,27 @@ fn signals(outcomes: &Outcomes<'_>) -> Option<Figure> {
             x: Axis::time(),
             y: Axis::of(name, posed.joint.unit(name).unwrap_or_default()),
             height: 220.0,
-            series: runs.map(line).collect(),
+            series: recordings(posed, name).chain(runs.map(line)).collect(),
             ..Panel::default()
         })
     };
     let panels: Vec<Panel> = known.filter_map(panel).collect();
-    let caption =
-        "Signals between the models that are not measured, as the fitted models say them.";
+    let caption = "Signals between the models that are not measured, as the fitted models say them, and as a column of the same \
+                   name recorded them.";
     (!panels.is_empty()).then(|| Figure {
         panels,
         ..Figure::of("signals", "Signals", caption, Panel::default())
+    })
+}
+
+/// What a column of the signal's own name recorded, which is compared with nothing else.
+fn recordings(posed: &Posed<'_>, signal: &str) -> impl Iterator<Item = Series> {
+    let name = signal.rsplit('.').next().unwrap_or_default().to_owned();
+    let unit = posed.joint.unit(signal).unwrap_or_default().to_owned();
+    posed.data.iter().filter_map(move |run| {
+        let own = run.series.column(&name)?;
+        let is_alike = Unit::named(&own.unit) == Unit::named(&unit);
+        is_alike.then(|| recorded(&run.series.time, &own.values).of(&run.name()))
     })
 }
 
@@ -220,7 +257,7 @@ fn recorded(time: &[f64], values: &[f64]) -> Series {
 
 /// Bode plots of pilot and loop with their nonparametric estimates, if available, otherwise of the loops alone.
 fn bode(outcomes: &Outcomes<'_>) -> Vec<Figure> {
-    let Outcomes { posed, fit, .. } = *outcomes;
+    let Outcomes { posed, fit, .. } = outcomes;
     let Some(solved) = fit.solved.as_deref() else {
         return Vec::new();
     };
@@ -264,7 +301,7 @@ fn bode(outcomes: &Outcomes<'_>) -> Vec<Figure> {
 
 /// Frequency responses of the paths through the pilot, around this frequency \[rad/s\].
 fn paths(outcomes: &Outcomes<'_>, middle: f64) -> Vec<Figure> {
-    let Outcomes { posed, fit, .. } = *outcomes;
+    let Outcomes { posed, fit, .. } = outcomes;
     let Some(solved) = fit.solved.as_deref() else {
         return Vec::new();
     };
@@ -337,7 +374,7 @@ fn spread(fit: &Fit) -> Option<Spread> {
 
 /// The poles of the connected system; `None` if it has none.
 fn poles(outcomes: &Outcomes<'_>) -> Option<Figure> {
-    let Outcomes { posed, fit, .. } = *outcomes;
+    let Outcomes { posed, fit, .. } = outcomes;
     let solved = fit.solved.as_deref()?;
     let of = |theta: &[f64]| solved.poles_with(posed, theta);
     wired_figure(&of, &solved.theta(), spread(fit).as_ref())

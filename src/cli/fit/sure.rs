@@ -1,14 +1,59 @@
 //! The uncertainty of a problem fit, for people and for scripts.
 
-use crate::cli::fit::summary::{FIELDS, how, reals};
 use crate::cli::terminal;
 use crate::estimation::result::{Found, RunFit};
 use crate::estimation::uncertainty::Uncertainty;
 use crate::estimation::{Fit, Posed};
-use crate::inference::{Class, Interval, LEVEL};
-use crate::report::well_determined;
+use crate::inference::{Class, Interval, LEVEL, Method};
+use nalgebra::DMatrix;
 use pilotage_text::number::significant;
 use serde_json::{Map, Value, json};
+
+/// A field of an interval in JSON.
+type Field = fn(&Interval) -> Value;
+
+/// The fields of an interval in JSON, by name.
+const FIELDS: [(&str, Field); 4] = [
+    ("sd", |own| json!(own.sd)),
+    ("low", |own| json!(own.low)),
+    ("high", |own| json!(own.high)),
+    ("class", |own| json!(own.class.as_str())),
+];
+
+/// Description of the intervals of a method.
+fn how(method: Method) -> &'static str {
+    match method {
+        Method::Plain => "95 % intervals (plain: for residuals without colour)",
+        Method::Sidpac => "95 % intervals (sidpac: with the autocorrelations of the residuals)",
+        Method::Ar => "95 % intervals (ar: with autoregressive noise)",
+        Method::Cr3 => "95 % intervals (cr3: by leaving out one run at a time)",
+    }
+}
+
+/// The rows of a matrix for `--json`.
+fn reals(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    let rows = matrix.row_iter();
+    rows.map(|row| row.iter().copied().collect()).collect()
+}
+
+/// Ratio of standard deviation to value below which a parameter is well determined: half of the limit of Tischler &
+/// Remple, *Aircraft and Rotorcraft System Identification*, 2nd ed., section 12.3, for the Cramér–Rao bound, which is
+/// twice a standard deviation.
+const WELL_DETERMINED: f64 = 0.1;
+
+/// A sentence with the number of well-determined parameters.
+fn well_determined<'i>(all: impl Iterator<Item = (f64, &'i Interval)>) -> String {
+    let (mut well, mut count) = (0, 0);
+    for (value, interval) in all {
+        count += 1;
+        well += usize::from(interval.sd < WELL_DETERMINED * value.abs());
+    }
+    format!(
+        "{well} of {count} parameters are well determined, by a standard deviation of their intervals below {:.0} % of the \
+         value.",
+        100.0 * WELL_DETERMINED
+    )
+}
 
 /// Each parameter with the intervals of its values; `None` if not known.
 pub fn of(fit: &Fit) -> impl Iterator<Item = (&Found, Option<&[Interval]>)> {

@@ -88,13 +88,13 @@ pub fn make_folder(output: Option<&Path>, models: &[Fitted]) -> Result<(), Failu
 impl Fitted {
     /// Writes the model with the estimates as start values, and its tables next to it. An FMU is not changed; a system
     /// with these values is written instead.
-    pub fn write(&self, posed: &Posed<'_>, fit: &Fit, problem: &Path) -> Result<(), Failure> {
+    pub fn write(&self, posed: &Posed<'_>, fit: &Fit) -> Result<(), Failure> {
         let mut parts = posed.joint.parts.iter();
         let Some((_, part)) = parts.find(|(name, _)| *name == self.instance) else {
             return Ok(());
         };
         let prefix = format!("{}.", self.instance);
-        let first = format!("{HEAD} from {}: {}", problem.display(), fit.verdict());
+        let first = format!("{HEAD} from {}: {}", posed.file.file, fit.verdict());
         let mut head = one_line(&first).into_owned() + "\n";
         let mut values: Vec<(String, f64)> = Vec::new();
         for (found, is_sought) in all_of(posed, fit) {
