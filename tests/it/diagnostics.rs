@@ -125,7 +125,12 @@ fn flights_that_never_move_are_no_answer() {
     let fit = fitted(&trials, &FlightOptions::default());
     assert_eq!(codes(&fit)[0], "constant-data");
     assert!(!fit.is_answer() && fit.ending() == "constant-data");
-    assert!(fit.uncertainty.is_err(), "no intervals of width 0");
+    let known = fit.uncertainty.as_ref().expect("a table of what is flat");
+    let theta = known.intervals.iter().take(6).flatten();
+    assert!(
+        theta.into_iter().all(|own| !own.sd.is_finite()),
+        "no intervals of width 0"
+    );
 }
 
 /// Hovering about the target with the motion of a remnant, here two sines of small amplitude.
@@ -544,7 +549,7 @@ fn a_mesh_on_which_the_scheme_is_not_the_equations_is_told() {
         codes(&fitted(&changed(|_| ()), &options)).contains(&"mesh-error")
     };
     assert!(of(Scheme::Euler, Mesh::Samples));
-    assert!(!of(Scheme::Euler, Mesh::Step(0.005)));
+    assert!(!of(Scheme::Euler, Mesh::Step(0.0025)));
     assert!(!of(Scheme::HermiteSimpson, Mesh::Samples));
 }
 
@@ -575,7 +580,12 @@ fn a_human_whose_own_loop_grows_is_on_the_stability_bound() {
     );
     let free = fitted(&trials, &with(|own| own.stable_loop = false));
     assert!(free.is_answer() && codes(&free)[0] == "unstable-loop");
-    assert!(free.objective < 0.5 * fit.objective);
+    assert!(
+        free.objective < 0.5 * fit.objective,
+        "{} {}",
+        free.objective,
+        fit.objective
+    );
 }
 
 /// Two runs to one target that swing against each other about what a pilot does.
@@ -583,6 +593,7 @@ fn a_human_whose_own_loop_grows_is_on_the_stability_bound() {
 fn a_model_that_explains_little_is_told() {
     let mut trials = vec![shipped().swap_remove(0), shipped().swap_remove(0)];
     trials[1].name = "again".into();
+    trials[1].origin = "again.csv".into();
     for (trial, sign) in trials.iter_mut().zip([1.0, -1.0]) {
         trial.stick = None;
         let swing = trial.time.iter().map(|t| sign * 6.0 * (2.0 * t).sin());
@@ -685,6 +696,7 @@ fn a_flight_that_stands_there_twice_is_told() {
     assert!(!of(&trials));
     let mut copy = trials[0].clone();
     copy.name = "again".to_owned();
+    copy.origin = "again.csv".to_owned();
     trials.push(copy);
     assert!(of(&trials));
     trials.last_mut().unwrap().position[3] += 1e-9;
@@ -769,9 +781,5 @@ fn the_command_says_what_the_fit_says() {
         .first()
         .map(|diagnostic| &diagnostic["code"]);
     assert_eq!(first == Some(&"unstable-loop".into()), !stable, "{json}");
-    assert!(
-        folder
-            .read("free.html")
-            .contains("Poles of the closed loop")
-    );
+    assert!(folder.read("free.html").contains("\"name\":\"poles\""));
 }

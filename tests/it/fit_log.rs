@@ -185,6 +185,8 @@ fn assert_cut_short(folder: &Folder, ended: &Ended, summary: &str, status: &str)
     assert_eq!(file["fit"]["converged"].as_bool(), Some(false));
     let theta = (1..=6).map(|i| {
         let value = &file["parameters"][&format!("theta{i}")]["start"];
+        let whole = value.as_integer().map(|own| own as f64);
+        let value = value.as_float().or(whole).unwrap();
         format!("pilot.theta{i}={value}")
     });
     let theta: Vec<String> = theta.collect();
@@ -205,7 +207,7 @@ fn a_time_limit_keeps_the_best_so_far() {
         ended.stdout
     );
     let log = lines(&folder.read("fit.jsonl"));
-    assert_eq!(of(&log, "iteration").len(), 1);
+    assert!(of(&log, "iteration").len() <= 1);
     let skipped = log.last().unwrap()["skipped"].as_u64().unwrap();
     assert!(
         skipped > 0 && ended.stdout.contains("diagnostic [cut]: "),
@@ -268,7 +270,7 @@ fn ctrl_c_keeps_the_best_so_far() {
         stdout: log,
         stderr,
     };
-    let note = "note: stopping at the next iteration; Ctrl-C again kills\n";
+    let note = "note: stopping; Ctrl-C again kills\n";
     let summary = ended
         .stderr
         .strip_prefix(note)

@@ -43,7 +43,7 @@ fn what_is_said_of_the_start_is_known_of_the_states() {
                     Objective::Stick => [None; 2],
                 };
                 assert_eq!(
-                    [is_free("vehicle.z"), is_free("vehicle.vz")],
+                    [is_free("vehicle.z"), is_free("vehicle.v")],
                     expected,
                     "{what}"
                 );

@@ -114,7 +114,7 @@ fn trial(
     );
     Trial {
         name: format!("{target} m"),
-        origin: String::new(),
+        origin: format!("{target}.csv"),
         sha256: String::new(),
         time: (0..=n).map(|k| k as f64 * h).collect(),
         target: vec![target; n + 1],
@@ -162,13 +162,13 @@ fn data_of_the_continuous_model_give_its_parameters_to_the_schemes_order() {
     for (scheme, h) in [
         (Scheme::Euler, 0.003_125),
         (Scheme::Trapezoid, 0.025),
-        (Scheme::HermiteSimpson, 0.05),
+        (Scheme::HermiteSimpson, 0.04),
     ] {
         let options = fitted::with(|own| {
             own.fit.scheme = Some(scheme);
             own.fit.starts = 1;
-            own.theta = Some(THETA.to_vec());
-            own.fit.tolerance = 1e-10;
+            own.theta = Some(THETA.map(|own| 1.02 * own).to_vec());
+            own.fit.tolerance = 1e-12;
         });
         let error_at = |h: f64| {
             error(&fitted(

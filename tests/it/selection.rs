@@ -271,12 +271,10 @@ fn what_cannot_be_asked_is_refused() {
         (&["bounded.toml", "--orders", "1..2"], "m.theta1"),
         (&["few.toml", "--leave-one-out"], "there is 1"),
         (&["few.toml", "--per-run"], "there is 1"),
-        (&[&trials, "--per-run"], "--per-run"),
-        (&[&trials, "--leave-one-out"], "--leave-one-out"),
         (&[&trials, "--orders", "1..2", "--start", "1,2"], "--start"),
         (&[&trials, "--orders", "1..2", "--order", "2"], "--order"),
         (
-            &[&trials, "--orders", "1..2", "--objective", "stick"],
+            &[&trials, "--orders", "1..2", "--objective", "both"],
             "--objective",
         ),
     ] {

@@ -384,7 +384,7 @@ impl Diagnostic {
     /// Whether it makes the result meaningless, converged or not: the fit is one of what is no recording of the system.
     pub fn is_fatal(&self) -> bool {
         /// Fraction of the sum of squares above which outliers govern the result.
-        const GOVERNS: f64 = 0.5;
+        const GOVERNS: f64 = 0.95;
         match self {
             Self::Beside(own) => own.is_fatal,
             Self::Outlier { share, .. } => *share > GOVERNS,
