@@ -1,28 +1,25 @@
-//! How often the fit ends at the best known optimum without a start from the user: ten humans times ten seeds, the
-//! default fit of each compared with the best of many random starts.
+//! How often a fit ends at the best known optimum without a start from the user, and what it costs: the default fit of the
+//! flights of ten humans, with ten seeds each.
 //!
 //! ```text
-//! cargo bench --bench starts -- --json all.json            # hours on one core
-//! cargo bench --bench starts -- --pilot late --data-sets 3 --random-starts 10
-//! cargo bench --bench starts -- --random-starts 0 --best all.json    # after a change to the starts
+//! cargo bench --bench starts -- --starts 40 --json all.json      # hours on one core
+//! cargo bench --bench starts -- --pilot late --data-sets 3
+//! cargo bench --bench starts -- --best all.json                  # after a change to the starts
 //! ```
 //!
-//! Best known objectives of other solvers are merged with `--best`: a JSON array of objects with
-//! `initial_state`, `scheme`, `pilot`, `seed` and `best`, as `--json` writes it.
-//! `benches/ipopt/best.py` lets IPOPT solve the same data sets and writes such a file.
-//! `RAYON_NUM_THREADS` sets the number of threads.
+//! Best known objectives are merged with `--best`: a JSON array of objects with `initial_state`, `scheme`, `pilot`, `seed` and
+//! `best` \[m²\], as `--json` writes it. `benches/ipopt/best.py` lets IPOPT solve the same data sets and writes such a file.
+//! `RAYON_NUM_THREADS` sets the number of threads. Seconds are those of the processor.
 
 mod pilots;
 
 use clap::Parser;
 use pilotage::collocation::Scheme;
-use pilotage::identification::solve::Iterate;
-use pilotage::identification::{
-    Diagnostic, Fit, FitOptions, InitialState, Progress, Trial, fit, random_starts,
-};
-use pilotage::sqp::Status;
+use pilotage::estimation::{Fit, Posed, fit};
+use pilotage::flights::options::InitialState;
+use pilotage::flights::{FlightOptions, TrialSet, open};
 use pilotage::synthetic::Human;
-use rayon::prelude::*;
+use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -30,26 +27,22 @@ use std::path::{Path, PathBuf};
 
 /// Relative distance to the best known objective that counts as the same.
 const SAME: f64 = 1e-3;
-/// Constraint violation above which an objective is meaningless.
-const FEASIBLE: f64 = 1e-6;
-/// Iterations within which a random start must halve its distance to the best objective.
-const WINDOW: usize = 10;
 
-/// How often the default start leads to the best optimum known.
+/// How often the default fit leads to the best optimum known.
 #[derive(Debug, Parser)]
 struct Args {
     /// What is known of the states at the first sample.
-    #[arg(long, default_value = FitOptions::default().initial_state.as_str())]
+    #[arg(long, default_value = FlightOptions::default().initial_state.as_str())]
     initial_state: String,
     /// Collocation scheme.
-    #[arg(long, default_value_t = FitOptions::default().scheme)]
+    #[arg(long, default_value_t = Scheme::HermiteSimpson)]
     scheme: Scheme,
     /// Data sets of each human.
     #[arg(long, default_value_t = 10)]
     data_sets: u64,
-    /// Random starts for each data set.
-    #[arg(long, default_value_t = 40)]
-    random_starts: usize,
+    /// Starts of a fit.
+    #[arg(long, default_value_t = FlightOptions::default().fit.starts)]
+    starts: usize,
     /// One human alone, by name.
     #[arg(long)]
     pilot: Option<String>,
@@ -75,46 +68,40 @@ struct DataSet {
     pilot: &'static str,
     human: Human,
     seed: u64,
-    trials: Vec<Trial>,
 }
 
 /// Result for one data set.
-struct Outcome<'a> {
-    data: &'a DataSet,
+struct Outcome {
+    data: DataSet,
     fit: Fit,
-    /// Objective and θ of the best random start.
-    random: Option<(f64, Vec<f64>)>,
-    /// Random starts that converged.
-    converged: usize,
-    /// Smallest known objective, from all sources.
+    /// Time of the processor \[s\].
+    seconds: f64,
+    /// Smallest known objective, from all sources \[m²\].
     best: f64,
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args = Args::parse();
+    let sets = args.data_sets();
     if let Some(folder) = &args.flights {
-        return write(&args.data_sets()?, folder);
+        return write(&sets, folder);
     }
     let options = args.options()?;
     let known = args.known()?;
-    let sets = args.data_sets()?;
     println!("{}", heading());
-    let mut outcomes: Vec<Outcome> = (sets.par_iter())
-        .map(|data| {
-            let outcome = study(data, &options, args.random_starts);
-            println!("{}", line(&outcome));
-            outcome
-        })
-        .collect();
-    for outcome in &mut outcomes {
+    let mut outcomes = Vec::new();
+    for data in sets {
         let same = |entry: &&Value| {
-            entry["pilot"] == outcome.data.pilot
-                && entry["seed"] == outcome.data.seed
+            entry["pilot"] == data.pilot
+                && entry["seed"] == data.seed
                 && entry["initial_state"] == args.initial_state.as_str()
                 && entry["scheme"] == args.scheme.to_string()
         };
         let values = known.iter().filter(same).filter_map(|e| e["best"].as_f64());
-        outcome.best = values.fold(outcome.best, f64::min);
+        let least = values.fold(f64::INFINITY, f64::min);
+        let outcome = study(data, &options, least)?;
+        println!("{}", outcome.line());
+        outcomes.push(outcome);
     }
     print!("{}", verdict(&outcomes));
     if let Some(file) = &args.json {
@@ -125,13 +112,15 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 impl Args {
-    fn options(&self) -> Result<FitOptions, String> {
+    fn options(&self) -> Result<FlightOptions, String> {
         let state = (InitialState::ALL.into_iter()).find(|s| s.as_str() == self.initial_state);
-        Ok(FitOptions {
+        let mut options = FlightOptions {
             initial_state: state.ok_or("no such initial state")?,
-            scheme: self.scheme,
-            ..FitOptions::default()
-        })
+            ..FlightOptions::default()
+        };
+        options.fit.scheme = Some(self.scheme);
+        options.fit.starts = self.starts;
+        Ok(options)
     }
 
     /// Entries of the files with best known objectives.
@@ -149,25 +138,18 @@ impl Args {
         Ok(all)
     }
 
-    fn data_sets(&self) -> Result<Vec<DataSet>, Box<dyn Error>> {
+    fn data_sets(&self) -> Vec<DataSet> {
         let (humans, before) = match self.tuning {
             true => (pilots::TUNING, 10),
             false => (pilots::STUDY, 0),
         };
         let wanted = |name: &str| self.pilot.as_ref().is_none_or(|pilot| pilot == name);
-        let mut sets = Vec::new();
-        for (pilot, human) in humans.iter().filter(|(name, _)| wanted(name)) {
-            for seed in before + 1..=before + self.data_sets {
-                let trials = pilots::flights(human, seed)?;
-                sets.push(DataSet {
-                    pilot,
-                    human: *human,
-                    seed,
-                    trials,
-                });
-            }
-        }
-        Ok(sets)
+        let humans = humans.into_iter().filter(|(name, _)| wanted(name));
+        let sets = humans.flat_map(|(pilot, human)| {
+            let seeds = before + 1..=before + self.data_sets;
+            seeds.map(move |seed| DataSet { pilot, human, seed })
+        });
+        sets.collect()
     }
 }
 
@@ -195,87 +177,56 @@ fn write(sets: &[DataSet], folder: &Path) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The default fit and the random starts.
-fn study<'a>(data: &'a DataSet, options: &FitOptions, count: usize) -> Outcome<'a> {
-    let fit = fit(&data.trials, options, &mut |_| ControlFlow::Continue(()))
-        .expect("six flights can be fitted");
-    let mut outcome = Outcome {
+/// The fit of a data set, compared with the best objective known.
+fn study(data: DataSet, options: &FlightOptions, known: f64) -> Result<Outcome, Box<dyn Error>> {
+    let flights = TrialSet {
+        fit: pilots::flights(&data.human, data.seed)?,
+        ..TrialSet::default()
+    };
+    let before = processor();
+    let problem = options.problem(&flights)?;
+    let posed = Posed::new(&problem, &open)?;
+    let fit = fit(&posed, &mut |_| ControlFlow::Continue(()));
+    Ok(Outcome {
         data,
-        best: if fit.converged {
-            fit.objective
-        } else {
-            f64::INFINITY
+        seconds: processor() - before,
+        best: match fit.is_answer() {
+            true => known.min(fit.objective),
+            false => known,
         },
         fit,
-        random: None,
-        converged: 0,
-    };
-    for start in random_starts::draw(options, data.seed, count) {
-        let Some(fit) = random_fit(&data.trials, options, start, outcome.best) else {
-            continue;
-        };
-        outcome.converged += usize::from(fit.converged);
-        outcome.best = outcome.best.min(fit.objective);
-        if (outcome.random.as_ref()).is_none_or(|(least, _)| fit.objective < *least) {
-            outcome.random = Some((fit.objective, fit.theta));
-        }
-    }
-    outcome
+    })
 }
 
-/// The fit from one random start; `None` if its last iterate is infeasible. It stops early if it approaches the best
-/// objective so far too slowly.
-fn random_fit(trials: &[Trial], options: &FitOptions, start: Vec<f64>, best: f64) -> Option<Fit> {
-    let options = FitOptions {
-        start: Some(start),
-        ..options.clone()
-    };
-    let (mut objectives, mut violation) = (Vec::new(), f64::INFINITY);
-    let fit = fit(trials, &options, &mut |progress| {
-        let Progress::Iterate(Iterate { iteration, .. }) = progress else {
-            return ControlFlow::Continue(());
-        };
-        let f = iteration.objective;
-        violation = iteration.kkt.primal;
-        objectives.push(f);
-        let earlier = objectives.len().checked_sub(WINDOW + 1);
-        let crawls = earlier.is_some_and(|k| (objectives[k] - f).abs() < 0.5 * (f - best));
-        match violation < 1e-2 && f > best * (1.0 + SAME) && crawls {
-            true => ControlFlow::Break(Status::TimeLimit),
-            false => ControlFlow::Continue(()),
-        }
-    });
-    (violation <= FEASIBLE).then_some(fit.expect("a random start is finite"))
+/// Time of the processor that this process has taken \[s\].
+fn processor() -> f64 {
+    let time = clock_gettime(ClockId::ProcessCPUTime);
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }
 
-impl Outcome<'_> {
-    /// Relative distance of the default fit to the best known objective.
+impl Outcome {
+    /// Relative distance of the fit to the best known objective.
     fn gap(&self) -> f64 {
         self.fit.objective / self.best - 1.0
     }
 
     /// A lower iterate that has not converged is not a result.
     fn is_best(&self) -> bool {
-        self.fit.converged && self.gap() <= SAME
+        self.fit.is_answer() && self.gap() <= SAME
     }
 
     /// True if the fit itself reports that there may be a better optimum, or that it has not converged.
     fn reports_doubt(&self) -> bool {
-        let of_starts = |d: &Diagnostic| {
-            matches!(
-                d,
-                Diagnostic::OneStart { .. }
-                    | Diagnostic::Lower { .. }
-                    | Diagnostic::WildStart { .. }
-            )
-        };
-        !self.fit.converged || self.fit.diagnostics.iter().any(of_starts)
+        let of_starts = |code: &str| ["alone", "lower-start"].contains(&code);
+        !self.fit.is_answer() || self.fit.diagnostics.iter().any(|d| of_starts(d.code()))
     }
 
     fn to_json(&self, args: &Args) -> Value {
-        let starts: Vec<Value> = (self.fit.starts.iter())
+        let starts = self.fit.starts.iter();
+        let starts: Vec<Value> = starts
             .map(|s| json!([s.objective, s.status.as_str(), s.iterations]))
             .collect();
+        let theta = self.fit.parameters.iter().map(|own| own.mean());
         json!({
             "initial_state": args.initial_state,
             "scheme": args.scheme.to_string(),
@@ -286,16 +237,27 @@ impl Outcome<'_> {
                 "objective": self.fit.objective,
                 "status": self.fit.status.as_str(),
                 "iterations": self.fit.iterations,
-                "seconds": self.fit.seconds,
-                "theta": self.fit.theta,
+                "seconds": self.seconds,
+                "theta": theta.collect::<Vec<f64>>(),
                 "starts": starts,
             },
-            "random": {
-                "objective": self.random.as_ref().map(|(f, _)| f),
-                "theta": self.random.as_ref().map(|(_, theta)| theta),
-                "converged": self.converged,
-            },
         })
+    }
+
+    fn line(&self) -> String {
+        let fit = &self.fit;
+        format!(
+            "{:<12} {:>4} {:>14.6} {:<16} {:>6} {:>10} {:>8.2} {:>14.6} {:>9.1e}",
+            self.data.pilot,
+            self.data.seed,
+            fit.objective,
+            fit.status,
+            format!("{}/{}", fit.agreeing(), fit.starts.len()),
+            fit.iterations,
+            self.seconds,
+            self.best,
+            self.gap()
+        )
     }
 }
 
@@ -314,34 +276,17 @@ fn heading() -> String {
     )
 }
 
-fn line(outcome: &Outcome) -> String {
-    let fit = &outcome.fit;
-    format!(
-        "{:<12} {:>4} {:>14.6} {:<16} {:>6} {:>10} {:>8.2} {:>14.6} {:>9.1e}",
-        outcome.data.pilot,
-        outcome.data.seed,
-        fit.objective,
-        fit.status,
-        format!("{}/{}", fit.agreeing(), fit.tried),
-        fit.iterations,
-        fit.seconds,
-        outcome.best,
-        outcome.gap()
-    )
-}
-
-/// Number of fits at the best known optimum, the other fits, and the cost of the default fits.
+/// Number of fits at the best known optimum, the other fits, and the cost of all.
 fn verdict(outcomes: &[Outcome]) -> String {
     let mut text = String::from("\n");
     let behind: Vec<&Outcome> = outcomes.iter().filter(|o| !o.is_best()).collect();
     if !behind.is_empty() {
-        text += "not at the best known:\n";
-        text += &format!("{}\n", heading());
+        text += &format!("not at the best known:\n{}\n", heading());
         behind
             .iter()
-            .for_each(|o| text += &format!("{}\n", line(o)));
+            .for_each(|o| text += &format!("{}\n", o.line()));
     }
-    let converged = outcomes.iter().filter(|o| o.fit.converged).count();
+    let converged = outcomes.iter().filter(|o| o.fit.is_answer()).count();
     let silent = behind.iter().filter(|o| !o.reports_doubt()).count();
     let doubted = (outcomes.iter())
         .filter(|o| o.is_best() && o.reports_doubt())
@@ -354,17 +299,18 @@ fn verdict(outcomes: &[Outcome]) -> String {
         SAME * 100.0
     );
     let iterations = outcomes.iter().map(|o| o.fit.iterations as f64).collect();
-    let seconds = outcomes.iter().map(|o| o.fit.seconds).collect();
-    text + &spread("iterations", iterations) + &spread("seconds", seconds)
+    let seconds = outcomes.iter().map(|o| o.seconds).collect();
+    text + &spread("iterations", iterations) + &spread("processor seconds", seconds)
 }
 
-/// Median and maximum.
+/// Median, maximum and sum.
 fn spread(name: &str, mut values: Vec<f64>) -> String {
     values.sort_by(f64::total_cmp);
     match values.last() {
         Some(last) => format!(
-            "{name}: median {:.3}, at most {last:.3}\n",
-            values[values.len() / 2]
+            "{name}: median {:.3}, at most {last:.3}, in all {:.3}\n",
+            values[values.len() / 2],
+            values.iter().sum::<f64>()
         ),
         None => String::new(),
     }

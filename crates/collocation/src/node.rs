@@ -142,6 +142,16 @@ impl Differentiated {
         }
     }
 
+    /// Structurally nonzero entries `(row, column)` of `∂f/∂[x; θ]`, column by column.
+    pub fn entries(&self) -> &[(usize, usize)] {
+        &self.entries
+    }
+
+    /// Pairs `i ≤ j` of variables `[x; θ]` with a second derivative.
+    pub fn pairs(&self) -> &[(usize, usize)] {
+        &self.pairs
+    }
+
     /// The same at a known θ, without parameters.
     pub fn at(&self, theta: &[f64]) -> Self {
         let values: Vec<Option<f64>> = theta.iter().map(|value| Some(*value)).collect();

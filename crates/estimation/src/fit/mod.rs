@@ -5,7 +5,9 @@
 //! | `raised` | starts from the order below |
 //! | `guided` | starts from the data |
 //! | `race` | all starts, and selection of the best |
+//! | `behind` | when a solve is given up for the best so far |
 //! | `solve` | the SQP from one point |
+//! | `tumbles` | other initial states of each run at the best parameters |
 //! | `kinks` | optima at which an SQP stalls |
 //! | `refine` | finer meshes |
 //! | `unfinished` | the best parameters if no start has converged |
@@ -16,6 +18,7 @@
 //! | `watch` | the observer, who may end the fit |
 
 pub mod alone;
+mod behind;
 mod check;
 pub mod evaluate;
 mod guided;
@@ -25,6 +28,7 @@ mod race;
 mod raised;
 mod refine;
 mod solve;
+mod tumbles;
 mod unfinished;
 mod watch;
 
@@ -49,6 +53,7 @@ use refine::refine;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
+use tumbles::Tumbles;
 use unfinished::best_met;
 use watch::Watch;
 
@@ -74,14 +79,26 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let clock = Instant::now();
     let mut begin = Begin::new(posed, &Watch::new(observer, posed.file.options.starts));
     let mut watch = Watch::new(observer, begin.count());
-    let mut found = raced(posed, &begin, &watch);
+    let tumbles = Tumbles::of(posed);
+    let mut found = match tumbles.as_ref().filter(|_| begin.drawn.is_empty()) {
+        Some(tumbles) => tumbles.race(posed, &begin.raised, &watch),
+        None => raced(posed, &begin, &watch),
+    };
     if begin.drawn.is_empty() && !has_answer(&found.solved) && !watch.is_over() {
         begin = Begin::drawn(posed);
         watch = watch.of(begin.count());
         found = raced(posed, &begin, &watch);
     }
+    if !begin.drawn.is_empty()
+        && let Some(tumbles) = tumbles
+    {
+        let (best, _) = best_of(&found.solved, &watch);
+        let own = found.solved[best].take();
+        found.solved[best] = own.map(|own| tumbles.improved(posed, own, best, &watch));
+    }
     let starts = begin.starts();
     let Raced { mut solved, same } = found;
+    let (best, errors) = best_of(&solved, &watch);
     let ends = same.iter().map(|k| end(posed, solved[*k].as_ref(), &watch));
     let ends: Vec<StartEnd> = ends.collect();
     let lower = better(&solved);
@@ -97,7 +114,6 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
             (met, refinement)
         }
         None => {
-            let (best, errors) = best_of(&solved, &watch);
             let first = solved.swap_remove(best);
             let first = first.expect("the given start is always solved");
             refine(posed, (first, errors), best, &watch)

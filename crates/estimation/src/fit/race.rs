@@ -1,5 +1,6 @@
 //! The race of the starts: all on a coarse mesh, and the best of those that ended apart on the whole one.
 
+use super::behind::Behind;
 use super::guided::{Entrants, guided};
 use super::raised::Begin;
 use super::solve::{once, rescaled, rescaled_with, solve};
@@ -10,8 +11,10 @@ use crate::search::solved::SAME;
 use crate::search::solved::Solved;
 use crate::search::starts::Start;
 use pilotage_collocation::{Run, coarser};
-use pilotage_sqp::Status;
+use pilotage_sqp::{Iteration, Status};
 use rayon::prelude::*;
+use std::ops::ControlFlow;
+use std::sync::Mutex;
 
 /// Iterations of each start before those that are behind are dropped. Few of those from the order below are behind: they go on, since
 /// a pole that grows doubles with each iteration, and a new solve begins with small steps.
@@ -40,6 +43,8 @@ struct Scout {
     /// The runs on the whole mesh, if the heat was on a coarser one.
     whole: Option<Vec<Run>>,
     solved: Solved,
+    /// Whether it was given up for a better start.
+    is_lost: bool,
 }
 
 /// The starts after the race.
@@ -74,30 +79,44 @@ fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
     let Entrants { all, mut same } = entrants;
     let is_race = all.len() > 1;
     let mut solved: Vec<Option<Solved>> = same.iter().map(|_| None).collect();
-    let scouts = all
-        .into_par_iter()
-        .enumerate()
-        .filter_map(|(place, (number, start))| {
-            let is_over = place > 0 && watch.is_over();
-            (!is_over).then(|| scout(posed, (number, is_race), start, watch))
+    // Most starts from the order below reach one optimum: the first goes there alone, the others as long as they may find
+    // another.
+    let (mut raised, others): (Vec<_>, Vec<_>) = all.into_iter().partition(|own| own.1.is_raised);
+    let rest = raised.split_off(raised.len().min(1));
+    let mut scouts: Vec<Scout> = Vec::new();
+    for some in [raised, rest, others] {
+        let known = known(scouts.iter().map(|own| &own.solved));
+        let is_first = scouts.is_empty();
+        let some = some.into_par_iter().enumerate();
+        let some = some.filter_map(|(place, (number, start))| {
+            let is_over = (place > 0 || !is_first) && watch.is_over();
+            (!is_over).then(|| scout(posed, (number, is_race, known), start, watch))
         });
-    let mut scouts: Vec<Scout> = scouts.collect();
-    scouts.sort_by(|a, b| a.objective().total_cmp(&b.objective()));
+        scouts.extend(some.collect::<Vec<Scout>>());
+    }
+    scouts
+        .sort_by(|a, b| (a.is_lost.cmp(&b.is_lost)).then(a.objective().total_cmp(&b.objective())));
     let best = scouts.iter().filter(|own| own.has_converged());
     let best = best.map(Scout::objective).fold(f64::INFINITY, f64::min);
     let (mut open, mut left): (Vec<Scout>, Vec<Scout>) = (Vec::new(), Vec::new());
+    let mut settled: Vec<(usize, f64)> = Vec::new();
     for own in scouts {
-        let first = open
+        let first = settled
             .iter()
-            .find(|other| own.is_same(other))
-            .map(|other| other.number);
+            .find(|(_, other)| own.is_lost && is_same(own.objective(), *other));
+        let first = first.map(|(number, _)| *number).or_else(|| {
+            let mut open = open.iter();
+            open.find(|other| own.is_same(other))
+                .map(|other| other.number)
+        });
         let is_near = match own.has_converged() {
             true => is_close(own.objective(), best),
-            false => own.objective() < best || own.number == 0,
+            false => !own.is_lost && own.objective() < best || own.number == 0,
         };
         match first {
             _ if own.has_converged() && own.whole.is_none() => {
-                solved[own.number] = Some(own.solved)
+                settled.push((own.number, own.objective()));
+                solved[own.number] = Some(own.solved);
             }
             Some(first) => same
                 .iter_mut()
@@ -107,16 +126,22 @@ fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
             None => left.push(own),
         }
     }
-    finish(posed, open, &mut solved, watch);
+    // Those on a coarse mesh are compared with what others have found on the whole one.
+    let known = known(
+        open.iter()
+            .filter(|own| own.whole.is_none())
+            .map(|own| &own.solved),
+    );
+    finish(posed, (open, known), &mut solved, watch);
     match has_answer(&solved) {
         true => left
             .into_iter()
             .filter(|own| own.whole.is_none())
             .for_each(|own| {
                 let number = own.number;
-                solved[number] = Some(own.left());
+                solved[number] = Some(dropped(own.solved));
             }),
-        false => finish(posed, left, &mut solved, watch),
+        false => finish(posed, (left, None), &mut solved, watch),
     }
     for _ in 0..EXTENSIONS {
         let Some(best) = better(&solved) else {
@@ -133,6 +158,11 @@ fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
     Raced { solved, same }
 }
 
+/// Whether two objectives belong to the same optimum.
+fn is_same(f: f64, g: f64) -> bool {
+    (f - g).abs() <= SAME * f.abs().min(g.abs())
+}
+
 /// Whether an objective is not far behind the best.
 pub(super) fn is_close(objective: f64, best: f64) -> bool {
     objective - best <= CLOSE * best.abs()
@@ -143,7 +173,7 @@ pub(super) fn is_close(objective: f64, best: f64) -> bool {
 /// below, which may have a pole that is too fast for a coarse mesh.
 fn scout(
     posed: &Posed<'_>,
-    (number, is_race): (usize, bool),
+    (number, is_race, known): (usize, bool, Option<f64>),
     start: Start,
     watch: &Watch<'_, '_>,
 ) -> Scout {
@@ -152,7 +182,8 @@ fn scout(
         true => limit.min(HEAT),
         false => limit,
     };
-    let see = |iteration: &_| watch.see(number, 0, iteration);
+    let behind = Mutex::new(Behind::new(known.filter(|_| start.is_raised)));
+    let see = |iteration: &_| ahead(&behind, watch, number, iteration);
     let (whole, z) = begin(posed, &start, &|| watch.is_over());
     let is_as_it_is = start.is_raised || is_race && number == 0 && !start.is_fitted;
     let coarse = if is_as_it_is { None } else { coarser(&whole) };
@@ -171,8 +202,30 @@ fn scout(
         number,
         start,
         whole,
+        is_lost: solved.solution.status == Status::Stopped,
         solved,
     }
+}
+
+/// Passes on an iterate of a start, and ends the solve where it is lost.
+fn ahead(
+    behind: &Mutex<Behind>,
+    watch: &Watch<'_, '_>,
+    number: usize,
+    iteration: &Iteration,
+) -> ControlFlow<Status> {
+    watch.see(number, 0, iteration)?;
+    match behind.lock().is_ok_and(|mut own| own.is_lost(iteration)) {
+        true => ControlFlow::Break(Status::Stopped),
+        false => ControlFlow::Continue(()),
+    }
+}
+
+/// The lowest objective of those that have converged.
+fn known<'s>(solved: impl Iterator<Item = &'s Solved>) -> Option<f64> {
+    let converged = solved.filter(|own| has_converged(own));
+    let objectives = converged.map(|own| own.solution.iterate.f);
+    objectives.min_by(f64::total_cmp)
 }
 
 impl Scout {
@@ -187,25 +240,17 @@ impl Scout {
     /// Whether both have converged to the same optimum.
     fn is_same(&self, other: &Self) -> bool {
         let [f, g] = [self, other].map(|own| own.solved.solution.iterate.f);
-        let is_near = (f - g).abs() <= SAME * f.abs().min(g.abs());
-        is_near
+        is_same(f, g)
             && self.has_converged()
             && other.has_converged()
             && self.whole.is_some() == other.whole.is_some()
     }
 
-    /// Marked as dropped if only its limit in the race ended it: it was behind, and no limit set by the user ended it.
-    fn left(mut self) -> Solved {
-        if self.solved.solution.status == Status::IterationLimit {
-            self.solved.solution.status = Status::Stopped;
-        }
-        self.solved
-    }
-
     /// Continues to the end, on the whole mesh.
-    fn finished(self, posed: &Posed<'_>, watch: &Watch<'_, '_>) -> Solved {
+    fn finished(self, posed: &Posed<'_>, known: Option<f64>, watch: &Watch<'_, '_>) -> Solved {
         let limit = posed.file.options.max_iterations;
-        let see = |iteration: &_| watch.see(self.number, 0, iteration);
+        let behind = Mutex::new(Behind::new(known));
+        let see = |iteration: &_| ahead(&behind, watch, self.number, iteration);
         let (before, has_converged) = (self.solved.solution.work, self.has_converged());
         let is_used_up = before.iterations >= limit;
         let from = match self.whole {
@@ -226,16 +271,24 @@ impl Scout {
     }
 }
 
-/// Continues these starts to the end.
+/// Marked as dropped if only its limit in the race ended it: it was behind, and no limit set by the user ended it.
+pub(super) fn dropped(mut solved: Solved) -> Solved {
+    if solved.solution.status == Status::IterationLimit {
+        solved.solution.status = Status::Stopped;
+    }
+    solved
+}
+
+/// Continues these starts to the end, or until they are lost against a known objective.
 fn finish(
     posed: &Posed<'_>,
-    scouts: Vec<Scout>,
+    (scouts, known): (Vec<Scout>, Option<f64>),
     solved: &mut [Option<Solved>],
     watch: &Watch<'_, '_>,
 ) {
     let finished = scouts
         .into_par_iter()
-        .map(|own| (own.number, own.finished(posed, watch)));
+        .map(|own| (own.number, own.finished(posed, known, watch)));
     let finished: Vec<(usize, Solved)> = finished.collect();
     for (k, own) in finished {
         solved[k] = Some(own);
@@ -334,7 +387,7 @@ fn least(solved: &[Option<Solved>]) -> f64 {
     objectives.fold(f64::MAX, f64::min)
 }
 
-fn has_converged(solved: &Solved) -> bool {
+pub(super) fn has_converged(solved: &Solved) -> bool {
     solved.solution.status == Status::Converged && solved.solution.iterate.f.is_finite()
 }
 

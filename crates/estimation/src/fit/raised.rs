@@ -7,6 +7,7 @@
 
 use super::Progress;
 use super::race::{best_of, has_answer, raced};
+use super::tumbles::Tumbles;
 use super::watch::Watch;
 use crate::posed::Posed;
 use crate::posed::unknowns::Unknown;
@@ -46,7 +47,8 @@ impl Begin {
     /// is no order below, these alone.
     pub fn new(posed: &Posed<'_>, watch: &Watch<'_, '_>) -> Self {
         let raised = raised(posed, watch).unwrap_or_default();
-        match raised.is_empty() || has_free_states(posed) {
+        let is_many = has_free_states(posed) && Tumbles::of(posed).is_none();
+        match raised.is_empty() || is_many {
             true => Self {
                 raised,
                 ..Self::drawn(posed)

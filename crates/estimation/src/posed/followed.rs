@@ -50,6 +50,11 @@ impl Followed {
         })
     }
 
+    /// The replaced states.
+    pub fn states(&self) -> &[usize] {
+        &self.states
+    }
+
     /// Simulates a run with these parameters from these initial states.
     pub fn simulate(
         &self,
