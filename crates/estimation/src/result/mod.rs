@@ -333,7 +333,13 @@ impl Fit {
     }
 
     fn is_found(&self) -> bool {
-        let is_rough = |own: &Diagnostic| matches!(own, Diagnostic::MeshError { .. });
+        /// Relative error of the states on a given mesh from which on they follow another motion than that of the equations.
+        const ANOTHER: f64 = 0.3;
+        let is_rough = |own: &Diagnostic| match own {
+            Diagnostic::MeshError { .. } => true,
+            Diagnostic::CoarseMesh(error) => *error > ANOTHER,
+            _ => false,
+        };
         let has_mesh = !self.diagnostics.iter().any(is_rough) || self.agrees();
         let is_limited = self.cut.is_some() || self.refinement.is_limited;
         self.status == Status::Converged && !is_limited && has_mesh
