@@ -6,9 +6,10 @@
 //! recordings of humans, the choice of algorithm is visible.
 
 use pilotage::cosim::{Algorithm, Clock, NativeComponent, SeriesRecorder, System, run};
-use pilotage::identification::joint::Joint;
-use pilotage::identification::{Trial, simulate};
-use pilotage::models::{Model, Pilot, Quadcopter};
+use pilotage::estimation::evaluate::evaluate;
+use pilotage::flights::options::InitialPosition;
+use pilotage::models::{Model, Quadcopter};
+use pilotage::{FlightOptions, Posed, Trial, TrialSet, open};
 use std::error::Error;
 
 /// `-0.03 (1 + 2.5 s) / (1 + s/6)³`: a pilot with a lead of 2.5 s and lags of half a second in total.
@@ -56,10 +57,18 @@ fn joint_position() -> Result<f64, Box<dyn Error>> {
         .map(|k| format!("{},{TARGET},0\n", 0.05 * f64::from(k)))
         .collect();
     let trial = Trial::parse(format!("time,target,position\n{rows}").as_bytes(), "start")?;
-    let joint = Joint {
-        vehicle: Quadcopter::default(),
-        pilot: Pilot::default(),
+    let flights = TrialSet {
+        fit: vec![trial],
+        validation: Vec::new(),
+        notes: Vec::new(),
+        files: Vec::new(),
     };
-    let run = simulate(&joint, &THETA, &trial)?;
-    Ok(run.position[run.position.len() - 1])
+    let options = FlightOptions {
+        theta: Some(THETA.to_vec()),
+        initial_position: InitialPosition::Known,
+        ..FlightOptions::default()
+    };
+    let problem = options.problem(&flights)?;
+    let run = evaluate(&Posed::new(&problem, &open)?).runs.remove(0);
+    Ok(run.predicted[0][run.predicted[0].len() - 1])
 }

@@ -6,38 +6,44 @@
 //! pilot brings the vehicle closest to its recorded positions; the error of the second depends on the flights (in the
 //! paper's Fig. 2 it never reaches the target).
 
-use pilotage::identification::joint::Joint;
-use pilotage::identification::{FitOptions, Objective, TrialSet, fit, simulate};
+use pilotage::estimation::evaluate::evaluate;
+use pilotage::flights::options::Objective;
 use pilotage::inference::statistics::rms;
+use pilotage::{FlightOptions, Posed, TrialSet, fit, open};
 use std::error::Error;
 use std::ops::ControlFlow;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let paths: Vec<_> = std::env::args().skip(1).map(Into::into).collect();
-    let trials = TrialSet::read(&paths)?.fit;
+    let flights = TrialSet::read(&paths)?;
     for objective in Objective::ALL {
-        let options = FitOptions {
+        let options = FlightOptions {
             objective,
-            ..FitOptions::default()
+            ..FlightOptions::default()
         };
-        let fit = fit(&trials, &options, &mut |_| ControlFlow::Continue(()))?;
-        let joint = Joint {
-            vehicle: options.vehicle,
-            pilot: options.pilot,
-        };
+        let problem = options.problem(&flights)?;
+        let found = fit(&Posed::new(&problem, &open)?, &mut |_| {
+            ControlFlow::Continue(())
+        });
+        let theta: Vec<f64> = (1..=2 * options.order)
+            .filter_map(|k| found.value(&format!("pilot.theta{k}")))
+            .collect();
         println!(
-            "{} fit: {}, θ = {:.4?}",
+            "{} fit: {}, θ = {theta:.4?}",
             objective.as_str(),
-            fit.status,
-            fit.theta
+            found.status
         );
-        for trial in &trials {
-            let flown = simulate(&joint, &fit.theta, trial)?;
-            println!(
-                "  {}: flown alone, rms {:.3} m",
-                trial.name,
-                rms(&flown.residual)
-            );
+
+        // The loop of this pilot and the vehicle, without the optimiser.
+        let alone = FlightOptions {
+            theta: Some(theta),
+            ..FlightOptions::default()
+        };
+        let problem = alone.problem(&flights)?;
+        for run in evaluate(&Posed::new(&problem, &open)?).runs {
+            let pairs = run.recorded[0].iter().zip(&run.predicted[0]);
+            let off = rms(&pairs.map(|(y, h)| y - h).collect::<Vec<f64>>());
+            println!("  {}: flown alone, rms {off:.3} m", run.name);
         }
     }
     Ok(())

@@ -122,7 +122,7 @@ def fit_linear(runs, objective="response"):
     fits = {name: output[name] for name in ("response", "stick")} if objective == "both" else {objective: output}
     found = {}
     for name, fit in fits.items():
-        theta = [fit["parameters"][f"theta{k}"]["value"] for k in range(1, 7)]
+        theta = [fit["parameters"][f"pilot.theta{k}"]["value"] for k in range(1, 7)]
         pilot = lambda s: -(theta[5] * s**2 + theta[4] * s + theta[3]) / (s**3 + theta[2] * s**2 + theta[1] * s + theta[0])
         width, margin = crossover(pilot)
         found[name] = {"crossover": width, "margin": margin, "stable": fit["closed_loop"]["stable"],

@@ -67,19 +67,19 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 }
 
 /// A row of the table.
-pub struct Line<'a> {
+struct Line<'a> {
     /// Name of the problem.
-    pub name: &'a str,
+    name: &'a str,
     /// Status of its fit.
-    pub status: &'a str,
+    status: &'a str,
     /// Whether its fit has an answer.
-    pub is_answer: bool,
+    is_answer: bool,
     /// The figures.
-    pub figures: &'a Contender,
+    figures: &'a Contender,
 }
 
 /// The figures of all problems as an aligned table.
-pub fn table(what: &str, lines: &[Line<'_>]) -> String {
+fn table(what: &str, lines: &[Line<'_>]) -> String {
     let mut rows = vec![[what, "status", "unknowns", "AICc", "BIC", "left out"].map(str::to_owned)];
     rows.extend(lines.iter().map(|own| {
         let cell = |figure: f64| match own.is_answer && figure.is_finite() {
@@ -162,7 +162,7 @@ fn refusal(names: &[&str], compared: &Compared) -> String {
 }
 
 /// Reason why no problem is selected although all have answers.
-pub fn few() -> String {
+fn few() -> String {
     format!(
         "none is taken: each predicts fewer than {FEWEST_RUNS} runs that are left out; record more, or cut runs in parts"
     )
@@ -186,7 +186,7 @@ fn sentence(names: &[&str], own: &Comparison) -> String {
 
 /// Each comparison, the selected problem, and the choices of the information criteria where they differ; with the
 /// largest correlation of neighbouring residuals if they are not white.
-pub fn words(
+fn words(
     names: &[&str],
     figures: &[&Contender],
     (taken, comparisons): &(usize, Vec<Comparison>),
@@ -250,7 +250,7 @@ fn colour(own: &Candidate) -> Option<f64> {
 }
 
 /// The largest lag-1 autocorrelation over the runs with non-white residuals; `None` if all may be white.
-pub fn coloured(residuals: impl Iterator<Item = Vec<f64>>) -> Option<f64> {
+fn coloured(residuals: impl Iterator<Item = Vec<f64>>) -> Option<f64> {
     let coloured = residuals.filter(|r| LjungBox::of(r).is_some_and(|test| test.p < COLOURED));
     let lags = coloured.filter_map(|r| autocorrelation(&r, 1).get(1).copied());
     lags.max_by(|a, b| a.abs().total_cmp(&b.abs()))
@@ -278,7 +278,7 @@ pub fn to_json(names: &[&str], compared: &Compared) -> Value {
 }
 
 /// The figures of one problem.
-pub fn figures_json(own: &Line<'_>, is_answer: bool) -> Value {
+fn figures_json(own: &Line<'_>, is_answer: bool) -> Value {
     json!({
         "file": own.name,
         "status": own.status,
@@ -292,7 +292,7 @@ pub fn figures_json(own: &Line<'_>, is_answer: bool) -> Value {
 }
 
 /// The comparisons that led to the selection.
-pub fn comparisons_json(names: &[&str], choice: Option<&(usize, Vec<Comparison>)>) -> Value {
+fn comparisons_json(names: &[&str], choice: Option<&(usize, Vec<Comparison>)>) -> Value {
     let all = choice.into_iter().flat_map(|(_, all)| all);
     let comparisons = all.map(|own| {
         json!({

@@ -23,8 +23,6 @@ pub struct Overwrite {
 /// Kind of an output file. A command may replace an earlier output of the same kind.
 #[derive(Debug, Clone, Copy)]
 pub enum OutputKind {
-    /// A pilot file.
-    Pilot,
     /// A report page.
     Page,
     /// The log of a fit.
@@ -145,7 +143,6 @@ fn refused(refusal: Refusal) -> Failure {
 impl OutputKind {
     fn planned(self, path: &Path) -> Planned<'_> {
         let (what, is_own): (_, fn(&Path) -> bool) = match self {
-            Self::Pilot => ("a pilot file", |path| head(path).starts_with("# A pilot: ")),
             Self::Page => ("a report", |path| {
                 let head = head(path);
                 head.starts_with("<!DOCTYPE html>") && head.contains("<title>pilotage: ")
@@ -158,8 +155,10 @@ impl OutputKind {
             }),
             // A problem file is made to be edited.
             Self::Problem => ("the unchanged problem file", |_| false),
+            // Fits of flights wrote pilot files before they wrote models.
             Self::Fitted => ("a fitted model", |path| {
-                first_line(path).starts_with(FITTED)
+                let line = first_line(path);
+                line.starts_with(FITTED) || line.starts_with("# A pilot: ")
             }),
             Self::Refits => ("a file of bootstrap refits", |path| {
                 let line = first_line(path);

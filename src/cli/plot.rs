@@ -31,14 +31,14 @@ Examples:
   pilotage plot jacobi.csv strong.csv --figure quadcopter.z --width 85 -o z.png
 
 The figures of a report page are read from it, without a fit. A problem file is fitted first. Figures of a pilot file
-have the bands of its [uncertainty].
+or of a fitted linear pilot have the bands of its [uncertainty].
 Exit codes: 0 done, 1 the fit of a problem file has not converged (the file is written), 2 bad use or input.";
 
 /// Arguments of `pilotage plot`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// A report page, a pilot file, a problem file, or results of co-simulations (CSV), which share their figures.
+    /// A report page, a fitted pilot, a problem file, or results of co-simulations (CSV), which share their figures.
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
     /// Name of the figure or table; `list` lists all.
@@ -217,18 +217,27 @@ fn content(inputs: &[PathBuf]) -> Result<Content, Failure> {
     let drawn = [
         FileKind::Page,
         FileKind::Pilot,
+        FileKind::Model,
         FileKind::Problem,
         FileKind::Table,
         FileKind::Trial,
     ];
-    let what = "a page of --report, a pilot file, a problem file or results";
+    let what = "a page of --report, a fitted pilot, a problem file or results";
     recognise::expect(inputs, &drawn, what)?;
     let [path] = inputs else {
         return results(inputs);
     };
     match recognise::of(path) {
         Some(FileKind::Page) => page(path),
-        Some(FileKind::Pilot) => pilot(path),
+        Some(FileKind::Pilot) => Ok(pilot(&PilotFile::read(path)?)),
+        Some(FileKind::Model) => match PilotFile::of_model(path)? {
+            Some(own) => Ok(pilot(&own)),
+            None => {
+                let message = format!("{} is no linear pilot", path.display());
+                Err(Failure::new(message)
+                    .hint("the figures of a fit are on its page, which --report writes"))
+            }
+        },
         Some(FileKind::Problem) => {
             let (page, is_answer) = fit::page_of_problem(path)?;
             Ok(Content {
@@ -263,8 +272,7 @@ fn of_page(text: &str) -> Content {
     }
 }
 
-fn pilot(path: &Path) -> Result<Content, Failure> {
-    let file = PilotFile::read(path)?;
+fn pilot(file: &PilotFile) -> Content {
     let fitted = Fitted {
         pilot: file.pilot.structure(),
         theta: &file.pilot.theta,
@@ -273,10 +281,10 @@ fn pilot(path: &Path) -> Result<Content, Failure> {
     };
     let mut figures = bode_figures(&fitted);
     figures.push(pole_figure(&fitted));
-    Ok(Content {
+    Content {
         figures,
         ..Content::default()
-    })
+    }
 }
 
 /// Converts columns of the same name to the unit of the first one. One that cannot be converted is another quantity: its
@@ -307,7 +315,12 @@ fn convert(all: &mut [(String, Series)]) {
 /// Tables over time; columns of the same name share a figure.
 fn results(inputs: &[PathBuf]) -> Result<Content, Failure> {
     let alone = |path: &&PathBuf| {
-        let kinds = [FileKind::Page, FileKind::Pilot, FileKind::Problem];
+        let kinds = [
+            FileKind::Page,
+            FileKind::Pilot,
+            FileKind::Model,
+            FileKind::Problem,
+        ];
         recognise::of(path).is_some_and(|kind| kinds.contains(&kind))
     };
     if let Some(path) = inputs.iter().find(alone) {

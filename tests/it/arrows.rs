@@ -29,7 +29,6 @@ const ARROWS: &[(&str, &[&str])] = &[
             "models",
             "vehicle",
             "flights",
-            "identification",
             "cosim",
             "linear",
             "inference",

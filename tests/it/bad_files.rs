@@ -357,8 +357,7 @@ fn uses() {
         ),
         (
             &["fit", "good.csv", "--mesh-step", "1e-9"],
-            "error: trial good: a mesh step of 1e-9 s makes 5500000000 intervals, and a run may have 200000; \
-             take at least 2.8e-5 s, or a scheme of higher order on a coarser mesh\n",
+            "error: the runs last 5.5 s, which is more than 400000 such steps; write 1.4e-5 or more\n",
         ),
     ];
     for (arguments, message) in cases {

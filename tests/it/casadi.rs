@@ -1,10 +1,10 @@
 //! The fit against CasADi and IPOPT, which solved the same problems once: tests/casadi/compare.py
 //! wrote the numbers that are compared here.
 
+use crate::fitted::{self, fitted, with};
 use pilotage::collocation::Scheme;
-use pilotage::identification::{FitOptions, InitialState, TrialSet, fit};
+use pilotage::flights::TrialSet;
 use serde_json::Value;
-use std::ops::ControlFlow;
 use std::path::Path;
 
 fn root() -> &'static Path {
@@ -41,17 +41,15 @@ fn the_fit_of_the_shipped_trials_is_ipopts() {
         let ipopt = &stored["schemes"][scheme.name()]["from 2 % off"];
         assert_eq!(ipopt["status"], "Solve_Succeeded", "{}", scheme.name());
         let expected = theta(ipopt);
-        let start = Some(expected.iter().copied().map(rounded).collect());
-        let options = FitOptions {
-            scheme,
-            start,
-            initial_state: InitialState::AtRest,
-            tolerance: 1e-9,
-            ..FitOptions::default()
-        };
-        let fit = fit(&set.fit, &options, &mut |_| ControlFlow::Continue(())).unwrap();
+        let options = with(|own| {
+            own.fit.scheme = Some(scheme);
+            own.fit.starts = 1;
+            own.theta = Some(expected.iter().copied().map(rounded).collect());
+            own.fit.tolerance = 1e-10;
+        });
+        let fit = fitted(&set.fit, &options);
         let name = scheme.name();
-        assert!(fit.converged, "{name}: {}", fit.status);
+        assert_eq!(fit.status.as_str(), "converged", "{name}");
         let objective = number(&ipopt["objective"]);
         assert!(
             (fit.objective / objective - 1.0).abs() < 1e-8,
@@ -61,7 +59,7 @@ fn the_fit_of_the_shipped_trials_is_ipopts() {
         // IPOPT stays off an active limit by its barrier: a parameter near zero is compared with what
         // is small beside the others.
         let largest = expected.iter().fold(0.0_f64, |m, t| m.max(t.abs()));
-        for (i, (found, expected)) in fit.theta.iter().zip(&expected).enumerate() {
+        for (i, (found, expected)) in fitted::theta(&fit).into_iter().zip(&expected).enumerate() {
             let bound = 1e-6 * expected.abs().max(1e-3 * largest);
             let near = (found - expected).abs() < bound;
             assert!(near, "{name}, theta{}: {found}, IPOPT {expected}", i + 1);

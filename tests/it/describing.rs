@@ -111,8 +111,7 @@ fn check_human(describing: &Value) {
 #[test]
 fn the_describing_function_is_that_of_the_human_whatever_is_fitted() {
     let folder = flown();
-    let flags = ["--initial-state=at-rest"];
-    let short = fitted(&folder, &[&RUNS[..], &flags].concat());
+    let short = fitted(&folder, &RUNS);
     let own = &short["describing_function"];
     check_human(&own["pilot"]);
     assert_eq!(own["left_out"], json!([]));

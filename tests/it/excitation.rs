@@ -103,7 +103,7 @@ fn more_parameters_than_lines_tell_are_told() {
         let words = [&["fit", &runs[0], &runs[1]], &flags[..]].concat();
         let ended = folder.pilotage(&words);
         assert!(
-            ended.json()["excitation"]["words"][0]
+            ended.json()["excitation"]["forcing"]["words"][0]
                 .as_str()
                 .unwrap()
                 .starts_with(&format!("excitation: {count} lines")),
@@ -111,7 +111,7 @@ fn more_parameters_than_lines_tell_are_told() {
         );
         let fit = ended.json();
         assert_eq!(codes(&fit).contains(&"few-lines"), is_reported, "{count}");
-        assert_eq!(fit["excitation"]["most_parameters"], 2 * count);
+        assert_eq!(fit["excitation"]["forcing"]["most_parameters"], 2 * count);
     }
 }
 

@@ -214,8 +214,8 @@ fn what_somebody_else_made_is_overwritten_by_force_alone() {
     let before = contents(&folder);
     let simulate = "--stop-time 1 --step 0.5";
     let cases = [
-        ("fit run1.csv -o run2.csv", "run2.csv", "a pilot file"),
-        ("fit run1.csv -o pilot.toml", "pilot.toml", "a pilot file"),
+        ("fit run1.csv -o run2.csv", "run2.csv", "a fitted model"),
+        ("fit run1.csv -o pilot.toml", "pilot.toml", "a fitted model"),
         (
             "fit run1.csv -o new.toml --report run2.csv",
             "run2.csv",
@@ -426,7 +426,7 @@ fn pipes_are_written_straight() {
         (
             "fit run1.csv --scheme euler --max-iterations 1 --random-starts 0 -o pipe",
             1,
-            "# A pilot: ",
+            "# Fitted by pilotage from flights: ",
         ),
         (
             "linearize good.fmu --step 0.5 --csv pipe --matlab pipe",

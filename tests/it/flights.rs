@@ -1,211 +1,62 @@
-//! The problem that flights pose in memory is that of the short form, and the one that `pilotage init` writes; pilot and vehicle
-//! files are models in problems.
+//! The problem that flights pose in memory is the one that `pilotage init` writes; pilot and vehicle files are models in problems.
 
 use crate::command::{Folder, example};
-use pilotage::collocation::{Collocation, Run, Scales, Scheme};
-use pilotage::estimation::file::{Mesh, Options};
-use pilotage::estimation::{self, Posed, ProblemFile};
+use crate::fitted::{fitted, theta, with};
+use pilotage::estimation::file::Options;
+use pilotage::estimation::{Posed, ProblemFile};
 use pilotage::flights::options::{InitialPosition, InitialState, Objective};
 use pilotage::flights::trials::ColumnNames;
 use pilotage::flights::{FlightOptions, TrialSet, open};
-use pilotage::identification::problem::{pose_response, pose_stick};
-use pilotage::identification::{FitOptions, fit};
-use pilotage::models::{Pilot, Quadcopter};
-use pilotage::sqp::Problem;
-use std::ops::ControlFlow;
-
-/// Number of states of the quadcopter.
-const VEHICLE: usize = 6;
 
 /// The objective of the shipped flights.
-const OBJECTIVE: f64 = 258.50597;
+const OBJECTIVE: f64 = 258.505_967;
 
 fn shipped() -> TrialSet {
     TrialSet::read(&[example("trials/trials.toml")]).unwrap()
 }
 
-/// The options of the short form, as those of flights.
-fn as_flights(options: &FitOptions) -> FlightOptions {
-    FlightOptions {
-        order: options.pilot.order,
-        theta: options.start.clone(),
-        stick_limit: options.stick_limit,
-        vehicle: options.vehicle,
-        initial_state: options.initial_state,
-        initial_position: options.initial_position,
-        stable_loop: options.stable_loop,
-        objective: options.objective,
-        fit: Options {
-            scheme: Some(options.scheme),
-            mesh: Mesh::Samples,
-            tolerance: options.tolerance,
-            ..Options::default()
-        },
-        ..FlightOptions::default()
-    }
-}
-
-/// Values in the order of the short form, vehicle first, in that of the problem, pilot first.
-fn pilot_first<T: Clone>(values: &[T], order: usize) -> Vec<T> {
-    let vehicle = values.len() - order;
-    [&values[vehicle..], &values[..vehicle]].concat()
-}
-
-/// Some states at all nodes of each run.
-fn states(runs: &[Run], n: usize) -> Vec<Vec<Vec<f64>>> {
-    let state = |t: f64, k: usize| (0.3 * t + k as f64).sin() * 0.1 * (1 + k) as f64;
-    let of_run = |run: &Run| {
-        let nodes = run.mesh.iter();
-        nodes
-            .map(|t| (0..n).map(|k| state(*t, k)).collect())
-            .collect()
-    };
-    runs.iter().map(of_run).collect()
-}
-
-/// Number of unknowns, objective, and the magnitudes of the defects, sorted.
-fn evaluated(
-    problem: &Collocation,
-    states: &[Vec<Vec<f64>>],
-    theta: &[f64],
-) -> (usize, f64, Vec<f64>) {
-    let z = problem.variables(states, theta);
-    let mut defects = vec![0.0; problem.n_equalities()];
-    let mut others = vec![0.0; problem.limits().0.len()];
-    let objective = problem.evaluate(&z, &mut defects, &mut others);
-    let mut defects: Vec<f64> = defects.into_iter().map(f64::abs).collect();
-    defects.sort_by(f64::total_cmp);
-    (z.len(), objective, defects)
-}
-
-/// Both problems of the same flights: same unknowns, same objective and same equations at the same θ and states. Returns the
-/// number of unknowns.
-fn assert_same(what: &str, set: &TrialSet, options: &FitOptions, flights: &FlightOptions) -> usize {
-    let order = options.pilot.order;
-    let is_stick = options.objective == Objective::Stick;
-    let short = match is_stick {
-        true => pose_stick(&set.fit, options),
-        false => pose_response(&set.fit, options),
-    };
-    let n = order + if is_stick { 0 } else { VEHICLE };
-    let states = states(&short.runs, n);
-    let theta: Vec<f64> = (0..2 * order).map(|k| 1.0 + 0.1 * k as f64).collect();
-    let ones = |n: usize| Scales {
-        states: vec![1.0; n],
-        parameters: vec![1.0; 2 * order],
-    };
-    let (unknowns, objective, defects) =
-        evaluated(&short.discretised(options, ones(n)), &states, &theta);
-
-    let file = flights
-        .problem(set)
-        .unwrap_or_else(|error| panic!("{what}: {error}"));
-    let posed = Posed::new(&file, &open).unwrap_or_else(|error| panic!("{what}: {error}"));
-    assert_eq!(posed.runs.len(), short.runs.len(), "{what}");
-    for (own, short) in posed.runs.iter().zip(&short.runs) {
-        assert_eq!((&own.time, &own.mesh), (&short.time, &short.mesh), "{what}");
-        let initial = pilot_first(&short.initial, order);
-        assert_eq!(own.initial, initial, "{what}");
-    }
-    let bounds: Vec<[f64; 2]> = posed
-        .bounds
-        .iter()
-        .map(|own| [own.lower, own.upper])
-        .collect();
-    assert_eq!(
-        bounds,
-        [[-options.stick_limit, options.stick_limit]],
-        "{what}"
-    );
-    let names = &posed.names.parameters[posed.names.stability..];
-    let is_closed = file.stability.closed_loop.is_some();
-    assert_eq!(is_closed, options.kept_vehicle().is_some(), "{what}");
-    assert!(names.len() >= order, "{what}: {names:?}");
-    let problem = Collocation::new(
-        posed.model.clone(),
-        posed.constraints.clone(),
-        options.scheme,
-        posed.runs.clone(),
-        ones(n),
-        &posed.bounds,
-    );
-    let states: Vec<Vec<Vec<f64>>> = (states.iter())
-        .map(|run| run.iter().map(|x| pilot_first(x, order)).collect())
-        .collect();
-    let own = evaluated(&problem, &states, &theta);
-    assert_eq!(own.0, unknowns, "{what}");
-    let off = (own.1 / objective - 1.0).abs();
-    assert!(off < 1e-12, "{what}: {} and {objective}", own.1);
-    assert_eq!(own.2.len(), defects.len(), "{what}");
-    for (own, short) in own.2.iter().zip(&defects) {
-        assert!(
-            (own - short).abs() < 1e-9 * (1.0 + short),
-            "{what}: {own} and {short}"
-        );
-    }
-    unknowns
-}
-
+/// What is known of each state of vehicle and pilot at the first sample, for each thing that may be said of it.
 #[test]
-fn flights_pose_the_problem_of_the_short_form() {
+fn what_is_said_of_the_start_is_known_of_the_states() {
     let set = shipped();
-    let usual = FitOptions::default();
-    let stick = FitOptions {
-        objective: Objective::Stick,
-        ..usual.clone()
-    };
-    let mut all = vec![
-        ("usual".to_owned(), usual.clone()),
-        ("stick".to_owned(), stick.clone()),
-    ];
     for initial_state in InitialState::ALL {
         for initial_position in InitialPosition::ALL {
-            let words = format!("{initial_state:?}, {initial_position:?}");
-            let options = FitOptions {
-                initial_state,
-                initial_position,
-                ..usual.clone()
-            };
-            all.push((words, options));
+            for objective in Objective::ALL {
+                let options = with(|own| {
+                    own.initial_state = initial_state;
+                    own.initial_position = initial_position;
+                    own.objective = objective;
+                });
+                let what = format!("{initial_state:?}, {initial_position:?}, {objective:?}");
+                let file = options.problem(&set).unwrap();
+                let posed = Posed::new(&file, &open).unwrap();
+                let is_free = |name: &str| {
+                    let k = posed.joint.model.states.iter().position(|own| own == name);
+                    k.map(|k| posed.runs[0].initial[k].is_none())
+                };
+                let of_pilot = initial_state != InitialState::AtRest;
+                assert_eq!(is_free("pilot.x1"), Some(of_pilot), "{what}");
+                let of_vehicle = initial_state == InitialState::Free;
+                let is_known = initial_position == InitialPosition::Known && !of_vehicle;
+                let expected = match objective {
+                    Objective::Response => [Some(!is_known), Some(of_vehicle)],
+                    Objective::Stick => [None; 2],
+                };
+                assert_eq!(
+                    [is_free("vehicle.z"), is_free("vehicle.v")],
+                    expected,
+                    "{what}"
+                );
+                let is_closed = file.stability.closed_loop.is_some();
+                assert_eq!(is_closed, objective == Objective::Response, "{what}");
+                let bounds: Vec<_> = posed
+                    .bounds
+                    .iter()
+                    .map(|own| [own.lower, own.upper])
+                    .collect();
+                assert_eq!(bounds, [[-1.0, 1.0]], "{what}");
+            }
         }
-        let words = format!("stick, {initial_state:?}");
-        let options = FitOptions {
-            initial_state,
-            ..stick.clone()
-        };
-        all.push((words, options));
-    }
-    for order in 1..=4 {
-        let pilot = Pilot { order };
-        let options = FitOptions {
-            pilot,
-            ..usual.clone()
-        };
-        all.push((format!("order {order}"), options));
-    }
-    let unstable = FitOptions {
-        stable_loop: false,
-        ..usual.clone()
-    };
-    all.push(("unstable".to_owned(), unstable));
-    let paper = FitOptions {
-        scheme: Scheme::Euler,
-        initial_state: InitialState::Free,
-        ..usual.clone()
-    };
-    all.push(("paper".to_owned(), paper));
-    let heavy = FitOptions {
-        vehicle: Quadcopter {
-            mass: 2.0,
-            ..Quadcopter::default()
-        },
-        stick_limit: 0.7,
-        ..usual
-    };
-    all.push(("heavy".to_owned(), heavy));
-    for (what, options) in all {
-        let unknowns = assert_same(&what, &set, &options, &as_flights(&options));
-        assert!(what != "usual" || unknowns == 32_460, "{unknowns}");
     }
 }
 
@@ -228,58 +79,44 @@ fn weights_validation_and_missing_cells_stand_in_the_problem_of_flights() {
     }
     for initial_position in InitialPosition::ALL {
         for objective in Objective::ALL {
-            let options = FitOptions {
+            let flights = FlightOptions {
                 initial_position,
                 objective,
-                ..FitOptions::default()
-            };
-            let flights = FlightOptions {
                 columns: columns.clone(),
-                ..as_flights(&options)
+                ..FlightOptions::default()
             };
-            let what = format!("{initial_position:?}, {objective:?}");
-            assert_same(&what, &set, &options, &flights);
             let file = flights.problem(&set).unwrap();
             let runs = file.runs.iter();
             let runs: Vec<(&str, bool, f64)> = runs
                 .map(|own| (own.name.as_str(), own.fits, own.weight))
                 .collect();
             let expected = [
-                ("10m-run1.csv", true, 2.5),
-                ("20m-run1.csv", true, 1.0),
-                ("10m-run2.csv", false, 1.0),
+                ("10m-run1", true, 2.5),
+                ("20m-run1", true, 1.0),
+                ("10m-run2", false, 1.0),
             ];
             assert_eq!(runs, expected);
         }
     }
 }
 
+/// The optimum is that of every start, and the problem stays there.
 #[test]
-fn from_the_optimum_of_the_short_form_the_problem_of_flights_stays_there() {
+fn the_optimum_of_the_shipped_flights_is_known() {
     let set = shipped();
-    let mut options = FitOptions::default();
-    let short = fit(&set.fit, &options, &mut |_| ControlFlow::Continue(())).unwrap();
-    assert!(
-        (short.objective - OBJECTIVE).abs() < 1e-5,
-        "{}",
-        short.objective
-    );
-    options.start = Some(short.theta.clone());
-    let mut flights = as_flights(&options);
-    flights.fit.starts = 1;
-    let file = flights.problem(&set).unwrap();
-    let posed = Posed::new(&file, &open).unwrap();
-    let found = estimation::fit(&posed, &mut |_| ControlFlow::Continue(()));
+    let found = fitted(&set.fit, &FlightOptions::default());
     assert!(found.is_answer(), "{}", found.verdict());
-    let off = (found.objective / short.objective - 1.0).abs();
-    assert!(off < 1e-8, "{} and {}", found.objective, short.objective);
-    for (own, theta) in found.parameters.iter().zip(&short.theta) {
-        let value = own.values[0].1;
-        assert!(
-            (value / theta - 1.0).abs() < 1e-3,
-            "{}: {value} and {theta}",
-            own.name
-        );
+    assert_eq!(found.agreeing(), found.starts.len());
+    let off = |objective: f64| (objective / OBJECTIVE - 1.0).abs();
+    assert!(off(found.objective) < 1e-8, "{}", found.objective);
+    let again = with(|own| {
+        own.theta = Some(theta(&found));
+        own.fit.starts = 1;
+    });
+    let again = fitted(&set.fit, &again);
+    assert!(off(again.objective) < 1e-8, "{}", again.objective);
+    for (own, theta) in theta(&again).into_iter().zip(theta(&found)) {
+        assert!((own / theta - 1.0).abs() < 1e-3, "{own} and {theta}");
     }
 }
 

@@ -1,21 +1,25 @@
 //! Pilot and quadcopter as one system of differential equations, solved by an implicit method to many digits:
 //! what every co-simulation of the two is measured by.
 
-use pilotage::identification::joint::Joint;
 use pilotage::models::quadcopter::N_STATES;
 use pilotage::models::{Pilot, Quadcopter, Scalar};
 use pilotage::ode::{Method, Solver, SolverOptions, System};
 use std::convert::Infallible;
 
-/// The joint equations as the paper writes them (its eq. 3), put together by hand.
-pub trait ByHand {
-    fn derivative<T: Scalar>(&self, x: &[T], w: &[T], theta: &[T], dx: &mut [T]);
-    fn measured(&self, x: &[f64]) -> f64;
-    fn bounded(&self, x: &[f64], theta: &[f64]) -> f64;
+/// A pilot and a vehicle.
+#[derive(Debug, Clone, Copy)]
+pub struct Joint {
+    pub vehicle: Quadcopter,
+    pub pilot: Pilot,
 }
 
-impl ByHand for Joint {
-    fn derivative<T: Scalar>(&self, x: &[T], w: &[T], theta: &[T], dx: &mut [T]) {
+impl Joint {
+    pub fn n_states(&self) -> usize {
+        N_STATES + self.pilot.order
+    }
+
+    /// The joint equations as the paper writes them (its eq. 3), put together by hand.
+    pub fn derivative<T: Scalar>(&self, x: &[T], w: &[T], theta: &[T], dx: &mut [T]) {
         let (x_v, x_p) = x.split_at(N_STATES);
         let (dx_v, dx_p) = dx.split_at_mut(N_STATES);
         let error = w[0] - self.vehicle.output(x_v);
@@ -24,11 +28,11 @@ impl ByHand for Joint {
         self.pilot.derivative(x_p, error, theta, dx_p);
     }
 
-    fn measured(&self, x: &[f64]) -> f64 {
+    pub fn measured(&self, x: &[f64]) -> f64 {
         self.vehicle.output(x)
     }
 
-    fn bounded(&self, x: &[f64], theta: &[f64]) -> f64 {
+    pub fn bounded(&self, x: &[f64], theta: &[f64]) -> f64 {
         self.pilot.output(&x[N_STATES..], theta)
     }
 }

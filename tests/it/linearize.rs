@@ -3,14 +3,13 @@
 
 use crate::command::{CONNECTIONS, Ended, Folder};
 use crate::foreign;
-use crate::joint_ode::ByHand;
+use crate::joint_ode::Joint;
 use num_dual::Dual64;
 use pilotage::cosim::component::{ComponentError, Linear};
 use pilotage::cosim::{
     Algorithm, Clock, Component, Ending, Linearization, NativeComponent, Progress, Role,
     SeriesRecorder, System, ValueKind, Variable, linearize,
 };
-use pilotage::identification::joint::Joint;
 use pilotage::linear::StateSpace;
 use pilotage::models::{Model, Pilot, Quadcopter};
 use serde_json::{Value, json};

@@ -27,6 +27,7 @@ mod export;
 mod files;
 mod fit;
 mod fit_log;
+mod fitted;
 mod flights;
 mod fmi;
 mod fmu_binary;

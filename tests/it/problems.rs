@@ -249,7 +249,6 @@ fn what_the_problem_says_itself_is_no_flag() {
             "--column",
         ),
         (vec!["fit", "problem.toml", "run.csv"], "alone"),
-        (vec!["fit", "run.csv", "--evaluate"], "problem file"),
     ] {
         let ended = folder.pilotage(&words);
         assert_eq!(ended.code, 2, "{ended:?}");

@@ -1,10 +1,11 @@
 //! A pilot that is known is found again. The trajectories are integrated here, by code of its own.
 
-use crate::joint_ode::ByHand;
+use crate::fitted::{self, theta};
+use crate::joint_ode::Joint;
 use pilotage::collocation::Scheme;
-use pilotage::identification::joint::Joint;
-use pilotage::identification::{Fit, FitOptions, Trial, fit};
-use std::ops::ControlFlow;
+use pilotage::estimation::Fit;
+use pilotage::flights::{FlightOptions, Trial};
+use pilotage::models::Pilot;
 
 /// A pilot like the synthetic humans: lead, and lags at some rad/s; its closed loop is stable.
 const THETA: [f64; 6] = [12.0, 17.0, 8.0, -0.1, -0.6, -0.1];
@@ -25,10 +26,12 @@ const TABLES: [(Scheme, Weights); 3] = [
     ),
 ];
 
-fn joint(options: &FitOptions) -> Joint {
+fn joint(options: &FlightOptions) -> Joint {
     Joint {
         vehicle: options.vehicle,
-        pilot: options.pilot,
+        pilot: Pilot {
+            order: options.order,
+        },
     }
 }
 
@@ -93,7 +96,7 @@ fn exact_step(joint: &Joint, x: &[f64], target: f64, h: f64) -> Vec<f64> {
 
 /// A run from rest to a target [m]: duration and interval [s].
 fn trial(
-    options: &FitOptions,
+    options: &FlightOptions,
     target: f64,
     (duration, h): (f64, f64),
     step: impl Fn(&Joint, &[f64], f64, f64) -> Vec<f64>,
@@ -111,7 +114,7 @@ fn trial(
     );
     Trial {
         name: format!("{target} m"),
-        origin: String::new(),
+        origin: format!("{target}.csv"),
         sha256: String::new(),
         time: (0..=n).map(|k| k as f64 * h).collect(),
         target: vec![target; n + 1],
@@ -121,39 +124,36 @@ fn trial(
     }
 }
 
-fn fitted(trials: &[Trial], options: &FitOptions) -> Fit {
-    let fit = fit(trials, options, &mut |_| ControlFlow::Continue(())).unwrap();
+fn fitted(trials: &[Trial], options: &FlightOptions) -> Fit {
+    let fit = fitted::fitted(trials, options);
+    let scheme = options.fit.scheme.unwrap().name();
     assert!(
-        fit.converged,
-        "{}: {} {:?}",
-        options.scheme.name(),
-        fit.status,
-        fit.theta
+        fit.is_answer(),
+        "{scheme}: {} {:?}",
+        fit.verdict(),
+        theta(&fit)
     );
     fit
 }
 
 /// Largest relative error of θ.
 fn error(fit: &Fit) -> f64 {
-    fit.theta
-        .iter()
-        .zip(THETA)
-        .fold(0.0, |m, (t, e)| m.max(((t - e) / e).abs()))
+    let pairs = theta(fit).into_iter().zip(THETA);
+    pairs.fold(0.0, |m, (t, e)| m.max(((t - e) / e).abs()))
 }
 
 #[test]
 fn data_of_the_discretised_model_give_its_parameters_back() {
     for (scheme, table) in TABLES {
-        let options = FitOptions {
-            scheme,
-            tolerance: 1e-10,
-            ..FitOptions::default()
-        };
+        let options = fitted::with(|own| {
+            own.fit.scheme = Some(scheme);
+            own.fit.tolerance = 1e-10;
+        });
         let step =
             |joint: &Joint, x: &[f64], target: f64, h: f64| scheme_step(joint, table, x, target, h);
         let trials = [6.0, -8.0].map(|target| trial(&options, target, (10.0, 0.05), step));
         let fit = fitted(&trials, &options);
-        assert!(error(&fit) < 1e-6, "{}: {:?}", scheme.name(), fit.theta);
+        assert!(error(&fit) < 1e-6, "{}: {:?}", scheme.name(), theta(&fit));
     }
 }
 
@@ -162,14 +162,14 @@ fn data_of_the_continuous_model_give_its_parameters_to_the_schemes_order() {
     for (scheme, h) in [
         (Scheme::Euler, 0.003_125),
         (Scheme::Trapezoid, 0.025),
-        (Scheme::HermiteSimpson, 0.05),
+        (Scheme::HermiteSimpson, 0.04),
     ] {
-        let options = FitOptions {
-            scheme,
-            start: Some(THETA.to_vec()),
-            tolerance: 1e-10,
-            ..FitOptions::default()
-        };
+        let options = fitted::with(|own| {
+            own.fit.scheme = Some(scheme);
+            own.fit.starts = 1;
+            own.theta = Some(THETA.map(|own| 1.02 * own).to_vec());
+            own.fit.tolerance = 1e-12;
+        });
         let error_at = |h: f64| {
             error(&fitted(
                 &[trial(&options, 10.0, (8.0, h), exact_step)],

@@ -101,7 +101,7 @@ fn flights_tell_them_too() {
     let ended = folder.pilotage(&[&fit[..], &some].concat());
     assert_eq!((ended.code, ended.stderr.as_str()), (0, ""), "{ended:?}");
     let json = ended.json();
-    let theta = |k: usize| &json["parameters"][&format!("theta{k}")];
+    let theta = |k: usize| &json["parameters"][&format!("pilot.theta{k}")];
     assert!(theta(1)["profile"].is_null() && theta(6)["profile"]["class"] == "finite");
     assert!(number(&theta(1)["bootstrap"]["sd"]) > 0.0);
     let crossover = &json["derived"]["crossover_frequency"];

@@ -4,36 +4,45 @@
 #[path = "../../benches/starts/pilots.rs"]
 mod pilots;
 
+use crate::fitted::{fitted, with};
 use pilotage::collocation::Scheme;
-use pilotage::identification::solve::SPARE_STARTS;
-use pilotage::identification::{Fit, FitOptions, InitialState, Trial, fit, random_starts, start};
-use pilotage::models::{Pilot, Quadcopter};
+use pilotage::flights::options::InitialState;
+use pilotage::flights::{FlightOptions, Trial};
+use pilotage::models::Quadcopter;
 use pilotage::synthetic::{Flight, Flights, Human};
-use std::ops::ControlFlow;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, Uniform};
 
 fn flights(name: &str, seed: u64) -> Vec<Trial> {
     let (_, human) = pilots::STUDY.iter().find(|(n, _)| *n == name).unwrap();
     pilots::flights(human, seed).unwrap()
 }
 
-fn fitted(trials: &[Trial], options: &FitOptions) -> Fit {
-    fit(trials, options, &mut |_| ControlFlow::Continue(())).unwrap()
-}
-
-/// The least objective of converged fits from random starts, others than those that the fit itself draws.
+/// The least objective of fits from starts around these θ, which know nothing of the data.
 fn best_of_random(trials: &[Trial], seed: u64, count: usize) -> f64 {
-    let from = |start| {
-        let options = FitOptions {
-            start: Some(start),
-            ..FitOptions::default()
-        };
-        fitted(trials, &options)
-    };
-    let fits = random_starts::draw(&FitOptions::default(), seed, count)
-        .into_iter()
-        .map(from);
-    let converged = fits.filter(|fit| fit.converged).map(|fit| fit.objective);
-    converged.fold(f64::INFINITY, f64::min)
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let unit = Uniform::new(0.0, 1.0).unwrap();
+    let mut between = |low: f64, high: f64| low * (high / low).powf(unit.sample(&mut random));
+    let fits = (0..count).map(|_| {
+        // A pair of lags and a real one, a gain, and two leads.
+        let (w, a) = (between(0.5, 20.0), between(0.5, 20.0));
+        let (gain, lead) = (between(0.01, 0.1), between(0.5, 5.0));
+        let denominator = [w * w * a, w * w + 1.4 * w * a, a + 1.4 * w];
+        let scale = -gain * denominator[0];
+        let theta = [&denominator[..], &[scale, scale * lead, 0.1 * scale * lead]].concat();
+        fitted(
+            trials,
+            &with(|own| {
+                own.theta = Some(theta);
+                own.fit.starts = 1;
+            }),
+        )
+    });
+    let converged = fits.filter(|fit| fit.status.as_str() == "converged");
+    converged
+        .map(|fit| fit.objective)
+        .fold(f64::INFINITY, f64::min)
 }
 
 /// On the first, a pilot that integrates is an optimum 0.25 % above the best; on the second most starts
@@ -43,8 +52,8 @@ fn best_of_random(trials: &[Trial], seed: u64, count: usize) -> f64 {
 fn the_default_start_is_as_good_as_the_best_of_random_ones() {
     for (name, seed, count) in [("plain", 1, 4), ("eager", 1, 4), ("eager", 6, 8)] {
         let trials = flights(name, seed);
-        let fit = fitted(&trials, &FitOptions::default());
-        assert!(fit.converged, "{name} {seed}: {}", fit.status);
+        let fit = fitted(&trials, &FlightOptions::default());
+        assert_eq!(fit.status.as_str(), "converged");
         let best = best_of_random(&trials, seed, count);
         assert!(best.is_finite(), "{name} {seed}: no random start converged");
         assert!(
@@ -61,17 +70,9 @@ fn the_default_start_is_as_good_as_the_best_of_random_ones() {
 fn free_runs_find_better_tumbles_than_any_start_of_all() {
     let best = 27.247340;
     let trials = flights("noisy", 3);
-    let options = FitOptions {
-        initial_state: InitialState::Free,
-        ..FitOptions::default()
-    };
-    let fit = fitted(&trials, &options);
-    assert!(fit.converged, "{}", fit.status);
-    assert!(fit.is_feasible(), "{}", fit.violation);
+    let fit = fitted(&trials, &with(|own| own.initial_state = InitialState::Free));
+    assert_eq!(fit.status.as_str(), "converged");
     assert!(fit.objective <= best, "{} {best}", fit.objective);
-    let first = &fit.starts[0];
-    assert_eq!(first.number, fit.starts.len(), "the start that came last");
-    assert_eq!(fit.agreeing(), 1, "it is alone, which the fit says");
 }
 
 /// Beyond a pole of -2/h forward Euler is unstable, here by the power of 300 samples: there the elimination
@@ -105,13 +106,13 @@ fn a_pole_that_runs_to_the_edge_of_eulers_stability_stays_at_it() {
     ];
     for ((human, seed), start, optimum) in cases {
         let trials = pilots::flights(&human, seed).unwrap();
-        let options = FitOptions {
-            scheme: Scheme::Euler,
-            start: Some(start.to_vec()),
-            ..FitOptions::default()
-        };
+        let options = with(|own| {
+            own.fit.scheme = Some(Scheme::Euler);
+            own.fit.starts = 1;
+            own.theta = Some(start.to_vec());
+        });
         let fit = fitted(&trials, &options);
-        assert!(fit.converged, "{seed}: {}", fit.status);
+        assert_eq!(fit.status.as_str(), "converged");
         assert!(
             fit.objective <= optimum * (1.0 + 1e-6),
             "{seed}: {} {optimum}",
@@ -134,41 +135,12 @@ fn of_many_trials_all_count() {
         Trial::parse(csv.as_bytes(), &flight.name).unwrap()
     };
     let trials: Vec<Trial> = flown.unwrap().iter().map(trial).collect();
-    let fit = fitted(&trials, &FitOptions::default());
-    assert!(fit.converged, "{}", fit.status);
+    let fit = fitted(&trials, &FlightOptions::default());
+    assert_eq!(fit.status.as_str(), "converged");
     assert_eq!(fit.runs.len(), 30);
     let best = best_of_random(&trials, 1, 2);
     assert!(best.is_finite(), "no random start converged");
     assert!(fit.objective <= best * 1.001, "{} {best}", fit.objective);
-    assert_eq!(
-        fit.starts.len(),
-        3,
-        "a pair at each of its places, with all of the trials"
-    );
-}
-
-/// Among the starts from the data one alone ends at the best, so that random ones join until another does.
-#[test]
-fn random_starts_join_where_one_start_is_alone() {
-    let trials = flights("eager", 8);
-    let with = |count| {
-        let options = FitOptions {
-            random_starts: count,
-            ..FitOptions::default()
-        };
-        fitted(&trials, &options)
-    };
-    let without = with(Some(0));
-    assert_eq!((without.starts.len(), without.agreeing()), (3, 1));
-    let joined = with(None);
-    assert!(joined.starts.len() > 3 && joined.starts.len() <= 3 + SPARE_STARTS);
-    assert_eq!(joined.agreeing(), 2);
-    let asked = with(Some(2));
-    assert_eq!(asked.starts.len(), 5);
-    for fit in [&joined, &asked] {
-        assert!(fit.converged, "{}", fit.status);
-        assert!(fit.objective <= without.objective * (1.0 + 1e-6));
-    }
 }
 
 #[test]
@@ -177,40 +149,13 @@ fn a_pilot_of_higher_order_never_fits_worse() {
     let mut before = f64::INFINITY;
     // A first-order pilot has no lead: it cannot fly this vehicle.
     for order in 2..=3 {
-        let options = FitOptions {
-            pilot: Pilot { order },
-            ..FitOptions::default()
-        };
-        let fit = fitted(&trials, &options);
-        assert!(fit.converged, "order {order}: {}", fit.status);
+        let fit = fitted(&trials, &with(|own| own.order = order));
+        assert_eq!(fit.status.as_str(), "converged");
         assert!(
             fit.objective <= before * (1.0 + 1e-6),
             "order {order}: {} {before}",
             fit.objective
         );
         before = fit.objective;
-    }
-}
-
-#[test]
-fn a_pair_leaves_the_transfer_function_as_it_is() {
-    let trials = flights("plain", 1);
-    let options = FitOptions::default();
-    let sticks: Vec<Vec<f64>> = trials.iter().filter_map(|t| t.stick.clone()).collect();
-    let theta = [1.1, 1.8, -2e-4, -0.06];
-    // At s = 0.7 1/s; ascending coefficients, the denominator without its leading one.
-    let value = |theta: &[f64]| {
-        let (den, num) = theta.split_at(theta.len() / 2);
-        let at = |c: &[f64]| c.iter().rev().fold(0.0, |sum, c| sum * 0.7 + c);
-        at(num) / at(&[den, &[1.0]].concat())
-    };
-    let raised = start::with_pair(&theta, &trials, &sticks, &options);
-    assert!(raised.len() > 1);
-    for raised in raised {
-        assert_eq!(raised.len(), 6);
-        assert!(
-            (value(&raised) / value(&theta) - 1.0).abs() < 1e-12,
-            "{raised:?}"
-        );
     }
 }

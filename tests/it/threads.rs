@@ -1,40 +1,43 @@
 //! A fit does not depend on the number of threads, to the last bit.
 
 use crate::command::example;
+use crate::fitted::{fitted, theta, with};
 use pilotage::collocation::Scheme;
-use pilotage::identification::{Fit, FitOptions, Mesh, TrialSet, fit};
+use pilotage::estimation::Fit;
+use pilotage::estimation::file::Mesh;
+use pilotage::flights::{FlightOptions, TrialSet};
 use rayon::ThreadPoolBuilder;
-use std::ops::ControlFlow;
 
 /// Every number of a fit that is not a time, as bits.
 fn bits(fit: &Fit) -> Vec<u64> {
     let runs = fit.runs.iter().flat_map(|run| {
         let states = run.states.iter().flatten();
-        let signals = [&run.position, &run.stick, &run.residual];
-        states.chain(signals.into_iter().flatten())
+        states.chain(run.predicted.iter().flatten()).copied()
     });
-    let starts = fit.starts.iter().flat_map(|s| [&s.objective, &s.kkt]);
-    (fit.theta.iter())
-        .chain([&fit.objective, &fit.kkt])
-        .chain(starts)
+    let starts = fit
+        .starts
+        .iter()
+        .flat_map(|own| [Some(own.objective), own.kkt]);
+    (theta(fit).into_iter())
+        .chain([fit.objective, fit.kkt.residual()])
+        .chain(starts.flatten())
         .chain(runs)
-        .map(|number| number.to_bits())
+        .map(f64::to_bits)
         .collect()
 }
 
-fn with_threads(threads: usize, options: &FitOptions) -> Fit {
+fn with_threads(threads: usize, options: &FlightOptions) -> Fit {
     let set = TrialSet::read(&[example("trials/trials.toml")]).unwrap();
     let pool = ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
         .unwrap();
-    let fit = pool.install(|| fit(&set.fit, options, &mut |_| ControlFlow::Continue(())));
-    fit.unwrap()
+    pool.install(|| fitted(&set.fit, options))
 }
 
-fn alike_for_any_number_of_threads(options: &FitOptions) {
+fn alike_for_any_number_of_threads(options: &FlightOptions) {
     let one = with_threads(1, options);
-    assert!(one.converged, "{}", one.status);
+    assert!(one.is_met(), "{}", one.verdict());
     for threads in [2, 5] {
         let more = with_threads(threads, options);
         assert_eq!(one.iterations, more.iterations, "{threads} threads");
@@ -44,22 +47,18 @@ fn alike_for_any_number_of_threads(options: &FitOptions) {
 
 #[test]
 fn the_shipped_trials_give_the_same_bits() {
-    alike_for_any_number_of_threads(&FitOptions::default());
+    alike_for_any_number_of_threads(&FlightOptions::default());
 }
 
 #[test]
 fn random_starts_give_the_same_bits() {
-    alike_for_any_number_of_threads(&FitOptions {
-        random_starts: Some(3),
-        ..FitOptions::default()
-    });
+    alike_for_any_number_of_threads(&with(|own| own.fit.starts = 4));
 }
 
 #[test]
 fn a_mesh_apart_from_the_samples_gives_the_same_bits() {
-    alike_for_any_number_of_threads(&FitOptions {
-        scheme: Scheme::Gauss(2),
-        mesh: Mesh::Step(0.23),
-        ..FitOptions::default()
-    });
+    alike_for_any_number_of_threads(&with(|own| {
+        own.fit.scheme = Some(Scheme::Gauss(2));
+        own.fit.mesh = Mesh::Step(0.23);
+    }));
 }

@@ -553,7 +553,8 @@ fn an_evaluation_has_the_residuals_of_its_noise() {
     let file =
         ProblemFile::parse(&problem, &folder.path().join("problem.toml")).expect("a problem");
     let posed = Posed::new(&file, &part::open).expect("a problem");
-    let residuals = &evaluate(&posed).residuals[0][0];
+    let run = &evaluate(&posed).runs[0];
+    let residuals = run.residuals(0, file.measured[0].noise);
     for (t, residual) in hours().zip(residuals) {
         assert!(
             (residual - (0.5 - 0.8) * t / 0.1).abs() < 1e-5,

@@ -68,7 +68,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     ];
     let outputs = halves
         .iter()
-        .map(|own| (own.path.as_path(), OutputKind::Pilot));
+        .map(|own| (own.path.as_path(), OutputKind::Fitted));
     let report = args.report.as_deref().map(|path| (path, OutputKind::Page));
     let outputs: Vec<(&Path, OutputKind)> = outputs.chain(report).collect();
     args.overwrite.check(&halves[0].task.inputs, &outputs)?;

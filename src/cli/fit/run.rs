@@ -6,6 +6,7 @@ use super::refits::{NOTHING, Plan, Refitted};
 use super::summary::{self, Outcomes};
 use super::task::Task;
 use super::{Args, Watch, evaluate, log, orders, page, start};
+use crate::atomic_file::AtomicFile;
 use crate::cli::deadline::Deadline;
 use crate::cli::made::{made, program, quoted};
 use crate::cli::overwrite::{self, OutputKind};
@@ -84,6 +85,13 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let fitted = models::planned(&posed, output)?;
     check_outputs(args, &task, &fitted)?;
     models::make_folder(output, &fitted)?;
+    // What cannot be written is told before the fit. A pipe is opened once.
+    let written = fitted.iter().map(|own| own.path.as_path());
+    for path in written.chain(args.report.as_deref()) {
+        if !path.exists() || path.is_file() || path.is_dir() {
+            AtomicFile::create(path).map_err(|error| Failure::cannot_write(path, &error))?;
+        }
+    }
     if args.orders.is_none() {
         interrupt::listen("stopping")?;
     }
@@ -91,7 +99,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         let _shown = Spinner::new("looking at the runs");
         beforehand(&posed, &|| deadline.ask().is_break())
     };
-    if let Some(own) = before.excitation.as_ref().filter(|_| !args.json) {
+    let is_shown = !args.json && !args.logs_to_stdout();
+    if let Some(own) = before.excitation.as_ref().filter(|_| is_shown) {
         args.print(&excitation::first_lines(own))?;
     }
     (before.words().iter()).for_each(|words| terminal::note(words));

@@ -1,9 +1,8 @@
 //! The closed loop of components goes to the directly integrated joint equations as the step shrinks.
 
 use super::components::simulate;
-use crate::joint_ode::ByHand;
+use crate::joint_ode::Joint;
 use pilotage::cosim::{Algorithm, Clock, Control, Coupling, NativeComponent, System};
-use pilotage::identification::joint::Joint;
 use pilotage::models::{Model, Pilot, Quadcopter};
 
 /// A pilot who brings the vehicle to its target: all poles of the loop are stable.

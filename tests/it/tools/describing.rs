@@ -8,8 +8,7 @@ use serde_json::Value;
 fn describing_functions_are_those_of_numpy() {
     let folder = flown();
     for runs in [&RUNS[..], &RUNS[..1]] {
-        // What is fitted is of no importance.
-        let flags = ["--max-iterations=1", "--json", "--force"];
+        let flags = ["--json", "--force"];
         let ended = folder.pilotage(&[&["fit"], runs, &flags].concat());
         folder.write("fit.json", ended.stdout);
         let files = std::iter::once("fit.json").chain(runs.iter().copied());

@@ -13,19 +13,30 @@ use crate::problem::file::{Fed, Quantity};
 use crate::result::loops::{ends, instance, opening};
 use crate::search::solved::Solved;
 use nalgebra::{Complex, DMatrix};
-use pilotage_cosim::description::Wire;
+use pilotage_cosim::description::{Spanned, Wire};
 use pilotage_expression::Node;
 use pilotage_inference::spectrum::{Describing, Excitation, Flight};
 use pilotage_linear::StateSpace;
+use pilotage_units::Unit;
 
 /// Roles of the columns, by their numbers in the file.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 struct Roles {
     /// The input that is the target. None if only a disturbance drives the loop.
     target: Option<usize>,
-    /// The measured signals.
+    /// The measured signal.
     position: usize,
-    stick: Option<usize>,
+    stick: Option<Stick>,
+}
+
+/// What the pilot does.
+#[derive(Debug, Clone)]
+struct Stick {
+    /// Its signal in the joint model.
+    signal: Node,
+    /// Its column, measured or not.
+    column: Spanned<String>,
+    unit: Option<String>,
 }
 
 /// The columns of a run.
@@ -40,7 +51,7 @@ struct Columns {
 /// Frequency responses of a fitted loop.
 pub struct FittedLoop {
     roles: Roles,
-    /// From the inputs of the file to the measured signals, in closed loop.
+    /// From the inputs of the file to the measured signals and the stick, in closed loop.
     closed: StateSpace,
 }
 
@@ -53,16 +64,17 @@ impl FittedLoop {
     /// The same with other shared parameters, at the same states.
     pub fn with(posed: &Posed<'_>, solved: &Solved, theta: &[f64]) -> Option<Self> {
         let roles = Roles::of(posed)?;
-        let closed = linear(posed, solved, theta)?;
+        let closed = linear(posed, solved, theta, roles.stick.as_ref())?;
         Some(Self { roles, closed })
     }
 
     /// From the error to the stick, for the loop driven by an input of the file, at ω [rad/s]. NaN if no stick is
-    /// measured.
+    /// recorded.
     pub fn pilot(&self, omega: f64) -> Complex<f64> {
-        let nothing = Complex::new(f64::NAN, f64::NAN);
-        let stick = self.roles.stick.map(|stick| self.transfer(stick, omega));
-        stick.map_or(nothing, |stick| stick / self.error(omega))
+        match self.roles.stick {
+            Some(_) => self.transfer(self.closed.outputs.len() - 1, omega) / self.error(omega),
+            None => Complex::new(f64::NAN, f64::NAN),
+        }
     }
 
     /// From the error to the position, as above.
@@ -88,9 +100,9 @@ pub(crate) fn describing(posed: &Posed<'_>, solved: &Solved) -> Describing {
         return Describing::default();
     };
     let all: Vec<Columns> = (posed.data.iter())
-        .filter_map(|run| Columns::of(posed, run, fitted.roles))
+        .filter_map(|run| Columns::of(posed, run, &fitted.roles))
         .collect();
-    let flights: Vec<Flight<'_>> = all.iter().map(|own| own.flight(fitted.roles)).collect();
+    let flights: Vec<Flight<'_>> = all.iter().map(|own| own.flight(&fitted.roles)).collect();
     Describing::of(
         &flights,
         [&|omega| fitted.pilot(omega), &|omega| {
@@ -104,9 +116,9 @@ pub(crate) fn excitation(posed: &Posed<'_>) -> Option<Excitation> {
     let roles = Roles::of(posed)?;
     let runs = posed.data.iter();
     let all: Vec<Columns> = runs
-        .filter_map(|run| Columns::of(posed, run, roles))
+        .filter_map(|run| Columns::of(posed, run, &roles))
         .collect();
-    let flights: Vec<Flight<'_>> = all.iter().map(|own| own.flight(roles)).collect();
+    let flights: Vec<Flight<'_>> = all.iter().map(|own| own.flight(&roles)).collect();
     Excitation::of(&flights)
 }
 
@@ -126,9 +138,9 @@ impl Roles {
         let found: Vec<Self> = pairs
             .filter_map(|pair| Self::between(posed, pair))
             .collect();
-        let rank = |own: &&Self| (own.target.is_some(), own.stick.is_some());
+        let rank = |own: &Self| (own.target.is_some(), own.stick.is_some());
         // The first of the best.
-        found.iter().rev().max_by_key(rank).copied()
+        found.into_iter().rev().max_by_key(rank)
     }
 
     /// Roles if a pilot acts through the wire `out` and sees through the wire `back`.
@@ -149,7 +161,7 @@ impl Roles {
         (target.is_some() || is_disturbed).then(|| Self {
             target,
             position,
-            stick: measured(posed, out),
+            stick: stick(posed, out),
         })
     }
 }
@@ -164,8 +176,36 @@ fn measured(posed: &Posed<'_>, wire: &Wire) -> Option<usize> {
     posed.file.measured.iter().position(|own| is_it(&own.of))
 }
 
+/// What a wire carries, if it is recorded: in the column of a measured signal, or in one of its own name and unit that nothing
+/// is compared with.
+fn stick(posed: &Posed<'_>, wire: &Wire) -> Option<Stick> {
+    let signal = posed.joint.signal(&wire.from.value)?;
+    if let Some(k) = measured(posed, wire) {
+        return Some(Stick {
+            signal,
+            column: posed.file.measured[k].column.clone(),
+            unit: posed.unit_of(k).map(str::to_owned),
+        });
+    }
+    let unit = posed.joint.unit(&wire.from.value);
+    let name = wire.from.value.rsplit('.').next()?;
+    let known = Unit::named(unit?);
+    let has_it = |run: &RunData<'_>| {
+        let own = run.series.column(name);
+        own.is_some_and(|own| !own.unit.is_empty() && Unit::named(&own.unit) == known)
+    };
+    posed.data.iter().any(has_it).then(|| Stick {
+        signal,
+        column: Spanned {
+            value: name.to_owned(),
+            ..wire.from.clone()
+        },
+        unit: unit.map(str::to_owned),
+    })
+}
+
 impl Columns {
-    fn of(posed: &Posed<'_>, run: &RunData<'_>, roles: Roles) -> Option<Self> {
+    fn of(posed: &Posed<'_>, run: &RunData<'_>, roles: &Roles) -> Option<Self> {
         let driven = |own: &Fed| {
             let unit = posed.joint.unit(&own.signal.value);
             run.column(&own.column, unit).ok()
@@ -184,11 +224,12 @@ impl Columns {
                 .map(driven)
                 .collect::<Option<_>>()?,
             position: measured(roles.position)?,
-            stick: roles.stick.and_then(measured),
+            stick: (roles.stick.as_ref())
+                .and_then(|own| run.column(&own.column, own.unit.as_deref()).ok()),
         })
     }
 
-    fn flight(&self, roles: Roles) -> Flight<'_> {
+    fn flight(&self, roles: &Roles) -> Flight<'_> {
         let target = |k: usize| roles.target.map_or(0.0, |target| self.forcing[target][k]);
         let error = self
             .position
@@ -206,9 +247,14 @@ impl Columns {
     }
 }
 
-/// From the inputs of the file to the measured signals, at the end of the first run. None if a derivative is not
-/// finite.
-fn linear(posed: &Posed<'_>, solved: &Solved, theta: &[f64]) -> Option<StateSpace> {
+/// From the inputs of the file to the measured signals and the stick, at the end of the first run. None if a derivative is
+/// not finite.
+fn linear(
+    posed: &Posed<'_>,
+    solved: &Solved,
+    theta: &[f64],
+    stick: Option<&Stick>,
+) -> Option<StateSpace> {
     let (problem, z) = (&solved.problem, &solved.solution.iterate.z);
     let x = problem.states_at_samples(z, 0).pop()?;
     let last = posed.runs[0].time.len() - 1;
@@ -217,9 +263,13 @@ fn linear(posed: &Posed<'_>, solved: &Solved, theta: &[f64]) -> Option<StateSpac
     let inputs: Vec<usize> = (posed.file.inputs.iter())
         .map(|own| input(posed, &own.signal.value))
         .collect::<Option<_>>()?;
-    let (n, m) = (system.states, posed.quantities.predicted.len());
-    let of = [&system.derivatives[..], &posed.quantities.predicted].concat();
     let mut graph = system.graph.clone();
+    let mut of = [&system.derivatives[..], &posed.quantities.predicted].concat();
+    if let Some(stick) = stick {
+        let joint = &posed.joint.model.system.graph;
+        of.extend(graph.import(joint, &[stick.signal], &posed.quantities.joint));
+    }
+    let (n, m) = (system.states, of.len() - system.states);
     let columns: Vec<Vec<Node>> = (0..n)
         .map(|k| system.state(k))
         .chain(inputs.iter().copied())

@@ -4,9 +4,11 @@ use super::{Check, of_motion, of_vehicle, recorded, samples, vehicle};
 use crate::FlightOptions;
 use crate::options::{InitialState, Objective};
 use crate::trials::Trial;
+use crate::vehicle::ClosedLoop;
 use pilotage_estimation::result::RunFit;
 use pilotage_estimation::{Diagnostic, Doubt, Fit};
 use pilotage_inference::outliers::{self, Values};
+use pilotage_models::Pilot;
 
 /// The diagnostics of fitted flights, those that make the result meaningless first. Where nothing moves, they alone.
 pub fn doubts(fit: &Fit, trials: &[Trial], options: &FlightOptions) -> Vec<Diagnostic> {
@@ -15,7 +17,7 @@ pub fn doubts(fit: &Fit, trials: &[Trial], options: &FlightOptions) -> Vec<Diagn
         true => of_motion(trials).into_iter().filter(is_beside).collect(),
         false => recorded(trials),
     };
-    if options.objective == Objective::Response {
+    if options.objective == Objective::Response || options.vehicle_file.is_some() {
         found.extend(of_vehicle(&options.vehicle, trials));
     }
     if fit.is_met() {
@@ -25,15 +27,33 @@ pub fn doubts(fit: &Fit, trials: &[Trial], options: &FlightOptions) -> Vec<Diagn
     if found.contains(&Check::ConstantData) {
         found.retain(Check::is_fatal);
     }
-    found.sort_by_key(|own| !own.is_fatal());
-    let doubt = |own: Check| {
-        Diagnostic::Beside(Doubt {
-            code: own.code(),
-            words: own.to_string(),
-            is_fatal: own.is_fatal(),
-        })
+    let doubt = |own: Check| Doubt {
+        code: own.code(),
+        words: own.to_string(),
+        is_fatal: own.is_fatal(),
     };
-    found.into_iter().map(doubt).collect()
+    let found = found.into_iter().map(doubt);
+    let mut all: Vec<Doubt> = unstable(fit, options).into_iter().chain(found).collect();
+    all.sort_by_key(|own| !own.is_fatal);
+    all.into_iter().map(Diagnostic::Beside).collect()
+}
+
+/// A pilot fitted to the stick, who would leave the target with the vehicle that is named.
+fn unstable(fit: &Fit, options: &FlightOptions) -> Option<Doubt> {
+    let is_known = options.objective == Objective::Stick && options.vehicle_file.is_some();
+    let order = options.order;
+    let theta = (1..=2 * order).map(|k| fit.value(&format!("pilot.theta{k}")));
+    let theta: Vec<f64> = theta.collect::<Option<_>>().filter(|_| is_known)?;
+    let closed_loop = ClosedLoop::of(options.vehicle, Pilot { order }, &theta);
+    let pole = closed_loop.rightmost()?.re;
+    (!closed_loop.is_stable()).then(|| Doubt {
+        code: "unstable-loop",
+        words: format!(
+            "with this vehicle the pilot has a pole at {pole:+.2e} 1/s, so it leaves the target when it is flown; a fit of the \
+             response keeps the loop stable"
+        ),
+        is_fatal: options.stable_loop,
+    })
 }
 
 /// Whether a fit does not look for it itself, in residuals or in any recording.

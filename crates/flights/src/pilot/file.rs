@@ -72,6 +72,42 @@ impl PilotFile {
         })
     }
 
+    /// Reads the file of a fitted linear pilot, a model file; `None` if the model is another one.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or its `[uncertainty]` is not that of its parameters.
+    pub fn of_model(path: &Path) -> Result<Option<Self>, PilotError> {
+        let (text, file) = (document::read(path)?, path.display().to_string());
+        let document = Document::parse(&text, &file)?;
+        let root = document.root();
+        let Some(parameters) = root.table("parameters")? else {
+            return Ok(None);
+        };
+        let value = |name: &str| match parameters.is_table(name) {
+            true => parameters
+                .table(name)?
+                .map_or(Ok(None), |own| own.number("start")),
+            false => parameters.number(name),
+        };
+        let mut theta = Vec::new();
+        while let Some(value) = value(&format!("theta{}", theta.len() + 1))? {
+            theta.push(value);
+        }
+        let is_linear = !theta.is_empty() && parameters.count() == theta.len() + 1;
+        let Some(stick_limit) = value("stick_limit")?.filter(|_| is_linear) else {
+            return Ok(None);
+        };
+        let sure = root.table("uncertainty")?;
+        let spread = sure.map(|own| uncertainty::of_model(&own, theta.len()));
+        Ok(Some(Self {
+            pilot: FittedPilot { theta, stick_limit },
+            converged: true,
+            vehicle: None,
+            spread: spread.transpose()?.flatten(),
+            diagnostics: Vec::new(),
+        }))
+    }
+
     /// Why the pilot is not a valid result; `None` if it is.
     pub fn objection(&self) -> Option<String> {
         if !self.converged {

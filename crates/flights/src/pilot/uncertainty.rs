@@ -13,16 +13,32 @@ pub(super) fn of_table(table: &TomlTable<'_>, n: usize) -> Result<Option<Spread>
         .chain((1..=n).map(|i| format!("theta{i}")))
         .collect();
     table.only(&fields.iter().map(String::as_str).collect::<Vec<_>>())?;
-    let fault = |field: &str, fault: String| PilotError::Uncertainty {
-        file: table.file().to_owned(),
-        line: table.line(field),
-        fault: format!("{field} {fault}"),
-    };
     for i in 1..=n {
         if let Some(own) = table.table(&format!("theta{i}"))? {
             check_interval(&own)?;
         }
     }
+    covariance(table, n)
+}
+
+/// The same of a fitted model with n coefficients alone; `None` if the data do not determine all of them.
+pub(super) fn of_model(table: &TomlTable<'_>, n: usize) -> Result<Option<Spread>, PilotError> {
+    let known = table.strings("parameters")?.unwrap_or_default();
+    let mut pairs = known.iter().zip(1..);
+    let is_whole = known.len() == n && pairs.all(|((own, _), k)| *own == format!("theta{k}"));
+    match is_whole {
+        true => covariance(table, n),
+        false => Ok(None),
+    }
+}
+
+/// The covariance of n coefficients, with the intervals that stand beside it.
+fn covariance(table: &TomlTable<'_>, n: usize) -> Result<Option<Spread>, PilotError> {
+    let fault = |field: &str, fault: String| PilotError::Uncertainty {
+        file: table.file().to_owned(),
+        line: table.line(field),
+        fault: format!("{field} {fault}"),
+    };
     let Some(rows) = table.rows("covariance")? else {
         return Ok(None);
     };

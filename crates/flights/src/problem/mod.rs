@@ -97,6 +97,9 @@ impl FlightOptions {
     /// # Errors
     /// If the options and the flights do not fit each other.
     pub fn problem(&self, flights: &TrialSet) -> Result<ProblemFile, FlightProblemError> {
+        if flights.fit.is_empty() {
+            return Err(FlightProblemError::Value("no trial to fit".to_owned()));
+        }
         let all: Vec<&Trial> = flights.all().collect();
         let series: Vec<Series> = all.iter().map(|own| self.recorded(own)).collect();
         let text = self.text(flights, &series)?;
@@ -165,7 +168,19 @@ impl FlightOptions {
         let given = theta.clone().count();
         if given > 0 && given != 2 * self.order {
             let (expected, order) = (2 * self.order, self.order);
-            let text = format!("{given} start values; a pilot of order {order} has {expected}");
+            let text = format!(
+                "the start has {given} parameters; a pilot of order {order} has {expected}"
+            );
+            return Err(FlightProblemError::Value(text));
+        }
+        let wrong = theta.clone().position(|own| !own.is_finite());
+        let is_zero = given > 0 && theta.clone().all(|own| own == 0.0);
+        if let Some(k) = wrong.or(is_zero.then_some(0)) {
+            let value = theta.clone().nth(k).unwrap_or_default();
+            let text = format!(
+                "start parameter theta{} = {value}; expected finite numbers, not all zero",
+                k + 1
+            );
             return Err(FlightProblemError::Value(text));
         }
         for (parameter, value) in pilot.parameters.iter_mut().zip(theta) {

@@ -381,8 +381,14 @@ impl Diagnostic {
         }
     }
 
-    /// Whether it makes the result meaningless, converged or not.
+    /// Whether it makes the result meaningless, converged or not: the fit is one of what is no recording of the system.
     pub fn is_fatal(&self) -> bool {
-        matches!(self, Self::Beside(own) if own.is_fatal)
+        /// Fraction of the sum of squares above which outliers govern the result.
+        const GOVERNS: f64 = 0.95;
+        match self {
+            Self::Beside(own) => own.is_fatal,
+            Self::Outlier { share, .. } => *share > GOVERNS,
+            _ => false,
+        }
     }
 }
