@@ -1,7 +1,20 @@
 //! First and second derivatives against central differences.
 
-use pilotage_collocation::{Collocation, Condensed};
+use pilotage_collocation::{Collocation, Condensed, Scheme};
 use pilotage_sqp::{Hessian, Iterate, Problem, QpSolver, SparseProblem};
+
+/// Every family of schemes.
+pub const SCHEMES: [Scheme; 9] = [
+    Scheme::Euler,
+    Scheme::Trapezoid,
+    Scheme::HermiteSimpson,
+    Scheme::Radau(1),
+    Scheme::Gauss(2),
+    Scheme::Radau(3),
+    Scheme::Lobatto(3),
+    Scheme::Bernstein(3),
+    Scheme::FiniteDifference(3),
+];
 
 /// Step of the differences: the cube root of rounding.
 const STEP: f64 = 6e-6;

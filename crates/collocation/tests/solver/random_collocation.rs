@@ -2,10 +2,11 @@
 //! measured outputs, none to two bounded ones, every family of schemes, irregular meshes on the samples or apart from them, missing samples, every kind
 //! of initial state.
 
+use crate::differences::SCHEMES;
 use crate::draw::Draw;
 use num_dual::DualNum;
 use pilotage_collocation::{
-    Bound, Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme,
+    Bound, Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales,
 };
 use pilotage_expression::{Point, System};
 use pilotage_sqp::{Iterate, Problem};
@@ -64,18 +65,6 @@ pub fn constraints(p: usize) -> ParameterConstraints {
 
 /// One of each kind of scheme: explicit, implicit, with inner nodes, without a derivative at the start, with
 /// stages, with coefficients that are no states, and with one element for a whole run.
-pub const SCHEMES: [Scheme; 9] = [
-    Scheme::Euler,
-    Scheme::Trapezoid,
-    Scheme::HermiteSimpson,
-    Scheme::Radau(1),
-    Scheme::Gauss(2),
-    Scheme::Radau(3),
-    Scheme::Lobatto(3),
-    Scheme::Bernstein(3),
-    Scheme::FiniteDifference(3),
-];
-
 pub type Random = Collocation;
 
 /// A random problem.
