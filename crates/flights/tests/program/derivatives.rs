@@ -1,12 +1,12 @@
 //! Every derivative of the equations and of the program against central differences.
 
 use crate::differences::{SCHEMES, assert_near, check_problem, difference, largest};
-use crate::{Draw, posed, program};
+use crate::{Draw, posed, program, short};
 use pilotage_collocation::node::NodeModel;
 use pilotage_collocation::simd::{LANES, Lanes};
 use pilotage_collocation::{Differentiated, Scales};
+use pilotage_flights::FlightOptions;
 use pilotage_flights::options::{InitialState, Objective};
-use pilotage_flights::{FlightOptions, Trial};
 use pilotage_sqp::Iterate;
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -18,20 +18,6 @@ fn config() -> ProptestConfig {
         failure_persistence: None,
         ..ProptestConfig::default()
     }
-}
-
-/// A short flight.
-fn short() -> [Trial; 1] {
-    [Trial {
-        name: "short".into(),
-        origin: String::new(),
-        sha256: String::new(),
-        position: vec![0.0, 0.1, f64::NAN, 0.4, 0.7],
-        target: vec![10.0; 5],
-        stick: Some(vec![0.0, -0.2, -0.3, -0.1, 0.2]),
-        weight: 0.7,
-        time: (0..5).map(|k| 0.1 * f64::from(k)).collect(),
-    }]
 }
 
 /// The equations of a pilot of this order: with the vehicle, or alone.

@@ -4,6 +4,8 @@
 mod derivatives;
 #[path = "../../../collocation/tests/solver/differences.rs"]
 mod differences;
+mod flown;
+mod stability;
 mod steps;
 
 use pilotage_collocation::Collocation;
@@ -27,6 +29,20 @@ impl Draw {
         let unit = Uniform::new_inclusive(-1.0, 1.0).expect("not empty");
         unit.sample_iter(&mut self.0).take(n).collect()
     }
+}
+
+/// A short flight.
+fn short() -> [Trial; 1] {
+    [Trial {
+        name: "short".into(),
+        origin: String::new(),
+        sha256: String::new(),
+        position: vec![0.0, 0.1, f64::NAN, 0.4, 0.7],
+        target: vec![10.0; 5],
+        stick: Some(vec![0.0, -0.2, -0.3, -0.1, 0.2]),
+        weight: 0.7,
+        time: (0..5).map(|k| 0.1 * f64::from(k)).collect(),
+    }]
 }
 
 /// What these flights pose.
