@@ -10,9 +10,9 @@
 
 use clap::Parser;
 use pilotage::collocation::Scheme;
-use pilotage::identification::{FitOptions, Trial, fit};
 use pilotage::models::Quadcopter;
-use pilotage::synthetic::{Flights, Human};
+use pilotage::synthetic::{Flight, Flights, Human};
+use pilotage::{FlightOptions, Posed, Trial, TrialSet, fit, open};
 use serde_json::{Value, json};
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -31,7 +31,7 @@ struct Args {
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
     start: Option<Vec<f64>>,
     /// Collocation scheme.
-    #[arg(long, default_value_t = FitOptions::default().scheme)]
+    #[arg(long, default_value_t = Scheme::HermiteSimpson)]
     scheme: Scheme,
     /// One size alone, printed as JSON: runs.
     #[arg(long, requires = "rate")]
@@ -83,18 +83,25 @@ fn measured(
     start: Option<Vec<f64>>,
     scheme: Scheme,
 ) -> Result<Value, Box<dyn Error>> {
-    let trials = flights(runs, rate)?;
-    let before = peak_memory();
-    let options = FitOptions {
-        start,
-        scheme,
-        ..FitOptions::default()
+    let flights = TrialSet {
+        fit: flights(runs, rate)?,
+        ..TrialSet::default()
     };
-    let fit = fit(&trials, &options, &mut |_| ControlFlow::Continue(()))?;
+    let before = peak_memory();
+    let mut options = FlightOptions::default();
+    options.fit.scheme = Some(scheme);
+    if start.is_some() {
+        options.fit.starts = 1;
+        options.theta = start;
+    }
+    let problem = options.problem(&flights)?;
+    let posed = Posed::new(&problem, &open)?;
+    let fit = fit(&posed, &mut |_| ControlFlow::Continue(()));
+    let solved = fit.solved.as_ref().ok_or("a fit without its solution")?;
     Ok(json!({
-        "samples": trials[0].time.len(),
-        "unknowns": fit.unknowns,
-        "iterations": fit.iterations,
+        "samples": flights.fit[0].time.len(),
+        "unknowns": solved.solution.iterate.z.len(),
+        "iterations": fit.starts.iter().map(|own| own.iterations).sum::<usize>(),
         "seconds": fit.seconds,
         "status": fit.status.as_str(),
         "memory_before": before,
@@ -152,21 +159,9 @@ fn flights(runs: usize, rate: usize) -> Result<Vec<Trial>, Box<dyn Error>> {
         ..Flights::default()
     };
     let flights = flights.fly(&Human::default(), &Quadcopter::default())?;
-    let trial = |flight: pilotage::synthetic::Flight| {
-        let column = |name: &str| flight.series.column(name).map(|c| c.values.clone());
-        Some(Trial {
-            origin: String::new(),
-            sha256: String::new(),
-            target: column("target")?,
-            position: column("position")?,
-            stick: column("stick"),
-            time: flight.series.time,
-            name: flight.name,
-            weight: 1.0,
-        })
-    };
-    let trials: Option<Vec<Trial>> = flights.into_iter().map(trial).collect();
-    Ok(trials.ok_or("a flight without its columns")?)
+    let trial = |own: &Flight| Trial::parse(own.series.to_csv().as_bytes(), &own.name);
+    let trials: Result<_, _> = flights.iter().map(trial).collect();
+    Ok(trials?)
 }
 
 /// Peak resident memory of this process [MB], on Linux.

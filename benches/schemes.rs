@@ -6,10 +6,13 @@
 //! cargo bench --bench schemes -- --write docs/schemes.md  puts it into that page
 //! ```
 
-use pilotage::collocation::Differentiated;
-use pilotage::collocation::Scheme;
-use pilotage::identification::joint::Joint;
-use pilotage::identification::{Fit, FitError, FitOptions, InitialPosition, Mesh, Trial, fit};
+use pilotage::collocation::{Scheme, rk4};
+use pilotage::estimation::file::{Mesh, Options};
+use pilotage::flights::options::InitialPosition;
+use pilotage::models::quadcopter::N_STATES;
+use pilotage::models::{Pilot, Quadcopter};
+use pilotage::sqp::Status;
+use pilotage::{Fit, FlightOptions, Posed, Trial, TrialSet, fit, open};
 use rayon::ThreadPoolBuilder;
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -17,6 +20,8 @@ use std::path::PathBuf;
 
 /// θ of the flights: a lead of 2.75 s, and lags of some rad/s.
 const THETA: [f64; 6] = [12.0, 17.0, 8.0, -0.2, -0.55, -0.05];
+/// His structure.
+const PILOT: Pilot = Pilot { order: 3 };
 /// Targets [m].
 const TARGETS: [f64; 2] = [10.0, 20.0];
 /// Duration of a flight [s].
@@ -70,8 +75,13 @@ fn cases() -> Vec<(Scheme, Mesh)> {
     on_samples.into_iter().chain(apart).collect()
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let trials = TARGETS.map(flight);
+type Failure = Box<dyn Error + Send + Sync>;
+
+fn main() -> Result<(), Failure> {
+    let flights = TrialSet {
+        fit: TARGETS.map(flight).into(),
+        ..TrialSet::default()
+    };
     let pool = ThreadPoolBuilder::new().num_threads(1).build()?;
     let mut table = String::from(
         "| scheme | mesh | order | unknowns | iterations | ms | worst bias | θ1 | θ2 | θ3 | θ4 | θ5 | θ6 |\n\
@@ -79,7 +89,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     );
     print!("{table}");
     for (scheme, mesh) in cases() {
-        let line = pool.install(|| line(&trials, scheme, mesh))?;
+        let line = pool.install(|| line(&flights, scheme, mesh))?;
         print!("{line}");
         table += &line;
     }
@@ -99,36 +109,43 @@ fn page() -> Option<PathBuf> {
 }
 
 /// One line of the table.
-fn line(trials: &[Trial], scheme: Scheme, mesh: Mesh) -> Result<String, FitError> {
-    let options = FitOptions {
-        scheme,
-        mesh,
+fn line(flights: &TrialSet, scheme: Scheme, mesh: Mesh) -> Result<String, Failure> {
+    let options = FlightOptions {
         // The flights start exactly at the first sample, and only the scheme's error is of interest.
         initial_position: InitialPosition::Known,
         stable_loop: false,
-        start: Some(THETA.iter().zip(OFF).map(|(t, off)| t * off).collect()),
-        ..FitOptions::default()
+        theta: Some(THETA.iter().zip(OFF).map(|(t, off)| t * off).collect()),
+        fit: Options {
+            scheme: Some(scheme),
+            mesh,
+            starts: 1,
+            ..Options::default()
+        },
+        ..FlightOptions::default()
     };
-    let once = || fit(trials, &options, &mut |_| ControlFlow::Continue(()));
-    let fit = once()?;
+    let problem = options.problem(flights)?;
+    let posed = Posed::new(&problem, &open)?;
+    let once = || fit(&posed, &mut |_| ControlFlow::Continue(()));
+    let fit = once();
     let mut times = vec![fit.seconds];
-    for _ in 1..REPETITIONS {
-        times.push(once()?.seconds);
-    }
+    times.extend((1..REPETITIONS).map(|_| once().seconds));
     times.sort_by(f64::total_cmp);
-    let biases: Vec<f64> = (fit.theta.iter().zip(THETA))
+    let theta = (1..).map_while(|k| fit.value(&format!("pilot.theta{k}")));
+    let biases: Vec<f64> = (theta.zip(THETA))
         .map(|(fitted, truth)| 100.0 * (fitted / truth - 1.0))
         .collect();
     let worst = biases.iter().fold(0.0_f64, |m, b| m.max(b.abs()));
     let mesh = match mesh {
-        Mesh::Samples => "samples".into(),
         Mesh::Step(step) => format!("{step} s"),
+        _ => "samples".into(),
     };
     let each: Vec<String> = biases.iter().map(|b| percent(*b, true)).collect();
     Ok(format!(
         "| {scheme} | {mesh} | {} | {} | {} | {:.1} | {} | {} |\n",
         scheme.order(),
-        fit.unknowns,
+        fit.solved
+            .as_ref()
+            .map_or(0, |own| own.solution.iterate.z.len()),
         iterations(&fit),
         1e3 * times[REPETITIONS / 2],
         percent(worst, false),
@@ -138,7 +155,7 @@ fn line(trials: &[Trial], scheme: Scheme, mesh: Mesh) -> Result<String, FitError
 
 /// Iterations, and how the fit ended if it did not converge.
 fn iterations(fit: &Fit) -> String {
-    match fit.converged {
+    match fit.status == Status::Converged {
         true => fit.iterations.to_string(),
         false => format!("{} ({})", fit.iterations, fit.status),
     }
@@ -158,18 +175,16 @@ fn percent(value: f64, sign: bool) -> String {
     }
 }
 
-/// A flight of the continuous-time model from rest, by the classical Runge–Kutta method.
+/// A flight of pilot and vehicle in continuous time from rest, by the classical Runge–Kutta method.
 fn flight(target: f64) -> Trial {
-    let FitOptions { vehicle, pilot, .. } = FitOptions::default();
-    let model = Differentiated::new(&Joint { vehicle, pilot }.system());
     let substeps = (1.0 / (RATE * STEP)).round() as usize;
     let samples = (DURATION * RATE).round() as usize + 1;
-    let mut x = vec![0.0; model.n_states()];
+    let mut x = vec![0.0; N_STATES + PILOT.order];
     let (mut position, mut stick) = (Vec::new(), Vec::new());
     for _ in 0..samples {
         position.push(x[0]);
-        stick.push(model.evaluate(0.0, &x, &[target], &THETA)[x.len() + 1]);
-        (0..substeps).for_each(|_| advance(&model, target, &mut x));
+        stick.push(PILOT.output(&x[N_STATES..], &THETA));
+        (0..substeps).for_each(|_| rk4(&mut x, STEP, 1, |x, _| slope(x, target)));
     }
     let largest = stick.iter().fold(0.0_f64, |m, u| m.max(u.abs()));
     assert!(
@@ -178,7 +193,7 @@ fn flight(target: f64) -> Trial {
     );
     Trial {
         name: format!("{target} m"),
-        origin: String::new(),
+        origin: format!("{target} m"),
         sha256: String::new(),
         time: (0..samples).map(|k| k as f64 / RATE).collect(),
         target: vec![target; samples],
@@ -188,17 +203,15 @@ fn flight(target: f64) -> Trial {
     }
 }
 
-/// One step of [`STEP`] seconds.
-fn advance(model: &Differentiated, target: f64, x: &mut [f64]) {
-    let slope = |x: &[f64]| model.evaluate(0.0, x, &[target], &THETA);
-    let along = |x: &[f64], k: &[f64], h: f64| -> Vec<f64> {
-        x.iter().zip(k).map(|(x, k)| x + h * k).collect()
-    };
-    let k1 = slope(x);
-    let k2 = slope(&along(x, &k1, STEP / 2.0));
-    let k3 = slope(&along(x, &k2, STEP / 2.0));
-    let k4 = slope(&along(x, &k3, STEP));
-    for (i, x) in x.iter_mut().enumerate() {
-        *x += STEP / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
-    }
+/// Slopes of the states of vehicle and pilot.
+fn slope(x: &[f64], target: f64) -> Vec<f64> {
+    let vehicle = Quadcopter::default();
+    let (of_vehicle, of_pilot) = x.split_at(N_STATES);
+    let mut dx = vec![0.0; x.len()];
+    let (vehicle_slope, pilot_slope) = dx.split_at_mut(N_STATES);
+    let stick = PILOT.output(of_pilot, &THETA);
+    vehicle.derivative(of_vehicle, stick, vehicle_slope);
+    let error = target - vehicle.output(of_vehicle);
+    PILOT.derivative(of_pilot, error, &THETA, pilot_slope);
+    dx
 }

@@ -7,65 +7,71 @@
 
 use pilotage::collocation::Scheme;
 use pilotage::estimation::refits::{covariance_by, uncertainty_by};
-use pilotage::estimation::{Posed, ProblemFile, part};
-use pilotage::identification::{Fit, FitError, FitOptions, InitialState, TrialSet, fit};
 use pilotage::inference::Method;
 use pilotage::sqp::SqpOptions;
+use pilotage::{Fit, FlightOptions, Posed, ProblemFile, TrialSet, fit, open};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 const SCHEMES: [Scheme; 3] = [Scheme::Euler, Scheme::Trapezoid, Scheme::HermiteSimpson];
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+type Failure = Box<dyn std::error::Error>;
+
+fn main() -> Result<(), Failure> {
     let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/trials/trials.toml");
     let set = TrialSet::read(&[manifest])?;
     println!(
         "{:<16} {:>8} {:>10} {:>8}  {:<10} objective [m²]",
         "scheme", "unknowns", "iterations", "seconds", "status"
     );
-    let mut fits = Vec::new();
+    let mut last = Vec::new();
     for scheme in SCHEMES {
-        let options = FitOptions {
-            scheme,
-            ..FitOptions::default()
-        };
-        let fit = fit(&set.fit, &options, &mut |_| ControlFlow::Continue(()))?;
+        let fit = fitted(&set, scheme, None)?;
+        let solved = fit.solved.as_ref().ok_or("a fit without its solution")?;
         println!(
             "{:<16} {:>8} {:>10} {:>8.2}  {:<10} {:.9}",
             scheme.name(),
-            fit.unknowns,
-            fit.iterations,
+            solved.solution.iterate.z.len(),
+            fit.starts.iter().map(|own| own.iterations).sum::<usize>(),
             fit.seconds,
             fit.status,
             fit.objective
         );
-        fits.push((scheme, fit));
+        last = theta(&fit);
     }
     covariances(Path::new(env!("CARGO_MANIFEST_DIR")))?;
     if let Some(file) = solution_file() {
-        // Near one optimum: every scheme starts from the default scheme's θ, as in compare.py, at rest.
-        let default = fits
-            .iter()
-            .find(|(scheme, _)| *scheme == FitOptions::default().scheme);
-        let start = default.map(|(_, fit)| fit.theta.clone());
-        let near = |scheme: Scheme| -> Result<String, FitError> {
-            let options = FitOptions {
-                scheme,
-                start: start.clone(),
-                initial_state: InitialState::AtRest,
-                ..FitOptions::default()
-            };
-            let fit = fit(&set.fit, &options, &mut |_| ControlFlow::Continue(()))?;
+        // Near one optimum: every scheme starts from the default scheme's θ, the last one's, as in compare.py.
+        let near = |scheme: Scheme| -> Result<String, Failure> {
+            let fit = fitted(&set, scheme, Some(&last))?;
             Ok(format!("{:?}: {}", scheme.name(), json(&fit)))
         };
-        let solutions = SCHEMES
-            .into_iter()
-            .map(near)
-            .collect::<Result<Vec<_>, _>>()?;
-        std::fs::write(file, format!("{{{}}}\n", solutions.join(",\n")))?;
+        let solutions: Result<Vec<_>, _> = SCHEMES.into_iter().map(near).collect();
+        std::fs::write(file, format!("{{{}}}\n", solutions?.join(",\n")))?;
     }
     Ok(())
+}
+
+/// The fit of these flights from the default starts, or from θ alone.
+fn fitted(set: &TrialSet, scheme: Scheme, start: Option<&[f64]>) -> Result<Fit, Failure> {
+    let mut options = FlightOptions {
+        theta: start.map(<[f64]>::to_vec),
+        ..FlightOptions::default()
+    };
+    options.fit.scheme = Some(scheme);
+    if start.is_some() {
+        options.fit.starts = 1;
+    }
+    let problem = options.problem(set)?;
+    let posed = Posed::new(&problem, &open)?;
+    Ok(fit(&posed, &mut |_| ControlFlow::Continue(())))
+}
+
+/// The fitted θ.
+fn theta(fit: &Fit) -> Vec<f64> {
+    let all = (1..).map_while(|k| fit.value(&format!("pilot.theta{k}")));
+    all.collect()
 }
 
 /// The argument after `--solution`.
@@ -76,7 +82,7 @@ fn solution_file() -> Option<PathBuf> {
         .map(PathBuf::from)
 }
 
-/// θ, objective, and the states at the boundaries of each run; numbers in full precision.
+/// θ, objective, and each state at the samples of each run; numbers in full precision.
 fn json(fit: &Fit) -> String {
     let runs: Vec<String> = (fit.runs.iter())
         .map(|run| format!("{{\"name\": {:?}, \"states\": {:?}}}", run.name, run.states))
@@ -84,13 +90,13 @@ fn json(fit: &Fit) -> String {
     format!(
         "{{\"objective\": {:?}, \"theta\": {:?}, \"runs\": [{}]}}",
         fit.objective,
-        fit.theta,
+        theta(fit),
         runs.join(", ")
     )
 }
 
 /// For each example problem: time of an iteration at the end of the fit, and the cost of a covariance in iterations.
-fn covariances(root: &Path) -> Result<(), Box<dyn std::error::Error>> {
+fn covariances(root: &Path) -> Result<(), Failure> {
     const AGAIN: u32 = 20;
     let methods = Method::ALL.map(Method::as_str).join(", ");
     println!(
@@ -100,8 +106,8 @@ fn covariances(root: &Path) -> Result<(), Box<dyn std::error::Error>> {
     for entry in std::fs::read_dir(root.join("examples/problems"))? {
         let path = entry?.path().join("problem.toml");
         let file = ProblemFile::read(&path)?;
-        let posed = Posed::new(&file, &part::open)?;
-        let found = pilotage::estimation::fit(&posed, &mut |_| ControlFlow::Continue(()));
+        let posed = Posed::new(&file, &open)?;
+        let found = fit(&posed, &mut |_| ControlFlow::Continue(()));
         let Some(solved) = found.solved.as_ref().filter(|_| posed.filter.is_none()) else {
             continue;
         };

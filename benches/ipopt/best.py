@@ -63,7 +63,7 @@ def solves(ours, data, options):
     each = options.initial_state, options.starts
     for case in cases(ours, [data["manifest"]], [options.scheme], *each):
         answer = ours.ask(case)
-        problem = problem_of(case, answer["scales"])
+        problem = problem_of(case, answer)
         solve = Ipopt(problem, "exact", fastest(options.scheme), *limits).solve(answer["start"])
         yield {"start": case["start"]} | solve
 

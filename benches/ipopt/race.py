@@ -81,18 +81,20 @@ def run_case(ours, case, options):
     from solvers import Ipopt, fastest, judge, problem_of
 
     limits = options.max_iter, options.max_seconds
-    answers = [ours.ask(case)]
-    problem = problem_of(case, answers[0]["scales"])
+    request = case | {"at_once": options.at_once}
+    answers = [ours.ask(request)]
+    problem = problem_of(case, answers[0])
     peer = {}
     for hessian in options.hessians:
         solver = Ipopt(problem, hessian, fastest(case["scheme"]), *limits)
         peer[hessian] = solver.solve(answers[0]["start"])
-        answers.append(ours.ask(case))
+        answers.append(ours.ask(request))
+    ended = problem_of(case, answers[0], "end_scales")
     converged = [h for h in peer if peer[h]["converged"]]
     best = min(converged, key=lambda h: peer[h]["seconds"]) if converged else None
     return case | {
         "unknowns": len(answers[0]["start"]),
-        "ours": judge(problem, answers),
+        "ours": judge(ended, answers),
         "ipopt": peer,
         "counts": best,
     }

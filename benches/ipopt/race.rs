@@ -1,30 +1,34 @@
 //! pilotage's side of the comparison with CasADi and IPOPT, driven by `benches/ipopt/race.py`: one request per line on
 //! standard input (JSON), one answer per line on standard output, until the input ends.
 //!
-//! A request names a problem by `manifest`, `scheme` and `initial_state`. Without further fields the answer contains
-//! the default starts, `candidates`. With a start `theta` and `max_iterations`, `max_seconds`, `tolerance` and
-//! `repeats` the problem is solved from there, `repeats` times, each time with new working memory of the solver. The
-//! answer then contains the scales, the start and the final point with its multipliers, and for each solve its
-//! processor time `seconds` and its `wall_seconds`. If `log` is true it also contains every iteration, but the seconds
-//! then include recording them.
-//!
-//! A request with `problem` names a problem file instead (posed.rs). It is solved on a coarser mesh first, as in a fit,
-//! unless `at_once` is true.
+//! A request names a problem file by `problem`, or flights by `manifest`, `scheme` and `initial_state`, with the start
+//! `theta`; without `theta` the answer contains the first default starts of these flights, `candidates`. The samples are
+//! the mesh. The problem is solved from its start alone, `repeats` times, each time with new working memory, with
+//! `max_iterations`, `max_seconds` and `tolerance`; on a coarser mesh first, as in a fit, unless `at_once` is true. The
+//! answer contains what the problem is, the scales, the start and the final point with its multipliers, and for each
+//! solve its processor time `seconds` and its `wall_seconds`.
 
-mod posed;
-
-use pilotage::collocation::{Collocation, Condensed, Scales};
-use pilotage::identification::problem;
-use pilotage::identification::solve::{SHORT_STEP, candidates};
-use pilotage::identification::{FitOptions, InitialState, Progress, TrialSet, start};
-use pilotage::sqp::{self, Iteration, Solution, Status};
+use pilotage::collocation::{Collocation, Scales, Scheme};
+use pilotage::estimation::file::Mesh;
+use pilotage::estimation::fit::{nearer, solve};
+use pilotage::estimation::posed::Stands;
+use pilotage::estimation::search::begin::begin;
+use pilotage::estimation::search::solved::Solved;
+use pilotage::estimation::starts::starts;
+use pilotage::flights::options::InitialState;
+use pilotage::sqp::{Iteration, Problem, Status};
+use pilotage::{FlightOptions, Posed, ProblemFile, TrialSet, open};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 type Failure = Box<dyn std::error::Error>;
+
+/// Amplitude of the probe's shift from the start.
+const PROBE: f64 = 0.1;
 
 fn main() -> Result<(), Failure> {
     for line in std::io::stdin().lines() {
@@ -37,146 +41,148 @@ fn main() -> Result<(), Failure> {
 }
 
 fn answer(request: &Value) -> Result<Value, Failure> {
-    if let Some(path) = request["problem"].as_str() {
-        return posed::answer(path.as_ref(), request);
-    }
-    let manifest = PathBuf::from(text(request, "manifest")?);
-    let set = TrialSet::read(&[manifest])?;
-    let initial_state = text(request, "initial_state")?;
-    let options = FitOptions {
-        scheme: text(request, "scheme")?.parse()?,
-        initial_state: (InitialState::ALL.into_iter())
-            .find(|s| s.as_str() == initial_state)
-            .ok_or_else(|| format!("no initial state is called {initial_state}"))?,
-        ..FitOptions::default()
+    let clock = Clock::start();
+    let path = request["problem"].as_str();
+    let mut file = match path {
+        Some(path) => ProblemFile::read(Path::new(path))?,
+        None => flights(request)?,
     };
-    match &request["theta"] {
-        Value::Null => {
-            let stick = |trial| start::implied_stick(trial, &options.vehicle);
-            let sticks: Vec<_> = set.fit.iter().map(stick).collect();
-            let quiet = &mut |_: &Progress<'_>| ControlFlow::Continue(());
-            let candidates = candidates(&set.fit, &sticks, &options, quiet)?;
-            let thetas: Vec<_> = candidates.all.iter().map(|start| &start.theta).collect();
-            Ok(json!({ "candidates": thetas }))
+    file.options.scheme.get_or_insert(Scheme::HermiteSimpson);
+    file.options.mesh = Mesh::Samples;
+    file.options.tolerance = number(request, "tolerance")?;
+    let mut posed = Posed::new(&file, &open)?;
+    if path.is_none() {
+        // Objectives are in m².
+        posed.factor = 1.0;
+        if request["theta"].is_null() {
+            return Ok(json!({ "candidates": candidates(&posed) }));
         }
-        theta => race(
-            &set,
-            &options,
-            &serde_json::from_value::<Vec<f64>>(theta.clone())?,
-            request,
-        ),
     }
+    let from = begin(&posed, &starts(&posed, 1)[0], &|| false);
+    let (setup_seconds, _) = clock.seconds();
+    race(&posed, from, request, setup_seconds)
+}
+
+/// The problem of flights.
+fn flights(request: &Value) -> Result<ProblemFile, Failure> {
+    let set = TrialSet::read(&[PathBuf::from(text(request, "manifest")?)])?;
+    let initial_state = text(request, "initial_state")?;
+    let mut options = FlightOptions {
+        theta: serde_json::from_value(request["theta"].clone())?,
+        initial_state: (InitialState::ALL.into_iter())
+            .find(|own| own.as_str() == initial_state)
+            .ok_or_else(|| format!("no initial state is called {initial_state}"))?,
+        ..FlightOptions::default()
+    };
+    options.fit.scheme = Some(text(request, "scheme")?.parse()?);
+    Ok(options.problem(&set)?)
+}
+
+/// θ of the first starts that differ in it.
+fn candidates(posed: &Posed<'_>) -> Vec<Vec<f64>> {
+    const COUNT: usize = 3;
+    let all = starts(posed, COUNT).into_iter();
+    let mut all: Vec<_> = all.map(|start| start.parameters).collect();
+    all.dedup();
+    all
 }
 
 fn race(
-    set: &TrialSet,
-    options: &FitOptions,
-    theta: &[f64],
+    posed: &Posed<'_>,
+    from: (Collocation, Vec<f64>),
     request: &Value,
+    setup_seconds: f64,
 ) -> Result<Value, Failure> {
-    let clock = Clock::start();
-    let states: Vec<_> = (set.fit.iter())
-        .map(|trial| start::joint_states(trial, options, theta))
-        .collect();
-    let problem = problem::response(&set.fit, options, Scales::of(&states, theta));
-    let start = problem.variables(&states, theta);
-    let (setup_seconds, _) = clock.seconds();
-
-    let sqp_options = sqp::SqpOptions {
-        tolerance: number(request, "tolerance")?,
-        max_iterations: number(request, "max_iterations")? as usize,
-        short_step: SHORT_STEP,
-        ..sqp::SqpOptions::default()
-    };
-    let limit = Duration::from_secs_f64(number(request, "max_seconds")?);
-    let (mut seconds, mut wall_seconds) = (Vec::new(), Vec::new());
-    let wanted = request["log"] == true;
-    let (mut solution, mut log) = (None, Vec::new());
+    let (mut seconds, mut wall_seconds, mut last) = (Vec::new(), Vec::new(), None);
     for _ in 0..number(request, "repeats")? as usize {
-        log.clear();
-        let mut record = |iteration: &Iteration| {
-            if wanted {
-                log.push(line(iteration));
-            }
-        };
+        let from = from.clone();
         let clock = Clock::start();
-        solution = Some(solve(
-            &problem,
-            start.clone(),
-            &sqp_options,
-            limit,
-            &mut record,
-        ));
+        last = Some(run(posed, from, request)?);
         let (processor, wall) = clock.seconds();
         seconds.push(processor);
         wall_seconds.push(wall);
     }
-    let Solution {
-        status,
-        iterate,
-        kkt,
-        work,
-        ..
-    } = solution.ok_or("repeats = 0: expected one at least")?;
-    let scales = &problem.model.scales;
+    let (solved, iterations) = last.ok_or("repeats = 0: expected one at least")?;
+    let ((begun, start), Solved { problem, solution }) = (from, solved);
     Ok(json!({
-        "scales": { "states": scales.states, "parameters": scales.parameters },
+        "states": posed.states.iter().map(|state| &state.name).collect::<Vec<_>>(),
+        "parameters": parameters(posed)?,
+        "scales": scales(&begun.model.scales),
+        "bound_sizes": begun.bounds.iter().map(|own| own.size).collect::<Vec<_>>(),
         "start": start,
+        "probe": probe(&begun, &start),
+        "factor": posed.factor,
         "setup_seconds": setup_seconds,
         "seconds": seconds,
         "wall_seconds": wall_seconds,
-        "status": status.as_str(),
-        "iterations": work.iterations,
-        "evaluations": work.evaluations,
-        "qps": work.qps,
-        "log": log,
-        "objective": iterate.f,
-        "kkt": kkt.residual(),
-        "theta": problem.physical_theta(&iterate.z),
-        "z": iterate.z,
-        "lambda": iterate.lambda,
-        "eta": iterate.eta,
+        "status": solution.status.as_str(),
+        "coarse_iterations": iterations[0],
+        "iterations": iterations[1],
+        "objective": solution.iterate.f,
+        "kkt": solution.kkt.residual(),
+        "end_scales": scales(&problem.model.scales),
+        "theta": problem.physical_theta(&solution.iterate.z),
+        "z": solution.iterate.z,
+        "lambda": solution.iterate.lambda,
+        "eta": solution.iterate.eta,
     }))
 }
 
-fn solve(
-    problem: &Collocation,
-    start: Vec<f64>,
-    options: &sqp::SqpOptions,
-    limit: Duration,
-    record: &mut dyn FnMut(&Iteration),
-) -> Solution {
-    let clock = Instant::now();
-    sqp::solve(
-        problem,
-        &mut Condensed::default(),
-        start,
-        options,
-        &mut |iteration| {
-            record(iteration);
-            match clock.elapsed() < limit {
-                true => ControlFlow::Continue(()),
-                false => ControlFlow::Break(Status::TimeLimit),
-            }
-        },
-    )
+/// A solve, and its numbers of iterations on the coarse mesh and on the fine one.
+fn run(
+    posed: &Posed<'_>,
+    from: (Collocation, Vec<f64>),
+    request: &Value,
+) -> Result<(Solved, [usize; 2]), Failure> {
+    let limit = Duration::from_secs_f64(number(request, "max_seconds")?);
+    let most = number(request, "max_iterations")? as usize;
+    let (clock, iterations) = (Instant::now(), AtomicUsize::new(0));
+    let see = |iteration: &Iteration| {
+        iterations.fetch_add(usize::from(iteration.number > 0), Ordering::Relaxed);
+        match clock.elapsed() < limit {
+            true => ControlFlow::Continue(()),
+            false => ControlFlow::Break(Status::TimeLimit),
+        }
+    };
+    let from = match request["at_once"] == true {
+        true => from,
+        false => nearer(posed, from, most, &see).0,
+    };
+    let before = iterations.swap(0, Ordering::Relaxed);
+    let solved = solve(posed, from, most, &see);
+    Ok((solved, [before, iterations.into_inner()]))
 }
 
-fn line(iteration: &Iteration) -> Value {
-    let kkt = iteration.kkt;
-    json!({
-        "number": iteration.number,
-        "objective": iteration.objective,
-        "primal": kkt.primal,
-        "dual": kkt.dual,
-        "complementarity": kkt.complementarity,
-        "step": iteration.step,
-        "length": iteration.length,
-        "damping": iteration.damping,
-        "penalty": iteration.penalty,
-        "active": iteration.active,
-        "model": iteration.model.as_str(),
-    })
+fn scales(scales: &Scales) -> Value {
+    json!({ "states": scales.states, "parameters": scales.parameters })
+}
+
+/// Objective, and sums of squares of the equalities and of the limited signals, at the start shifted in proportion to
+/// sin k in unknown k: another program with the same three values poses the same problem.
+fn probe(problem: &Collocation, start: &[f64]) -> Value {
+    let shifted = start.iter().enumerate();
+    let z: Vec<f64> = shifted
+        .map(|(k, value)| value + PROBE * (k as f64).sin())
+        .collect();
+    let mut equalities = vec![0.0; problem.n_equalities()];
+    let mut inequalities = vec![0.0; problem.limits().0.len()];
+    let objective = problem.evaluate(&z, &mut equalities, &mut inequalities);
+    let limited = &inequalities[..problem.layout.parameter_constraints];
+    let squares = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>();
+    json!([objective, squares(&equalities), squares(limited)])
+}
+
+/// Names of the shared parameters in their order.
+fn parameters<'p>(posed: &'p Posed<'_>) -> Result<Vec<&'p str>, Failure> {
+    let mut names = vec![""; posed.shared];
+    for (unknown, stands) in &posed.unknowns {
+        let Stands::Shared(k) = stands else {
+            let message = format!("{}: one value for all runs alone is raced", unknown.name);
+            return Err(message.into());
+        };
+        names[*k] = &unknown.name;
+    }
+    Ok(names)
 }
 
 /// Processor time of this process and wall time.

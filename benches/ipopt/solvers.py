@@ -26,11 +26,11 @@ ROUNDING = 1.1  # what another order of summation may add to the residual, as a 
 QUIET = {"print_level": 0, "sb": "yes"}
 
 
-def problem_of(case, scales):
+def problem_of(case, answer, scales="scales"):
     """The NLP of a case in CasADi, with our solver's scales."""
     trials = read_manifest(Path(case["manifest"]))
-    names = case["scheme"], case["initial_state"]
-    return Problem(*names, trials, scales["states"], scales["parameters"])
+    names, scales = (case["scheme"], case["initial_state"]), answer[scales]
+    return Problem(*names, trials, scales["states"], scales["parameters"], *answer["bound_sizes"])
 
 
 class Ours:

@@ -77,7 +77,7 @@ def problems(options):
     manifests = [folder / f"set{n}" / "trials.toml" for n in options.data_sets]
     for case in cases(ours, manifests, options.schemes, options.initial_state, options.starts):
         answer = ours.ask(case)
-        yield problem_of(case, answer["scales"]), answer["start"]
+        yield problem_of(case, answer), answer["start"]
 
 
 def posed(ours, options):

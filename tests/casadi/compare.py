@@ -52,7 +52,7 @@ def solve(name, trials, solution):
     from nlp import Problem
 
     theta = np.array(solution["theta"])
-    states = [np.array(run["states"]).T for run in solution["runs"]]
+    states = [np.array(run["states"]) for run in solution["runs"]]
     scale = np.max([np.abs(x).max(axis=1) for x in states], axis=0)
     problem = Problem(name, "at-rest", trials, scale, np.abs(theta))
     solver = ca.nlpsol("solver", "ipopt", problem.nlp, {"ipopt": IPOPT, "print_time": False})

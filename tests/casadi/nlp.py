@@ -2,7 +2,7 @@
 published schemes. It shares with pilotage the order of the unknowns and constraints, so that starts and
 multipliers can be exchanged:
 
-    z = [X1 | X2 | ... | theta]    a run: its nodes in time order, all states of a node together; scaled
+    z = [X1 | X2 | ... | theta]    a run: its nodes in time order, all states of a node together, the pilot's first; scaled
     g = [defects | sticks | stability]    each run by run; defects interval by interval
 """
 
@@ -16,9 +16,11 @@ SCHEMES = {
     "hermite-simpson": ([0, 1 / 2, 1], [[5 / 24, 1 / 3, -1 / 24], [1 / 6, 2 / 3, 1 / 6]]),
 }
 STATES, PARAMETERS = 9, 6
+POSITION = 3  # among the states: those of the pilot come first
 # Which of the states are known at the first sample: the position is measured there, and estimated.
-INITIAL_STATES = {"free": [], "vehicle-at-rest": list(range(1, 6)), "at-rest": list(range(1, STATES))}
-MARGIN = 1e-6  # of the pilot's stability conditions
+REST = list(range(POSITION + 1, STATES))
+INITIAL_STATES = {"free": [], "vehicle-at-rest": REST, "at-rest": [*range(POSITION), *REST]}
+MARGIN = 1e-6  # every pole of the pilot is further left [1/s]
 LOOP_MARGIN = 1e-3  # every pole of the closed loop is further left [1/s]
 STICK_LIMIT = 1.0
 CLEARANCE = 1e-7  # least scaled value of the stability conditions
@@ -29,23 +31,23 @@ def joint():
     """Closed loop of the quadcopter's pitch axis and a third-order pilot: x' = f(x, target, theta)."""
     x, target = ca.SX.sym("x", STATES), ca.SX.sym("target")
     theta = ca.SX.sym("theta", PARAMETERS)
-    z, phi, v, q, front, back = ca.vertsplit(x[:6])
-    pilot = x[6:]
+    pilot = x[:POSITION]
+    z, phi, v, q, front, back = ca.vertsplit(x[POSITION:])
     mass, arm, inertia, gravity, hover = 1.2, 0.225, 0.0123, 9.80665, 0.9214
     lag, gain, k_phi, k_q, full = 14.48, 0.0222, 22.96, 10.76, ca.pi / 4
     stick = ca.dot(theta[3:], pilot)
     thrust = lambda omega: mass * gravity / 4 * (1 + omega / hover) ** 2
     throttle = k_phi * (full * stick - phi) - k_q * q
     rate = ca.vertcat(
+        pilot[1],
+        pilot[2],
+        target - z - ca.dot(theta[:3], pilot),
         v,
         q,
         -2 / mass * (thrust(front) + thrust(back)) * ca.sin(phi),
         ca.sqrt(2) * arm / inertia * (thrust(front) - thrust(back)),
         -lag * front + gain * throttle,
         -lag * back - gain * throttle,
-        pilot[1],
-        pilot[2],
-        target - z - ca.dot(theta[:3], pilot),
     )
     return ca.Function("f", [x, target, theta], [rate]), ca.Function("u", [x, theta], [stick])
 
@@ -59,22 +61,13 @@ def product(a, b):
     return out
 
 
-def closed_loop(theta):
-    """First column of Routh's array, without its first entry, of the closed loop's characteristic polynomial
-    about hover in s - LOOP_MARGIN."""
-    mass, arm, inertia, gravity, hover = 1.2, 0.225, 0.0123, 9.80665, 0.9214
-    lag, gain, k_phi, k_q, full = 14.48, 0.0222, 22.96, 10.76, np.pi / 4
-    beta = np.sqrt(2) * arm / inertia * mass * gravity / hover * gain
-    denominator = [1, theta[2], theta[1], theta[0]]
-    vehicle = product([1, 0, 0], [1, lag, beta * k_q, beta * k_phi])
-    characteristic = product(denominator, vehicle)
-    for i, numerator in enumerate([theta[5], theta[4], theta[3]]):
-        characteristic[len(characteristic) - 3 + i] -= gravity * full * beta * k_phi * numerator
+def routh(polynomial, margin):
+    """First column of Routh's array, without its first entry, of a polynomial in s - margin."""
     shifted = [0]
-    for coefficient in characteristic:
-        shifted = product(shifted, [1, -LOOP_MARGIN])
+    for coefficient in polynomial:
+        shifted = product(shifted, [1, -margin])
         shifted[-1] += coefficient
-    shifted = shifted[-len(characteristic) :]
+    shifted = shifted[-len(polynomial) :]
     upper, lower, column = shifted[::2], shifted[1::2], []
     while lower:
         column.append(lower[0])
@@ -84,21 +77,35 @@ def closed_loop(theta):
     return column
 
 
+def closed_loop(theta):
+    """The characteristic polynomial of the closed loop about hover. The sum of the rotor speeds, which nothing excites,
+    is the factor s + lag."""
+    mass, arm, inertia, gravity, hover = 1.2, 0.225, 0.0123, 9.80665, 0.9214
+    lag, gain, k_phi, k_q, full = 14.48, 0.0222, 22.96, 10.76, np.pi / 4
+    beta = np.sqrt(2) * arm / inertia * mass * gravity / hover * gain
+    vehicle = product([1, 0, 0], [1, lag, beta * k_q, beta * k_phi])
+    characteristic = product([1, theta[2], theta[1], theta[0]], vehicle)
+    for i, numerator in enumerate([theta[5], theta[4], theta[3]]):
+        characteristic[len(characteristic) - 3 + i] -= gravity * full * beta * k_phi * numerator
+    return product([1, lag], characteristic)
+
+
 def stability(theta):
-    """Routh and Hurwitz, of the pilot and of its closed loop: all positive."""
-    pilot = [theta[0], theta[1], theta[2], theta[2] * theta[1] - theta[0]]
-    return ca.vertcat(*[value - MARGIN for value in pilot], *closed_loop(theta))
+    """Routh's columns of the pilot and of its closed loop: all positive."""
+    pilot = routh([1, theta[2], theta[1], theta[0]], MARGIN)
+    return ca.vertcat(*pilot, *routh(closed_loop(theta), LOOP_MARGIN))
 
 
 class Problem:
     """The scaled NLP: `nlp` and `limits` for CasADi's nlpsol, and `gauss_newton`, the diagonal of the
     objective's Hessian, which is the Gauss-Newton matrix since the residuals are linear."""
 
-    def __init__(self, scheme, initial_state, trials, scale, scale_theta):
+    def __init__(self, scheme, initial_state, trials, scale, scale_theta, stick_size=1.0):
         self.abscissae, self.weights = SCHEMES[scheme]
         self.known = INITIAL_STATES[initial_state]
         self.f, self.stick = joint()
         self.scale, self.scale_theta = np.array(scale), np.array(scale_theta)
+        self.stick_size = stick_size
         theta_bar = ca.MX.sym("theta", PARAMETERS)
         self.theta = theta_bar * self.scale_theta
         runs = [self.run(j, trial) for j, trial in enumerate(trials)]
@@ -112,7 +119,7 @@ class Problem:
             "f": sum(objective),
             "g": ca.vertcat(equal, bounded, stability(self.theta) / size),
         }
-        zero, limit = np.zeros(equal.numel()), np.full(bounded.numel(), STICK_LIMIT)
+        zero, limit = np.zeros(equal.numel()), np.full(bounded.numel(), STICK_LIMIT / stick_size)
         free = np.full(PARAMETERS, np.inf)
         conditions = stability(self.theta).numel()
         self.limits = {
@@ -145,14 +152,14 @@ class Problem:
         seen = np.isfinite(trial.position)
         recorded = ca.DM(np.where(seen, trial.position, 0)).T
         mask = ca.DM(seen.astype(float)).T
-        squares = trial.weight * ca.sumsqr(mask * (recorded - boundary[0, :]))
+        squares = trial.weight * ca.sumsqr(mask * (recorded - boundary[POSITION, :]))
         # Hover somewhere, the pilot at zero.
         lower = np.full(x.numel(), -np.inf)
         upper = np.full(x.numel(), np.inf)
         lower[self.known] = upper[self.known] = 0
         curvature = np.zeros(x.numel())
-        curvature[:: STATES * s] = 2 * trial.weight * seen * self.scale[0] ** 2
-        return x, squares, ca.vec(ca.vertcat(*defects)), stick.T, lower, upper, curvature
+        curvature[POSITION :: STATES * s] = 2 * trial.weight * seen * self.scale[POSITION] ** 2
+        return x, squares, ca.vec(ca.vertcat(*defects)), stick.T / self.stick_size, lower, upper, curvature
 
     def multipliers(self, equality, inequality):
         """CasADi's multipliers of g and of z from those of pilotage, whose equalities begin in each

@@ -1,6 +1,7 @@
 //! The second-order condition of a collocation problem: on the reduced variables and on all of them.
 
-use crate::random_collocation::{Draw, Random, constraints, iterate, problem};
+use crate::draw::Draw;
+use crate::random_collocation::{Random, constraints, iterate, problem};
 use pilotage_collocation::Scheme;
 use pilotage_collocation::{
     Bound, Collocation, Condensed, Differentiated, Loss, Recording, Run, Scales,

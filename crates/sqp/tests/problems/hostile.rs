@@ -1,8 +1,8 @@
 //! Problems that nobody should pose: not defined in parts of their space, without bounds, without
 //! variables, with contradictions. Whatever they are, a solve ends and says what it knows.
 
+use super::draw::Draw;
 use super::{Functions, Nlp, run};
-use crate::random_collocation::Draw;
 use num_dual::DualNum;
 use num_dual::HyperDual64 as H;
 use pilotage_sqp::{Solution, Status};

@@ -1,9 +1,11 @@
 //! The SQP on problems with known answers, through its public interface and the general QP path.
 
+mod draw;
+mod hock_schittkowski;
 mod hostile;
 mod library;
 
-use library::{Answer, Example, examples};
+use library::{Answer, Example};
 use nalgebra::{DMatrix, DVector};
 use num_dual::HyperDual64;
 use pilotage_sqp::curvature::TOLERANCE;
@@ -212,7 +214,10 @@ fn known_problems_end_as_known() {
         "problem", "status"
     );
     let mut wrong = Vec::new();
-    for example in examples() {
+    for example in hock_schittkowski::examples()
+        .into_iter()
+        .chain(library::examples())
+    {
         let nlp = Nlp::new(example.functions, example.limits, example.start.len());
         let solution = run(&nlp, example.start);
         let (name, work) = (example.name, solution.work);

@@ -2,37 +2,15 @@
 //! measured outputs, none to two bounded ones, every family of schemes, irregular meshes on the samples or apart from them, missing samples, every kind
 //! of initial state.
 
+use crate::differences::SCHEMES;
+use crate::draw::Draw;
 use num_dual::DualNum;
 use pilotage_collocation::{
-    Bound, Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme,
+    Bound, Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales,
 };
 use pilotage_expression::{Point, System};
 use pilotage_sqp::{Iterate, Problem};
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::sync::Arc;
-
-/// Uniform numbers in `[-1, 1]` from a seed.
-pub struct Draw(ChaCha8Rng);
-
-impl Draw {
-    pub fn new(seed: u64) -> Self {
-        Self(ChaCha8Rng::seed_from_u64(seed))
-    }
-
-    pub fn one(&mut self) -> f64 {
-        f64::from(self.0.next_u32()) / f64::from(u32::MAX) * 2.0 - 1.0
-    }
-
-    pub fn vector(&mut self, n: usize) -> Vec<f64> {
-        (0..n).map(|_| self.one()).collect()
-    }
-
-    /// An integer in `0..n`.
-    pub fn below(&mut self, n: usize) -> usize {
-        self.0.next_u32() as usize % n
-    }
-}
 
 /// `ẋ_i = Σ_l a_il x_l + b_i w + θ_{i mod p} x_{(i+1) mod n} + e sin(θ_0 x_i)`, a measured output with
 /// a square in it, and a bounded signal bilinear in states and parameters; another measured output that
@@ -87,18 +65,6 @@ pub fn constraints(p: usize) -> ParameterConstraints {
 
 /// One of each kind of scheme: explicit, implicit, with inner nodes, without a derivative at the start, with
 /// stages, with coefficients that are no states, and with one element for a whole run.
-pub const SCHEMES: [Scheme; 9] = [
-    Scheme::Euler,
-    Scheme::Trapezoid,
-    Scheme::HermiteSimpson,
-    Scheme::Radau(1),
-    Scheme::Gauss(2),
-    Scheme::Radau(3),
-    Scheme::Lobatto(3),
-    Scheme::Bernstein(3),
-    Scheme::FiniteDifference(3),
-];
-
 pub type Random = Collocation;
 
 /// A random problem.
