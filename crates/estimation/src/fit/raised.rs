@@ -25,6 +25,10 @@ use std::ops::ControlFlow;
 /// Places of the pair, relative to the magnitude of the lower order's poles.
 const PAIRS: [f64; 3] = [1.1, 0.075, 7.5];
 
+/// Place of another pair where states begin anywhere, and how many times as far from 0 its zero is: a model that integrates has an
+/// optimum of its own there, to which no pair that cancels leads.
+const INTEGRATING: (f64, f64) = (1e-3, 100.0);
+
 /// Scaled KKT residual at which the fit of a lower order ends.
 const ROUGH: f64 = 1e-4;
 
@@ -129,8 +133,8 @@ fn raised(posed: &Posed<'_>, watch: &Watch<'_, '_>) -> Option<Vec<Start>> {
         (1..=2 * order).map(|k| shared.get(&*format!("{instance}.theta{k}")).copied());
     let coefficients: Vec<f64> = coefficients.collect::<Option<_>>()?;
     let first = given(posed);
-    let raised = |place: &f64| {
-        let all = with_pair(&coefficients, *place, 1.0);
+    let raised = |(place, apart): (f64, f64)| {
+        let all = with_pair(&coefficients, place, apart);
         let mut start = Start {
             follows: posed.followed.is_some(),
             is_fitted: true,
@@ -149,8 +153,10 @@ fn raised(posed: &Posed<'_>, watch: &Watch<'_, '_>) -> Option<Vec<Start>> {
         }
         start
     };
+    let integrating = has_free_states(posed).then_some(INTEGRATING);
+    let pairs = PAIRS.iter().map(|place| (*place, 1.0)).chain(integrating);
     let chosen = is_chosen(posed).then(|| first.clone());
-    let all = chosen.into_iter().chain(PAIRS.iter().map(raised));
+    let all = chosen.into_iter().chain(pairs.map(raised));
     Some(all.collect())
 }
 
