@@ -14,12 +14,15 @@ use crate::posed::unknowns::Unknown;
 use crate::problem::file::{Measured, ProblemFile, Quantity};
 use crate::problem::order::{check, instance, number, with_order, with_pair};
 use crate::search::observed::Observed;
+use crate::search::solved::{SAME, Solved};
 use crate::search::starts::{Start, given, recorded, starts};
 use crate::system::part;
 use pilotage_collocation::stays_large;
 use pilotage_cosim::description::InstanceDescription;
+use pilotage_inference::sampling::median_step;
 use pilotage_sqp::Status;
 use std::collections::HashMap;
+use std::f64::consts::PI;
 use std::ops::ControlFlow;
 
 /// Places of the pair, relative to the magnitude of the lower order's poles.
@@ -122,42 +125,78 @@ fn raised(posed: &Posed<'_>, watch: &Watch<'_, '_>) -> Option<Vec<Start>> {
         return None;
     }
     let (best, _) = best_of(&solved, &quiet);
-    let theta = solved.swap_remove(best)?.theta();
-    let shared = below.unknowns.iter().filter_map(|(unknown, stands)| {
-        let value = below.places(stands).first().and_then(|k| theta.get(*k));
-        Some((unknown.name.as_str(), *value?))
-    });
-    let shared: HashMap<&str, f64> = shared.collect();
+    let best = solved[best].take()?;
+    let other = another(&best, &solved);
     let order = file.order_of(&instance)? as usize;
-    let coefficients =
-        (1..=2 * order).map(|k| shared.get(&*format!("{instance}.theta{k}")).copied());
-    let coefficients: Vec<f64> = coefficients.collect::<Option<_>>()?;
     let first = given(posed);
-    let raised = |(place, apart): (f64, f64)| {
-        let all = with_pair(&coefficients, place, apart);
-        let mut start = Start {
-            follows: posed.followed.is_some(),
-            is_fitted: true,
-            is_raised: true,
-            ..first.clone()
-        };
-        for (unknown, stands) in &posed.unknowns {
-            let value = match number(&unknown.name, &instance) {
-                Some(k) => all.get(k - 1),
-                None => shared.get(unknown.name.as_str()),
-            };
-            let places = posed.places(stands).into_iter();
-            if let Some(value) = value {
-                places.for_each(|k| start.parameters[k] = *value);
-            }
-        }
-        start
-    };
     let integrating = has_free_states(posed).then_some(INTEGRATING);
     let pairs = PAIRS.iter().map(|place| (*place, 1.0)).chain(integrating);
-    let chosen = is_chosen(posed).then(|| first.clone());
-    let all = chosen.into_iter().chain(pairs.map(raised));
-    Some(all.collect())
+    let pairs: Vec<(f64, f64)> = pairs.collect();
+    let mut all: Vec<Start> = is_chosen(posed)
+        .then(|| first.clone())
+        .into_iter()
+        .collect();
+    for own in [Some(&best), other].into_iter().flatten() {
+        let theta = own.theta();
+        let shared = below.unknowns.iter().filter_map(|(unknown, stands)| {
+            let value = below.places(stands).first().and_then(|k| theta.get(*k));
+            Some((unknown.name.as_str(), *value?))
+        });
+        let shared: HashMap<&str, f64> = shared.collect();
+        let coefficients =
+            (1..=2 * order).map(|k| shared.get(&*format!("{instance}.theta{k}")).copied());
+        let coefficients: Vec<f64> = coefficients.collect::<Option<_>>()?;
+        let is_first = std::ptr::eq(own, &best);
+        let raised = |(place, apart): &(f64, f64)| {
+            let all = with_pair(&coefficients, *place, *apart);
+            let value = |name: &str| match number(name, &instance) {
+                Some(k) => all.get(k - 1).copied(),
+                None => shared.get(name).copied(),
+            };
+            begun(posed, &first, &value)
+        };
+        all.extend(pairs.iter().map(raised));
+        if is_first && !runs_away(posed, &coefficients) {
+            break;
+        }
+    }
+    Some(all)
+}
+
+/// Whether a pole is faster than the samples resolve.
+fn runs_away(posed: &Posed<'_>, coefficients: &[f64]) -> bool {
+    let step = posed.runs.iter().filter_map(|run| median_step(&run.time));
+    let step = step.fold(f64::INFINITY, f64::min);
+    // The sum of the poles.
+    coefficients[coefficients.len() / 2 - 1].abs() * step > PI
+}
+
+/// The next best optimum of the order below, if the best one has a pole that runs away: that leads to no better one of the next.
+fn another<'s>(best: &Solved, solved: &'s [Option<Solved>]) -> Option<&'s Solved> {
+    let objective = |own: &Solved| own.solution.iterate.f;
+    let is_another = |own: &&Solved| {
+        own.solution.status == Status::Converged
+            && objective(own) > objective(best) + SAME * objective(best).abs()
+    };
+    let others = solved.iter().flatten().filter(is_another);
+    others.min_by(|a, b| objective(a).total_cmp(&objective(b)))
+}
+
+/// A start with these values in place of those of the first.
+fn begun(posed: &Posed<'_>, first: &Start, value: &dyn Fn(&str) -> Option<f64>) -> Start {
+    let mut start = Start {
+        follows: posed.followed.is_some(),
+        is_fitted: true,
+        is_raised: true,
+        ..first.clone()
+    };
+    for (unknown, stands) in &posed.unknowns {
+        if let Some(value) = value(&unknown.name) {
+            let places = posed.places(stands).into_iter();
+            places.for_each(|k| start.parameters[k] = value);
+        }
+    }
+    start
 }
 
 /// The problem with the order below; None if there is none, or it would not be the same problem.

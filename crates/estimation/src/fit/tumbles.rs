@@ -405,7 +405,6 @@ impl OneRun {
                 }
             }
             let Some(z) = self.from(kept, (j, &initial), watch) else {
-                eprintln!("run {j}: simulation failed");
                 continue;
             };
             let solution = self.solved(kept.posed, z, watch);
