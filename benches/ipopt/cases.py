@@ -39,7 +39,7 @@ def random_pilot(seed):
 
 
 def starts(ours, problem, count):
-    """The default starts that pilotage estimates from the data, then random ones."""
+    """The first default starts of pilotage, then random ones."""
     named = [(f"default{i + 1}", theta) for i, theta in enumerate(ours.ask(problem)["candidates"])]
     rest = range(1, 1 + max(0, count - len(named)))
     named += [(f"random{i}", random_pilot(f"{problem['data_set']} {i}")) for i in rest]

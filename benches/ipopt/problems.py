@@ -12,7 +12,7 @@ from posed import Posed
 from solvers import Ipopt, judge
 
 SAME_PROBLEM = 1e-8  # relative difference of what is compared
-PROBE = 0.1  # as in posed.rs
+PROBE = 0.1  # as in race.rs
 # IPOPT at its fastest of what was tried: AMD, METIS, adaptive mu and its own scaling are slower or as fast.
 FASTEST = {"mumps_pivot_order": 6, "nlp_scaling_method": "none"}
 

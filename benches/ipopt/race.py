@@ -19,10 +19,13 @@ the multipliers that it found; the exit code is 1 when one is not.
 
 Trials of one's own must have been flown with the default vehicle: nlp.py has its numbers.
 
+The samples are the mesh; ours is solved on a fifth of it first, as fits are, which counts. The default starts of flights are
+those that a fit draws.
+
 Problem files are raced (problems.py) from the values of the model files and from others within a factor 3, with one
-start each and the samples as mesh, ours on a fifth of it first, as fits are, which counts; their equations in CasADi are in loops.py. IPOPT has the exact Hessian. With
---default-starts there is no race: each is fitted from so many given starts by the command with its default starts
-(defaults.py), and the exit code is 1 where fewer than nine of ten end within 0.1 % of the best.
+start each; their equations in CasADi are in loops.py. IPOPT has the exact Hessian. With --default-starts there is no
+race: each is fitted from so many given starts by the command with its default starts (defaults.py), and the exit code is
+1 where fewer than nine of ten end within 0.1 % of the best.
 """
 
 import argparse

@@ -1,6 +1,6 @@
 //! Small random collocation problems: models with linear, bilinear and transcendental terms, one or two
-//! measured outputs, none to two bounded ones, every family of schemes, irregular meshes on the samples or apart from them, missing samples, every kind
-//! of initial state.
+//! measured outputs, none to two bounded ones, every family of schemes, irregular meshes on the samples or
+//! apart from them, missing samples, every kind of initial state.
 
 use crate::differences::SCHEMES;
 use crate::draw::Draw;

@@ -446,9 +446,9 @@ mod tests {
 
     #[test]
     fn gaps_are_lines_between_their_neighbours_and_constant_at_the_ends() {
-        let (time, none) = ([0.0, 1.0, 3.0, 4.0, 5.0], f64::NAN);
+        let (time, none) = ([0.0, 1.0, 3.0, 5.0, 6.0], f64::NAN);
         let known = [none, 2.0, none, -1.0, none];
-        assert_eq!(filled(&time, &known), [2.0, 2.0, 0.0, -1.0, -1.0]);
+        assert_eq!(filled(&time, &known), [2.0, 2.0, 0.5, -1.0, -1.0]);
     }
 
     #[test]

@@ -49,9 +49,7 @@ fn short() -> [Trial; 1] {
 fn posed<T>(trials: &[Trial], options: &FlightOptions, see: impl FnOnce(&Posed<'_>) -> T) -> T {
     let set = TrialSet {
         fit: trials.to_vec(),
-        validation: Vec::new(),
-        notes: Vec::new(),
-        files: Vec::new(),
+        ..TrialSet::default()
     };
     let file = options.problem(&set).unwrap();
     see(&Posed::new(&file, &open).unwrap())
