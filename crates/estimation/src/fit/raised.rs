@@ -129,7 +129,8 @@ fn raised(posed: &Posed<'_>, watch: &Watch<'_, '_>) -> Option<Vec<Start>> {
     let other = another(&best, &solved);
     let order = file.order_of(&instance)? as usize;
     let first = given(posed);
-    let integrating = has_free_states(posed).then_some(INTEGRATING);
+    let is_many = has_free_states(posed) && Tumbles::of(posed).is_none();
+    let integrating = is_many.then_some(INTEGRATING);
     let pairs = PAIRS.iter().map(|place| (*place, 1.0)).chain(integrating);
     let pairs: Vec<(f64, f64)> = pairs.collect();
     let mut all: Vec<Start> = is_chosen(posed)
