@@ -17,13 +17,14 @@ use crate::search::observed::Observed;
 use crate::search::solved::{SAME, Solved};
 use crate::search::starts::{Start, given, recorded, starts};
 use crate::system::part;
-use pilotage_collocation::stays_large;
 use pilotage_cosim::description::InstanceDescription;
 use pilotage_inference::sampling::median_step;
+use pilotage_series::Series;
 use pilotage_sqp::Status;
 use std::collections::HashMap;
 use std::f64::consts::PI;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// Places of the pair, relative to the magnitude of the lower order's poles.
 const PAIRS: [f64; 3] = [1.1, 0.075, 7.5];
@@ -34,6 +35,10 @@ const INTEGRATING: (f64, f64) = (1e-3, 100.0);
 
 /// Scaled KKT residual at which the fit of a lower order ends.
 const ROUGH: f64 = 1e-4;
+
+/// Maximum number of rows of each run that the fit of a lower order takes: a loop with wrong parameters carries the states far
+/// away in a long run, and what the rows behind say is left to the order that is asked for.
+const ROWS: usize = 1000;
 
 /// The lowest order with starts from the order below.
 const LOWEST: u32 = 3;
@@ -213,7 +218,7 @@ fn lower(posed: &Posed<'_>, instance: &str) -> Option<ProblemFile> {
     let is_own =
         |own: &Measured| matches!(&own.of, Quantity::Signal(of) if of.starts_with(&prefix));
     // A fit of long runs costs as much as the search itself, and where its output is recorded a model is found without.
-    let is_needless = posed.runs.iter().any(stays_large) || file.measured.iter().any(is_own);
+    let is_needless = file.measured.iter().any(is_own);
     let is_alone = file.options.starts < 2 || posed.filter.is_some();
     if is_needless || is_alone || !(1..=2 * order).all(is_sought) {
         return None;
@@ -222,9 +227,20 @@ fn lower(posed: &Posed<'_>, instance: &str) -> Option<ProblemFile> {
     lower.options.tolerance = lower.options.tolerance.max(ROUGH);
     lower.runs.retain(|run| run.fits);
     for (run, data) in lower.runs.iter_mut().zip(&posed.data) {
-        run.recorded = Some(data.series.clone());
+        run.recorded = Some(match data.series.time.len() > ROWS {
+            true => Arc::new(beginning(&data.series)),
+            false => data.series.clone(),
+        });
     }
     Some(lower)
+}
+
+/// The first rows of a recording.
+fn beginning(whole: &Series) -> Series {
+    let mut own = whole.clone();
+    own.time.truncate(ROWS);
+    (own.columns.iter_mut()).for_each(|column| column.values.truncate(ROWS));
+    own
 }
 
 /// Whether some parameter begins elsewhere than in its model.
