@@ -55,7 +55,7 @@ fn the_demo_fills_one_folder_and_says_what_lies_where() {
     let runs = page.split("<h2>Data</h2>").nth(1).unwrap();
     let runs = runs.split("</table>").next().unwrap().split("</tr>");
     let cell = |row: &str| -> Option<f64> {
-        let own = row.split("</td>").nth(2)?;
+        let own = row.rsplit_once("</td>")?.0;
         own.rsplit('>').next()?.parse().ok()
     };
     let all: Vec<f64> = runs.filter_map(cell).collect();

@@ -289,7 +289,7 @@ fn names_and_numbers_of_options_are_checked() {
         "--initial-state=moving",
         "--objective=speed",
         "--order=0",
-        "--order=13",
+        "--order=7",
         "--tolerance=0",
         "--stick-limit=-1",
         "--max-iterations=-3",

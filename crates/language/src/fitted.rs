@@ -42,6 +42,7 @@ impl Fitted {
         table.only(&[
             "tool",
             "problem",
+            "posed",
             "instance",
             "status",
             "converged",

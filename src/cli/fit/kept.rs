@@ -19,6 +19,13 @@ pub fn provenance(posed: &Posed<'_>, fit: &Fit, instance: &str) -> String {
         quoted(fit.ending()),
         fit.is_answer(),
     );
+    // Flights pose their problem in memory: vehicle, initial states, stability and options are nowhere else.
+    if posed.file.runs.iter().any(|run| run.recorded.is_some()) {
+        text += &match posed.file.text.contains("'''") {
+            true => format!("posed = {}\n", quoted(&posed.file.text)),
+            false => format!("posed = '''\n{}'''\n", posed.file.text),
+        };
+    }
     if fit.is_met() {
         text += &format!(
             "objective = {}\nchi2 = {}\nnllh = {}\n",

@@ -40,7 +40,6 @@ use crate::estimation::file::Options;
 use crate::flights::FlightOptions;
 use crate::flights::options::{InitialPosition, InitialState, Objective};
 use crate::inference::Method;
-use crate::models::library::MAX_ORDER;
 use checks::Checks;
 use clap::ArgMatches;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -56,6 +55,9 @@ use start::Begin;
 use std::path::PathBuf;
 pub use task::Task;
 pub use watch::{Iterate, Watch};
+
+/// The highest order of a pilot that is fitted to flights.
+const MAX_ORDER: usize = 6;
 
 /// Version of the JSON that a fit prints, docs/json.md. It grows when a key goes or changes its meaning.
 pub const SCHEMA: u32 = 2;
@@ -135,8 +137,7 @@ pub struct Args {
     /// What is compared with the recording: the vehicle's response (as in the paper), the stick, or both in two fits.
     #[arg(long, value_parser = named(Compared::ALL, Compared::as_str), default_value = Compared::ALL[0].as_str())]
     objective: Compared,
-    /// Start values of the parameters: one for each, in the order of the summary, or NAME=VALUE,... for some of a problem
-    /// file [default: estimated from the data; those of a problem file].
+    /// Start values of the parameters: one for each, in the order of the summary, or NAME=VALUE,... for some [default: estimated from the data; those of a problem file].
     #[arg(
         long,
         value_name = "VALUES",

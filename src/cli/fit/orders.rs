@@ -1,6 +1,6 @@
 //! `--orders`: selects the order of the linear pilot. The fit continues with the selected order.
 
-use super::Args;
+use super::{Args, MAX_ORDER};
 use crate::cli::compare;
 use crate::cli::deadline::Deadline;
 use crate::cli::folds::Folds;
@@ -9,7 +9,6 @@ use crate::estimation::comparison::{Candidate, Compared};
 use crate::estimation::orders::Ordered as Solved;
 use crate::estimation::{self, Fit, ProblemFile};
 use crate::flights;
-use crate::models::library::MAX_ORDER;
 use serde_json::{Value, json};
 use std::ops::RangeInclusive;
 

@@ -3,6 +3,7 @@
 use super::log::Log;
 use super::models::{self, Fitted};
 use super::refits::{NOTHING, Plan, Refitted};
+use super::start::Begin;
 use super::summary::{self, Outcomes};
 use super::task::Task;
 use super::{Args, Watch, evaluate, log, orders, page, start};
@@ -43,8 +44,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         }
         chosen = Some((found.json, found.is_whole));
     }
-    // Flights begin at θ that `--start` has.
-    if let Some(given) = args.start.as_ref().filter(|_| task.flights.is_none()) {
+    // Flights have been posed with all of θ.
+    let is_theta = |given: &[Begin]| task.flights.is_some() && start::is_unnamed(given);
+    if let Some(given) = args.start.as_ref().filter(|given| !is_theta(given)) {
         let mut begun = file.clone();
         start::set(given, &Posed::new(&file, &flights::open)?, &mut begun)?;
         file = begun;

@@ -24,23 +24,14 @@ pub fn begin(text: &str) -> Result<Begin, String> {
     Ok(Begin { name, value })
 }
 
-/// θ of a pilot of this order: all of it.
-pub fn theta(given: &[Begin], order: usize) -> Result<Vec<f64>, Failure> {
-    if given.iter().all(|own| own.name.is_none()) {
-        return Ok(given.iter().map(|own| own.value).collect());
-    }
-    let names: Vec<String> = (1..=2 * order).map(|k| format!("pilot.theta{k}")).collect();
-    let found = placed(given, &names)?;
-    let value = |k: usize| found.iter().find(|own| own.0 == k).map(|own| own.1);
-    let all: Option<Vec<f64>> = (0..names.len()).map(value).collect();
-    all.ok_or_else(|| {
-        let message = format!(
-            "--start has {} of {}",
-            counted(found.len(), "value"),
-            names.len()
-        );
-        Failure::new(message).hint(format!("give all of {}", names.join(", ")))
-    })
+/// Whether these are values in the order of the parameters.
+pub fn is_unnamed(given: &[Begin]) -> bool {
+    given.iter().all(|own| own.name.is_none())
+}
+
+/// The values.
+pub fn values(given: &[Begin]) -> Vec<f64> {
+    given.iter().map(|own| own.value).collect()
 }
 
 /// Starts the search of a problem at these values.

@@ -96,11 +96,7 @@ impl Args {
         let order = usize::from(self.order);
         Ok(FlightOptions {
             order,
-            theta: self
-                .start
-                .as_deref()
-                .map(|all| start::theta(all, order))
-                .transpose()?,
+            theta: (self.start.as_deref().filter(|all| start::is_unnamed(all))).map(start::values),
             stick_limit: self.stick_limit,
             vehicle: vehicle::resolve(self.vehicle.as_deref())?,
             vehicle_file: self.vehicle.clone(),

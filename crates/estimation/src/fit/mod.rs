@@ -37,13 +37,14 @@ pub use solve::{SeeIterates, nearer, solve};
 
 use crate::innovations;
 use crate::posed::Posed;
+use crate::problem::file::Mesh;
 use crate::result::describing::describing;
 use crate::result::diagnostics::diagnostics;
 use crate::result::events::{Events, events};
 use crate::result::left_over::beside_inputs;
 use crate::result::loops::Looped;
 use crate::result::uncertainty::{Unsure, linearised, method, uncertainty};
-use crate::result::{Fit, StartEnd};
+use crate::result::{Fit, MUCH, StartEnd};
 use crate::search::solved::{Refinement, Solved};
 use crate::search::trouble;
 use pilotage_sqp::{Iteration, Status};
@@ -98,7 +99,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     }
     let starts = begin.starts();
     let Raced { mut solved, same } = found;
-    let (best, errors) = best_of(&solved, &watch);
+    let (best, errors) = best_flown(posed, &mut solved, &watch);
     let ends = same.iter().map(|k| end(posed, solved[*k].as_ref(), &watch));
     let ends: Vec<StartEnd> = ends.collect();
     let lower = better(&solved);
@@ -172,6 +173,37 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     found.diagnostics = diagnostics(posed, &last, &found);
     found.solved = Some(Arc::new(last));
     found
+}
+
+/// The best start, and the errors of its mesh if they are known. On a given mesh one whose states follow the equations comes before
+/// a better one whose states follow another motion.
+fn best_flown(
+    posed: &Posed<'_>,
+    solved: &mut [Option<Solved>],
+    watch: &Watch<'_, '_>,
+) -> (usize, Option<Vec<Vec<f64>>>) {
+    let first = best_of(solved, watch);
+    if matches!(posed.file.options.mesh, Mesh::Tolerance(_)) {
+        return first;
+    }
+    let mut aside: Vec<(usize, Option<Solved>)> = Vec::new();
+    let mut found = None;
+    while found.is_none() && has_answer(solved) && !watch.is_over() {
+        let (best, errors) = best_of(solved, watch);
+        let is_flown = solved[best].as_ref().is_some_and(|own| {
+            let simulated = check::simulated(posed, own, watch);
+            let most = MUCH * (own.solution.iterate.f / posed.factor).abs();
+            simulated.is_some_and(|own| own.objective <= most)
+        });
+        match is_flown {
+            true => found = Some((best, errors)),
+            false => aside.push((best, solved[best].take())),
+        }
+    }
+    for (k, own) in aside {
+        solved[k] = own;
+    }
+    found.unwrap_or(first)
 }
 
 /// The events of a solution whose states satisfy the equations.

@@ -36,6 +36,9 @@ const EXACT: f64 = 1e-6;
 /// Negligible fraction of the variance of each value.
 const NEGLIGIBLE: f64 = 1e-4;
 
+/// Multiple of an objective from which on that of a simulation is of another motion.
+pub(crate) const MUCH: f64 = 2.0;
+
 /// The result of a fit.
 #[derive(Debug, Clone)]
 pub struct Fit {
@@ -333,11 +336,9 @@ impl Fit {
     }
 
     fn is_found(&self) -> bool {
-        /// Relative error of the states on a given mesh from which on they follow another motion than that of the equations.
-        const ANOTHER: f64 = 0.3;
         let is_rough = |own: &Diagnostic| match own {
             Diagnostic::MeshError { .. } => true,
-            Diagnostic::CoarseMesh(error) => *error > ANOTHER,
+            Diagnostic::CoarseMesh(_) => self.is_another_motion(),
             _ => false,
         };
         let has_mesh = !self.diagnostics.iter().any(is_rough) || self.agrees();
@@ -351,6 +352,13 @@ impl Fit {
         self.simulated_objective.is_some_and(|simulated| {
             (simulated - self.objective).abs() <= SAME * self.objective.abs() + self.negligible
         })
+    }
+
+    /// Whether the states of a given mesh follow another motion than that of the equations: a simulation with the estimates has
+    /// more than twice the objective, or there is none.
+    fn is_another_motion(&self) -> bool {
+        let simulated = self.simulated_objective;
+        !simulated.is_some_and(|own| own <= MUCH * self.objective.abs() + self.negligible)
     }
 
     /// How the fit ended, in a word: the solver's status or a more severe one.

@@ -1,6 +1,6 @@
 //! What flights and their vehicle let doubt of a fit, beside what the fit finds in any recording.
 
-use super::{Check, of_motion, of_vehicle, recorded, samples, vehicle};
+use super::{Check, of_vehicle, recorded, samples, vehicle};
 use crate::FlightOptions;
 use crate::options::{InitialState, Objective};
 use crate::trials::Trial;
@@ -14,14 +14,20 @@ use pilotage_models::Pilot;
 pub fn doubts(fit: &Fit, trials: &[Trial], options: &FlightOptions) -> Vec<Diagnostic> {
     // Without residuals the recordings themselves have to tell why.
     let mut found: Vec<Check> = match fit.is_met() {
-        true => of_motion(trials).into_iter().filter(is_beside).collect(),
+        true => {
+            let told = |own: &Check| {
+                fit.diagnostics
+                    .iter()
+                    .any(|known| known.code() == own.code())
+            };
+            let mut all = recorded(trials);
+            all.retain(|own| is_beside(own) && !told(own));
+            all
+        }
         false => recorded(trials),
     };
     if options.objective == Objective::Response || options.vehicle_file.is_some() {
         found.extend(of_vehicle(&options.vehicle, trials));
-    }
-    if fit.is_met() {
-        found.extend(trials.iter().find_map(samples::target_outlier));
     }
     found.extend(moving(fit, trials, options));
     if found.contains(&Check::ConstantData) {
@@ -56,9 +62,9 @@ fn unstable(fit: &Fit, options: &FlightOptions) -> Option<Doubt> {
     })
 }
 
-/// Whether a fit does not look for it itself, in residuals or in any recording.
+/// Whether a fit does not look for it in residuals, which tell more.
 fn is_beside(check: &Check) -> bool {
-    !matches!(check, Check::TimeScale { .. } | Check::Copy { .. })
+    !matches!(check, Check::Outlier { .. } | Check::Jump { .. })
 }
 
 /// A run that is fitted from rest but moves at its start, by more than the noise of its positions explains.
