@@ -5,6 +5,7 @@ use super::fit::{self, Task, Watch};
 use super::made::{made, program, quoted};
 use super::{Failure, Outcome, folder, overwrite, terminal, validate};
 use crate::cosim::{Algorithm, Clock, CsvRecorder, Ending, FmuComponent, System};
+use crate::estimation::fit::alone::alone;
 use crate::estimation::{Fit, Posed};
 use crate::export::{Export, Provenance};
 use crate::flights::trials::TrialSet;
@@ -61,11 +62,12 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     demo.export()?;
     let valid = demo.validate()?;
     let loops = demo.co_simulate(&task)?;
-    let page = fit::page(
-        &fit::outcomes((&posed, &found), &[]),
-        vec![figure(&task, &loops)],
-        &made(),
-    );
+    let alone = alone(&posed, &found, &|| false);
+    let outcome = fit::Outcomes {
+        alone: alone.as_deref(),
+        ..fit::outcomes((&posed, &found), &[])
+    };
+    let page = fit::page(&outcome, vec![figure(&task, &loops)], &made());
     demo.save("report.html", page.as_bytes())?;
     print_step("report", "report.html")?;
     terminal::print(&demo.what_lies_where(&loops))?;

@@ -53,6 +53,7 @@ pub use run::{outcomes, page_of as page_of_problem, solved};
 use serde_json::{Value, json};
 use start::Begin;
 use std::path::PathBuf;
+pub use summary::Outcomes;
 pub use task::Task;
 pub use watch::{Iterate, Watch};
 

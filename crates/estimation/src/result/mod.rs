@@ -354,11 +354,23 @@ impl Fit {
         })
     }
 
-    /// Whether the states of a given mesh follow another motion than that of the equations: a simulation with the estimates has
-    /// more than twice the objective, or there is none.
+    /// Whether the states of a given mesh follow another motion than that of the equations: a simulation with the estimates is
+    /// farther from what was recorded than this part of its variation, or there is none.
     fn is_another_motion(&self) -> bool {
-        let simulated = self.simulated_objective;
-        !simulated.is_some_and(|own| own <= MUCH * self.objective.abs() + self.negligible)
+        const PART: f64 = 0.3;
+        let variation = |run: &RunFit, k: usize| {
+            let known = run.recorded[k].iter().zip(&run.deviations[k]);
+            let known = known.filter(|(y, _)| y.is_finite());
+            let scaled: Vec<f64> = known.map(|(y, sd)| y / sd).collect();
+            let mean = scaled.iter().sum::<f64>() / scaled.len() as f64;
+            scaled.iter().map(|y| (y - mean).powi(2)).sum::<f64>()
+        };
+        let runs = self.runs.iter();
+        let whole = runs.flat_map(|run| (0..run.recorded.len()).map(move |k| variation(run, k)));
+        let most = PART * PART * whole.filter(|own| own.is_finite()).sum::<f64>();
+        !self
+            .simulated_objective
+            .is_some_and(|own| own <= self.objective.abs() + most)
     }
 
     /// How the fit ended, in a word: the solver's status or a more severe one.

@@ -102,7 +102,7 @@ pub const CODES: [(&str, &str); 39] = [
     ("alone", "among three or more starts, only one ended here"),
     (
         "mesh-error",
-        "the mesh is not as fine as requested; on a given mesh (`mesh`, `mesh_step`) the states' estimated relative error is above 10⁻³ and a simulation with the estimates has another objective: parameters may be off by as much, and with twice the objective the fit has no answer. Or the last refinement moved a parameter by more than 10⁻³ of its size",
+        "the mesh is not as fine as requested; on a given mesh (`mesh`, `mesh_step`) the states' estimated relative error is above 10⁻³ and a simulation with the estimates has another objective: parameters may be off by as much, and if the simulation is off by 0.3 of what was recorded, the fit has no answer. Or the last refinement moved a parameter by more than 10⁻³ of its size",
     ),
     (
         "simulation",
