@@ -117,7 +117,8 @@ def codes(found):
 def fit_linear(runs, objective="response"):
     """The paper's pilot of third order, of each objective: crossover, margin, whether its loop is stable, and the rms
     [m] between its flights alone and the recorded ones where both are fitted."""
-    output = json.loads(pilotage("fit", *runs, "--objective", objective, "--json", "--force", "-o",
+    vehicle = ROOT / "examples/vehicles/quadcopter.toml"
+    output = json.loads(pilotage("fit", *runs, "--vehicle", vehicle, "--objective", objective, "--json", "--force", "-o",
                                  runs[0].with_name("pilot.toml")))
     fits = {name: output[name] for name in ("response", "stick")} if objective == "both" else {objective: output}
     found = {}
@@ -125,7 +126,7 @@ def fit_linear(runs, objective="response"):
         theta = [fit["parameters"][f"pilot.theta{k}"]["value"] for k in range(1, 7)]
         pilot = lambda s: -(theta[5] * s**2 + theta[4] * s + theta[3]) / (s**3 + theta[2] * s**2 + theta[1] * s + theta[0])
         width, margin = crossover(pilot)
-        found[name] = {"crossover": width, "margin": margin, "stable": fit["closed_loop"]["stable"],
+        found[name] = {"crossover": width, "margin": margin, "stable": "unstable-loop" not in codes(fit),
                        "status": fit["status"], "doubts": codes(fit)}
         if objective == "both":
             found[name]["alone"] = statistics.fmean(run[f"{name}_rms_m"] for run in output["flown_alone"])
