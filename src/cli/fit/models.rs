@@ -68,10 +68,12 @@ pub fn planned(posed: &Posed<'_>, output: Option<&Path>) -> Result<Vec<Fitted>, 
         .collect())
 }
 
-/// Whether models are written into a folder of that name: one that is there, or, of several models, one without an ending.
+/// Whether models are written into a folder of that name: one that is there or is written as one, or, of several models, one without
+/// an ending.
 fn is_folder(output: &Path, models: usize) -> bool {
     let may_be_new = !output.exists() && models > 1 && output.extension().is_none();
-    may_be_new || output.is_dir()
+    let is_written_as_one = output.as_os_str().as_encoded_bytes().ends_with(b"/");
+    may_be_new || is_written_as_one || output.is_dir()
 }
 
 /// Makes the folder of several models, if it is not there.

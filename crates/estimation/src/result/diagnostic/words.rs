@@ -253,7 +253,7 @@ impl fmt::Display for Diagnostic {
             Self::CoarseMesh(error) => write!(
                 f,
                 "the states have an estimated relative error of {error:.1e} on this mesh, and parameters may be off by \
-                 as much: leave `mesh` and `mesh_step` out, or lower the step"
+                 as much: leave `mesh` and `mesh_step` out, or lower the step (--mesh-step)"
             ),
             Self::MeshError {
                 error,
@@ -321,7 +321,7 @@ impl fmt::Display for Diagnostic {
             ),
             Self::Alone(starts) => write!(
                 f,
-                "of {starts} starts one alone led to this optimum: there may be better ones; raise `starts`"
+                "of {starts} starts one alone led to this optimum: there may be better ones; raise `starts` (--random-starts)"
             ),
             Self::Mixed(words) => write!(f, "{words}"),
             Self::Stepped { input, column } => write!(
