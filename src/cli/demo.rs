@@ -11,7 +11,7 @@ use crate::export::{Export, Provenance};
 use crate::flights::trials::TrialSet;
 use crate::flights::{self, FlightOptions};
 use crate::models::{Model, Quadcopter, TextModel};
-use crate::report::figure::{Axis, Figure, Look, Panel};
+use crate::report::figure::{Figure, Look, Panel};
 use crate::report::{self, palette::colour};
 use crate::series::Series;
 use crate::vehicle;
@@ -110,7 +110,7 @@ impl Demo {
 
     fn fit(&self, task: &Task, posed: &Posed<'_>) -> Result<Fit, Failure> {
         let (mut found, _) = fit::solved(posed, Watch::new(Deadline::after(None), None, false));
-        found.diagnostics.extend(task.doubts(&found));
+        task.doubt(&mut found);
         for own in fit::planned(posed, Some(&self.path("pilot.toml")))? {
             own.write(posed, &found)?;
         }
@@ -260,13 +260,6 @@ fn print_step(step: &str, what: &str) -> Result<(), Failure> {
 
 /// What the two FMUs do together, and the recordings.
 fn figure(task: &Task, flights: &[Flight]) -> Figure {
-    let panel = |label: &str, height: f64, lines: Vec<report::figure::Series>| Panel {
-        x: Axis::time(),
-        y: Axis::linear(label),
-        height,
-        series: lines,
-        ..Panel::default()
-    };
     let recorded = task.trials().iter().flat_map(|own| {
         let line = |label: &str, colour: &str, values: &[f64]| {
             report::figure::Series::line(label, colour, &own.time, values)
@@ -291,10 +284,10 @@ fn figure(task: &Task, flights: &[Flight]) -> Figure {
         "closed-loop",
         "Closed loop",
         caption,
-        panel("position [m]", 300.0, positions),
+        Panel::over_time("position [m]", 300.0, positions),
     );
     figure
         .panels
-        .push(panel("stick", 220.0, flown("pilot.stick")));
+        .push(Panel::over_time("stick", 220.0, flown("pilot.stick")));
     figure
 }

@@ -102,6 +102,19 @@ pub struct Series {
     pub values: Vec<f64>,
 }
 
+impl Panel {
+    /// Lines over time, with this label of the ordinate.
+    pub fn over_time(label: &str, height: f64, series: Vec<Series>) -> Self {
+        Self {
+            x: Axis::time(),
+            y: Axis::linear(label),
+            height,
+            series,
+            ..Self::default()
+        }
+    }
+}
+
 impl Axis {
     /// A linear axis.
     pub fn linear(label: impl Into<String>) -> Self {

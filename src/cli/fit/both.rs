@@ -18,7 +18,7 @@ use crate::estimation::{Fit, Posed, ProblemFile};
 use crate::flights::options::{InitialState, Objective};
 use crate::flights::trials::TrialSet;
 use crate::flights::{self, FlightOptions, Trial};
-use crate::report::figure::{Axis, Figure, Look, Panel, Series};
+use crate::report::figure::{Figure, Look, Panel, Series};
 use pilotage_inference::statistics::rms;
 use pilotage_text::number::significant;
 use serde_json::json;
@@ -82,7 +82,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut fits: Vec<Fit> = Vec::new();
     for (half, posed) in halves.iter().zip(&posed) {
         let (mut fit, _) = solved(posed, Watch::new(deadline, None, args.verbose));
-        fit.diagnostics.extend(half.task.doubts(&fit));
+        half.task.doubt(&mut fit);
         for own in planned(posed, Some(&half.path))? {
             own.write(posed, &fit)?;
         }
@@ -246,20 +246,13 @@ fn figure(flown: &[Flown<'_>]) -> Figure {
             sticks.push(line(name, colour, &run.sticks[k]));
         }
     }
-    let panel = |label: &str, height: f64, series| Panel {
-        x: Axis::time(),
-        y: Axis::linear(label),
-        height,
-        series,
-        ..Panel::default()
-    };
     let caption = "Each pilot flies alone, from rest; nothing is left of the optimiser here.";
     let mut figure = Figure::of(
         "both",
         "Both pilots",
         caption,
-        panel("position [m]", 340.0, positions),
+        Panel::over_time("position [m]", 340.0, positions),
     );
-    figure.panels.push(panel("stick", 240.0, sticks));
+    figure.panels.push(Panel::over_time("stick", 240.0, sticks));
     figure
 }

@@ -111,15 +111,14 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         Some(known) => (known, log),
         None => solved(&posed, Watch::new(deadline, log, args.verbose)),
     };
-    let mut doubts = before.doubts(&fit);
-    doubts.extend(task.doubts(&fit));
+    let doubts = before.doubts(&fit);
     // It names what cannot be told apart, too.
     let tells = |own: &Diagnostic| matches!(own, Diagnostic::Unidentifiable(_));
     if doubts.iter().any(tells) {
         (fit.diagnostics).retain(|own| !matches!(own, Diagnostic::Undetermined { .. }));
     }
     fit.diagnostics.extend(doubts);
-    (fit.diagnostics).sort_by_key(|own| !own.is_fatal());
+    task.doubt(&mut fit);
     // A user who stopped the fit still wants to see its validation.
     let was_asked = interrupt::is_asked();
     let goes_on = || match interrupt::is_asked() && !was_asked {

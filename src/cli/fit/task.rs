@@ -2,7 +2,7 @@
 
 use super::{Args, Compared, start};
 use crate::cli::{Failure, recognise, terminal, vehicle};
-use crate::estimation::{Diagnostic, Fit, ProblemFile};
+use crate::estimation::{Fit, ProblemFile};
 use crate::flights::FlightOptions;
 use crate::flights::checks::doubts;
 use crate::flights::options::Objective;
@@ -83,10 +83,13 @@ impl Task {
         flights.map_or(&[], |(set, _)| &set.fit)
     }
 
-    /// What flights and vehicle let doubt of a fit.
-    pub fn doubts(&self, fit: &Fit) -> Vec<Diagnostic> {
-        let flights = self.flights.as_ref();
-        flights.map_or(Vec::new(), |(set, options)| doubts(fit, &set.fit, options))
+    /// Adds what flights and vehicle let doubt of a fit. What makes it meaningless comes first.
+    pub fn doubt(&self, fit: &mut Fit) {
+        if let Some((set, options)) = &self.flights {
+            let found = doubts(fit, &set.fit, options);
+            fit.diagnostics.extend(found);
+        }
+        (fit.diagnostics).sort_by_key(|own| !own.is_fatal());
     }
 }
 

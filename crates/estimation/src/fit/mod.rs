@@ -48,7 +48,7 @@ use crate::result::{Fit, MUCH, StartEnd};
 use crate::search::solved::{Refinement, Solved};
 use crate::search::trouble;
 use pilotage_sqp::{Iteration, Status};
-use race::{Raced, best_of, better, has_answer, raced};
+use race::{Raced, best_of, better, has_answer, has_converged, raced};
 use raised::Begin;
 use refine::refine;
 use std::ops::ControlFlow;
@@ -182,28 +182,33 @@ fn best_flown(
     solved: &mut [Option<Solved>],
     watch: &Watch<'_, '_>,
 ) -> (usize, Option<Vec<Vec<f64>>>) {
-    let first = best_of(solved, watch);
-    if matches!(posed.file.options.mesh, Mesh::Tolerance(_)) {
-        return first;
+    let mut best = best_of(solved, watch);
+    let answers = solved.iter().flatten().filter(|own| has_converged(own));
+    if matches!(posed.file.options.mesh, Mesh::Tolerance(_)) || answers.count() < 2 {
+        return best;
     }
+    let is_flown = |own: &Solved| {
+        let simulated = check::simulated(posed, own, watch);
+        let most = MUCH * (own.solution.iterate.f / posed.factor).abs();
+        simulated.is_some_and(|own| own.objective <= most)
+    };
     let mut aside: Vec<(usize, Option<Solved>)> = Vec::new();
-    let mut found = None;
-    while found.is_none() && has_answer(solved) && !watch.is_over() {
-        let (best, errors) = best_of(solved, watch);
-        let is_flown = solved[best].as_ref().is_some_and(|own| {
-            let simulated = check::simulated(posed, own, watch);
-            let most = MUCH * (own.solution.iterate.f / posed.factor).abs();
-            simulated.is_some_and(|own| own.objective <= most)
-        });
-        match is_flown {
-            true => found = Some((best, errors)),
-            false => aside.push((best, solved[best].take())),
+    let mut flies = false;
+    while !flies && has_answer(solved) && !watch.is_over() {
+        flies = solved[best.0].as_ref().is_some_and(is_flown);
+        if !flies {
+            aside.push((best.0, solved[best.0].take()));
+            best = best_of(solved, watch);
         }
+    }
+    // Where none flies, it is the best after all.
+    if !flies {
+        best = aside.first().map_or(best, |(first, _)| (*first, None));
     }
     for (k, own) in aside {
         solved[k] = own;
     }
-    found.unwrap_or(first)
+    best
 }
 
 /// The events of a solution whose states satisfy the equations.

@@ -58,8 +58,9 @@ impl Begin {
     /// model's. Where initial states are free there are many optima, and the given and drawn ones are tried, too; and where there
     /// is no order below, these alone.
     pub fn new(posed: &Posed<'_>, watch: &Watch<'_, '_>) -> Self {
-        let raised = raised(posed, watch).unwrap_or_default();
+        // Where states begin anywhere and nothing tumbles.
         let is_many = has_free_states(posed) && Tumbles::of(posed).is_none();
+        let raised = raised(posed, is_many, watch).unwrap_or_default();
         match raised.is_empty() || is_many {
             true => Self {
                 raised,
@@ -106,7 +107,7 @@ fn has_free_states(posed: &Posed<'_>) -> bool {
 
 /// The starts from the order below. None if no model has an order above it, if one start alone is asked for, or if the lower
 /// order has no answer.
-fn raised(posed: &Posed<'_>, watch: &Watch<'_, '_>) -> Option<Vec<Start>> {
+fn raised(posed: &Posed<'_>, is_many: bool, watch: &Watch<'_, '_>) -> Option<Vec<Start>> {
     let instance = instance(posed.file).ok()?;
     let file = lower(posed, &instance)?;
     let parts = &posed.unlimited.as_ref().unwrap_or(&posed.joint).parts;
@@ -134,7 +135,6 @@ fn raised(posed: &Posed<'_>, watch: &Watch<'_, '_>) -> Option<Vec<Start>> {
     let other = another(&best, &solved);
     let order = file.order_of(&instance)? as usize;
     let first = given(posed);
-    let is_many = has_free_states(posed) && Tumbles::of(posed).is_none();
     let integrating = is_many.then_some(INTEGRATING);
     let pairs = PAIRS.iter().map(|place| (*place, 1.0)).chain(integrating);
     let pairs: Vec<(f64, f64)> = pairs.collect();
@@ -177,7 +177,8 @@ fn runs_away(posed: &Posed<'_>, coefficients: &[f64]) -> bool {
     coefficients[coefficients.len() / 2 - 1].abs() * step > PI
 }
 
-/// The next best optimum of the order below, if the best one has a pole that runs away: that leads to no better one of the next.
+/// The next best optimum of the order below. Where the best one has a pole that runs away, that leads to no better one of the next
+/// order.
 fn another<'s>(best: &Solved, solved: &'s [Option<Solved>]) -> Option<&'s Solved> {
     let objective = |own: &Solved| own.solution.iterate.f;
     let is_another = |own: &&Solved| {
