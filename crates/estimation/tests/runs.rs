@@ -187,7 +187,15 @@ fn equations_in_rust_are_fitted() {
         "{rates:?}"
     );
     assert_eq!(own.parameters[0].unit.as_deref(), Some("1/h"));
+    // Its limit as a constraint; by default it saturates, without one.
     let is_limit = |name: &String| name.contains("tank.gauge");
+    assert!(!posed.names.bounds.iter().any(is_limit));
+    let file = ProblemFile::parse(
+        &(text + "[fit]\nlimits = \"constrain\"\n"),
+        &folder.path().join("problem.toml"),
+    );
+    let file = file.expect("read");
+    let posed = Posed::new(&file, &|_| Part::of_equations(&Decay)).expect("posed");
     assert!(posed.names.bounds.iter().any(is_limit), "{:?}", posed.names);
 }
 

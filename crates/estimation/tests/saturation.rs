@@ -63,11 +63,14 @@ fn a_stick_at_its_stops_is_told_and_found_where_it_saturates() {
     let (flight, part) = flown();
     assert!((0.05..0.5).contains(&part), "{part}");
     let values = |fit: &Fit| [0, 1].map(|k| fit.parameters[k].values[0].1);
-    let held = fitted(&flight, "");
+    let held = fitted(&flight, "limits = \"constrain\"\n");
     let [gain, _] = values(&held);
     assert!(is_held(&held), "{:?}", held.diagnostics);
     assert!((gain / TRUTH[0] - 1.0).abs() > 0.2, "{gain}");
-    let found = fitted(&flight, "limits = \"saturate\"\n");
+    let found = fitted(&flight, "");
+    assert_eq!(found.saturated[0].output, "pilot.stick");
+    let share = found.saturated[0].samples as f64 / found.saturated[0].of as f64;
+    assert!((share - part).abs() < 0.01, "{share} is not {part}");
     assert!(
         found.is_answer() && !is_held(&found),
         "{:?}",

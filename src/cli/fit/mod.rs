@@ -36,7 +36,7 @@ use super::overwrite::Overwrite;
 use super::trials::Columns;
 use super::{Failure, Outcome, terminal};
 use crate::collocation::Scheme;
-use crate::estimation::file::Options;
+use crate::estimation::file::{Limits, Options};
 use crate::flights::FlightOptions;
 use crate::flights::options::{InitialPosition, InitialState, Objective};
 use crate::inference::Method;
@@ -161,9 +161,13 @@ pub struct Args {
     /// prediction of left-out runs (see `pilotage compare`).
     #[arg(long, value_name = "FIRST..LAST", value_parser = orders::orders, conflicts_with_all = ["order", "evaluate"])]
     orders: Option<Orders>,
-    /// Limit of the stick |y_p| at every sample.
+    /// Limit of the stick |y_p|.
     #[arg(long, default_value_t = FlightOptions::default().stick_limit, value_parser = positive, allow_hyphen_values = true)]
     stick_limit: f64,
+    #[arg(long, value_parser = named(Limits::ALL, Limits::as_str), value_name = "WAY",
+          help = or_file("How outputs keep their limits: they saturate there, or the limits are constraints at all samples, as in the paper",
+                         Options::default().limits.as_str(), "limits"))]
+    limits: Option<Limits>,
     #[arg(long, value_parser = whole::<usize>, allow_hyphen_values = true,
           help = or_file("Iteration limit of each start", Options::default().max_iterations, "max_iterations"))]
     max_iterations: Option<usize>,

@@ -267,6 +267,7 @@ impl Args {
         own.scheme = self.scheme.or(own.scheme);
         own.mesh = self.mesh_step.map_or(own.mesh, Mesh::Step);
         own.covariance = self.covariance.or(own.covariance);
+        own.limits = self.limits.unwrap_or(own.limits);
         Ok(())
     }
 }

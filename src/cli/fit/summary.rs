@@ -166,6 +166,9 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
         "derived": Value::Object(sure::derived(fit).map(|own| refitted(parameter(own), outcomes)).collect()),
         "loop_cut_at": fit.cuts,
         "excitation": beforehand(outcomes.before),
+        "saturated": fit.saturated.iter().map(|own| {
+            json!({ "output": own.output, "samples": own.samples, "of": own.of })
+        }).collect::<Vec<_>>(),
         "describing_function": describing::to_json(&fit.describing),
         "uncertainty": uncertainty(outcomes),
         "initial": initial(posed, fit),
@@ -407,6 +410,14 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
         text += "\n";
     }
     text += &aligned(&run_rows(posed, outcomes));
+    for own in &fit.saturated {
+        text += &format!(
+            "{} saturates at {} of {}\n",
+            own.output,
+            own.samples,
+            counted(own.of, "sample")
+        );
+    }
     text += &judged(outcomes);
     text += &outcomes
         .carried()

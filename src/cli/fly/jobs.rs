@@ -130,9 +130,7 @@ impl Jobs {
     }
 
     /// Fits the pilot of a person: a compensatory pilot, who sees the error, if there are flights with moving targets;
-    /// otherwise a pursuit pilot, who sees marker and vehicle (docs/guidance.md, sections 1 and 2). If the stick
-    /// reached its stops, the fit continues with a saturating stick: a limit as a constraint would make the pilot
-    /// slower than the person.
+    /// otherwise a pursuit pilot, who sees marker and vehicle (docs/guidance.md, sections 1 and 2).
     fn identify(&self, subject: &str, progress: &dyn Fn(String)) -> Result<Came, String> {
         let (flights, others) = self.flights(subject);
         if flights.is_empty() {
@@ -165,11 +163,7 @@ impl Jobs {
             true => (moving, still.len()),
             false => (still, 0),
         };
-        let mut ended = self.fit(subject, &flights, &pilot, false, progress)?;
-        if ended.doubts().any(|(code, _)| code == "on-limit") {
-            std::fs::rename(self.pilot(subject), &start).map_err(|error| error.to_string())?;
-            ended = self.fit(subject, &flights, start.as_os_str(), true, progress)?;
-        }
+        let ended = self.fit(subject, &flights, &pilot, progress)?;
         if ended.json["status"] != "converged" {
             // A pilot that is no result must not be flown against or exported.
             let _ = std::fs::remove_file(self.pilot(subject));
@@ -193,7 +187,6 @@ impl Jobs {
         subject: &str,
         flights: &[PathBuf],
         pilot: &OsStr,
-        saturates: bool,
         progress: &dyn Fn(String),
     ) -> Result<Ended, String> {
         let problem = self.made.join(format!("{subject}-problem.toml"));
@@ -204,12 +197,8 @@ impl Jobs {
         init.extend([os("-o"), problem.clone().into(), os("--force")]);
         one(&init, &self.folder, progress)?;
         let text = std::fs::read_to_string(&problem).map_err(|error| error.to_string())?;
-        let text = match saturates {
-            true => text.replace("[fit]\n", "[fit]\nlimits = \"saturate\"\nstarts = 1\n"),
-            false => self.turned(&text),
-        };
         // A loop that was flown is stable, and conditions on all its states hamper the search.
-        let text = text.replace("closed_loop = true\n", "");
+        let text = self.turned(&text).replace("closed_loop = true\n", "");
         std::fs::write(&problem, text).map_err(|error| error.to_string())?;
         let mut fit = vec![os("fit"), problem.into(), os("--force")];
         fit.extend([os("-o"), self.pilot(subject).into()]);

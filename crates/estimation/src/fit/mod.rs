@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `raised` | starts from the order below |
 //! | `guided` | starts from the data |
+//! | `search` | the search from all starts; without limits first, where outputs saturate |
 //! | `race` | all starts, and selection of the best |
 //! | `behind` | when a solve is given up for the best so far |
 //! | `solve` | the SQP from one point |
@@ -27,6 +28,7 @@ mod predicted;
 mod race;
 mod raised;
 mod refine;
+mod search;
 mod solve;
 mod tumbles;
 mod unfinished;
@@ -48,13 +50,12 @@ use crate::result::{Fit, MUCH, StartEnd};
 use crate::search::solved::{Refinement, Solved};
 use crate::search::trouble;
 use pilotage_sqp::{Iteration, Status};
-use race::{Raced, best_of, better, has_answer, has_converged, raced};
-use raised::Begin;
+use race::{Raced, best_of, better, has_answer, has_converged};
 use refine::refine;
+use search::{Searched, saturated, search};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
-use tumbles::Tumbles;
 use unfinished::best_met;
 use watch::Watch;
 
@@ -78,27 +79,15 @@ pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + Send +
 /// Fits a problem.
 pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let clock = Instant::now();
-    let mut begin = Begin::new(posed, &Watch::new(observer, posed.file.options.starts));
-    let mut watch = Watch::new(observer, begin.count());
-    let tumbles = Tumbles::of(posed);
-    let mut found = match tumbles.as_ref().filter(|_| begin.drawn.is_empty()) {
-        Some(tumbles) => tumbles.race(posed, &begin.raised, &watch),
-        None => raced(posed, &begin, &watch),
+    let watch = Watch::new(observer, posed.file.options.starts);
+    let Searched {
+        raced: Raced { mut solved, same },
+        starts,
+        watch,
+    } = match &posed.free {
+        Some(free) => saturated(posed, free, watch),
+        None => search(posed, watch),
     };
-    if begin.drawn.is_empty() && !has_answer(&found.solved) && !watch.is_over() {
-        begin = Begin::drawn(posed);
-        watch = watch.of(begin.count());
-        found = raced(posed, &begin, &watch);
-    }
-    if !begin.drawn.is_empty()
-        && let Some(tumbles) = tumbles
-    {
-        let (best, _) = best_of(&found.solved, &watch);
-        let own = found.solved[best].take();
-        found.solved[best] = own.map(|own| tumbles.improved(posed, own, best, &watch));
-    }
-    let starts = begin.starts();
-    let Raced { mut solved, same } = found;
     let (best, errors) = best_flown(posed, &mut solved, &watch);
     let ends = same.iter().map(|k| end(posed, solved[*k].as_ref(), &watch));
     let ends: Vec<StartEnd> = ends.collect();

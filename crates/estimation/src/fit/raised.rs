@@ -11,7 +11,7 @@ use super::tumbles::Tumbles;
 use super::watch::Watch;
 use crate::posed::Posed;
 use crate::posed::unknowns::Unknown;
-use crate::problem::file::{Measured, ProblemFile, Quantity};
+use crate::problem::file::{Limits, Measured, ProblemFile, Quantity};
 use crate::problem::order::{check, instance, number, with_order, with_pair};
 use crate::search::observed::Observed;
 use crate::search::solved::{SAME, Solved};
@@ -110,7 +110,7 @@ fn has_free_states(posed: &Posed<'_>) -> bool {
 fn raised(posed: &Posed<'_>, is_many: bool, watch: &Watch<'_, '_>) -> Option<Vec<Start>> {
     let instance = instance(posed.file).ok()?;
     let file = lower(posed, &instance)?;
-    let parts = &posed.unlimited.as_ref().unwrap_or(&posed.joint).parts;
+    let parts = &posed.joint.parts;
     let open = |own: &InstanceDescription| match own.name == instance {
         true => part::open(own),
         false => {
@@ -119,7 +119,11 @@ fn raised(posed: &Posed<'_>, is_many: bool, watch: &Watch<'_, '_>) -> Option<Vec
             Ok(part.clone())
         }
     };
-    let below = Posed::new(&file, &open).ok()?;
+    let below = match posed.file.options.limits {
+        Limits::Saturate => Posed::unlimited(&file, &open),
+        Limits::Constrain => Posed::new(&file, &open),
+    };
+    let below = below.ok()?;
     let mut ask = |_: &Progress<'_>| match watch.is_over() {
         true => ControlFlow::Break(watch.over().unwrap_or(Status::Stopped)),
         false => ControlFlow::Continue(()),

@@ -34,7 +34,7 @@ pub enum Source {
 }
 
 /// A run as read from its file.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct RunData<'f> {
     /// Its entry in the problem.
     pub line: &'f RunLine,

@@ -44,8 +44,9 @@ pub struct Posed<'f> {
     pub file: &'f ProblemFile,
     /// The connected instances.
     pub joint: Joint,
-    /// The same without saturation at output limits, if outputs saturate. Linear analysis applies within the limits.
-    pub(crate) unlimited: Option<Joint>,
+    /// The same problem without limits of outputs, if these saturate there: linear analysis applies within the limits, and a
+    /// search begins without them.
+    pub(crate) free: Option<Box<Self>>,
     /// The equations: measured outputs first, then bounded ones.
     pub model: Arc<Differentiated>,
     /// Bounds of the bounded outputs.
@@ -193,33 +194,60 @@ impl<'f> Posed<'f> {
     /// # Errors
     /// When anything in it is inconsistent. The error states file, line and column.
     pub fn new(file: &'f ProblemFile, open: Open<'_>) -> Result<Self, ProblemError> {
-        let mut parts = Vec::new();
-        let named = file.named_signals();
-        for instance in &file.system.instances {
-            let part = with_locals(instance, open(instance)?, &named)?;
-            parts.push((instance.name.clone(), part));
-        }
-        let mut joint = Joint::new(&file.system, parts)?;
-        let mut unlimited = None;
+        let joint = Joint::new(&file.system, opened(file, open)?)?;
         let is_limited = |(_, part): &(String, Part)| part.limits.iter().any(Option::is_some);
-        if file.options.limits == Limits::Saturate && joint.parts.iter().any(is_limited) {
-            let mut parts = joint.parts.clone();
-            parts.iter_mut().for_each(|(_, part)| part.saturate());
-            let saturating = Joint::new(&file.system, parts)?;
-            unlimited = Some(std::mem::replace(&mut joint, saturating));
+        if file.options.limits == Limits::Constrain || !joint.parts.iter().any(is_limited) {
+            return Self::of(file, joint, None);
         }
+        let mut parts = joint.parts.clone();
+        let free = Self::of(file, joint, None)?;
+        parts.iter_mut().for_each(|(_, part)| part.saturate());
+        let joint = Joint::new(&file.system, parts)?;
+        Self::of(file, joint, Some(Box::new(free)))
+    }
+
+    /// The same without limits of outputs.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub(crate) fn unlimited(file: &'f ProblemFile, open: Open<'_>) -> Result<Self, ProblemError> {
+        Self::of(file, Joint::new(&file.system, opened(file, open)?)?, None)
+    }
+
+    /// The problem without limits of outputs if these saturate, otherwise itself.
+    pub(crate) fn within_limits(&self) -> &Self {
+        self.free.as_deref().unwrap_or(self)
+    }
+
+    fn of(
+        file: &'f ProblemFile,
+        joint: Joint,
+        free: Option<Box<Self>>,
+    ) -> Result<Self, ProblemError> {
         let mut parameters = Parameters::new(file, &joint)?;
         let named = Named::new(file, &joint, &parameters)?;
-        let runs = file.runs.iter().filter(|run| run.fits);
-        let data: Vec<RunData<'f>> = runs.map(RunData::read).collect::<Result<_, _>>()?;
-        check_times(file, &joint, &data)?;
-        let joints = (&joint, unlimited.as_ref());
-        let made = |parameters: &Parameters| {
-            Assembly::new(file, joints, parameters, &named, &data)?.finish()
+        let data: Vec<RunData<'f>> = match &free {
+            Some(free) => free.data.clone(),
+            None => {
+                let runs = file.runs.iter().filter(|run| run.fits);
+                runs.map(RunData::read).collect::<Result<_, _>>()?
+            }
         };
+        check_times(file, &joint, &data)?;
+        let within = free.as_ref().map_or(&joint, |free| &free.joint);
+        let made = |parameters: &Parameters| {
+            Assembly::new(file, (&joint, within), parameters, &named, &data)?.finish()
+        };
+        // A pattern does not ask for limits: recordings say nothing of one that they do not reach.
+        let mut left_out = free
+            .as_ref()
+            .map_or(Vec::new(), |free| free.left_out.clone());
+        parameters.leave_out(&left_out);
         let mut all = made(&parameters)?;
-        let left_out = all.to_leave_out();
-        if !left_out.is_empty() {
+        if free.is_none() {
+            left_out = all.to_leave_out();
+        }
+        if free.is_none() && !left_out.is_empty() {
             parameters.leave_out(&left_out);
             all = made(&parameters)?;
         }
@@ -244,12 +272,22 @@ impl<'f> Posed<'f> {
             quantities: made.quantities,
             file,
             joint,
-            unlimited,
+            free,
             data,
             origins,
             left_out,
         })
     }
+}
+
+/// The instances of a file, with the locals that it names.
+fn opened(file: &ProblemFile, open: Open<'_>) -> Result<Vec<(String, Part)>, ProblemError> {
+    let named = file.named_signals();
+    let part = |instance: &InstanceDescription| {
+        let part = with_locals(instance, open(instance)?, &named)?;
+        Ok((instance.name.clone(), part))
+    };
+    file.system.instances.iter().map(part).collect()
 }
 
 /// Times of a clock that began long before a run, such as seconds since 1970, are rounded to more than a solver's tolerance.

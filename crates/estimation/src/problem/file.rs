@@ -403,7 +403,7 @@ impl Default for Options {
             tolerance: 1e-8,
             starts: 8,
             max_iterations: 500,
-            limits: Limits::Constrain,
+            limits: Limits::Saturate,
             covariance: None,
         }
     }
@@ -414,8 +414,21 @@ impl Default for Options {
 pub enum Limits {
     /// They are constraints at all samples, as in the paper: a solution does not exceed them.
     Constrain,
-    /// Outputs saturate at them, as in a simulation.
+    /// Outputs saturate at them, as in a simulation and as a stick does at its stops.
     Saturate,
+}
+
+impl Limits {
+    /// All ways, the default first.
+    pub const ALL: [Self; 2] = [Self::Saturate, Self::Constrain];
+
+    /// Its name in files and on the command line.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Constrain => "constrain",
+            Self::Saturate => "saturate",
+        }
+    }
 }
 
 /// The objective to minimise.

@@ -13,6 +13,7 @@ mod opened;
 pub(crate) mod outliers;
 pub mod paths;
 mod recordings;
+pub mod saturated;
 pub mod uncertainty;
 
 use crate::innovations::{Ahead, Optimum, ahead};
@@ -20,6 +21,7 @@ use crate::posed::{Posed, Stands, poles, variables};
 use crate::problem::file::{Noise, Per};
 use crate::result::diagnostic::Diagnostic;
 use crate::result::events::Events;
+use crate::result::saturated::{Saturated, saturated};
 use crate::result::uncertainty::found::{Uncertainty, Unsure};
 use crate::search::solved::{MET, Refinement, SAME, Solved};
 use crate::system::part::About;
@@ -96,6 +98,8 @@ pub struct Fit {
     pub seconds: f64,
     /// Uncertainty of the estimates.
     pub uncertainty: Result<Uncertainty, Unsure>,
+    /// Outputs that saturate in the runs.
+    pub saturated: Vec<Saturated>,
     /// Model-free estimates of pilot and loop from the runs.
     pub describing: Describing,
     /// The solution itself.
@@ -304,6 +308,7 @@ impl Fit {
             negligible: NEGLIGIBLE * samples as f64 / posed.factor,
             seconds: 0.0,
             uncertainty: Err(Unsure::NotConverged),
+            saturated: saturated(posed, problem, z),
             describing: Describing::default(),
             solved: None,
             optimum: None,

@@ -43,7 +43,7 @@ impl<'p> Opened<'p> {
             number += 1;
             !cut.contains(&(number - 1))
         });
-        let joint = posed.unlimited.as_ref().unwrap_or(&posed.joint);
+        let joint = &posed.within_limits().joint;
         let joint = Joint::new(&open, joint.parts.clone()).ok()?;
         let (closed, own) = (&posed.joint.model, &joint.model);
         let nodes: HashMap<&String, Node> = [&closed.states, &closed.inputs, &closed.parameters]

@@ -2,7 +2,7 @@
 
 use crate::problem::error::ProblemError;
 use pilotage_cosim::description::{InstanceDescription, InstanceSource, Interface};
-use pilotage_expression::{Function, Model, Node, Opaque, System};
+use pilotage_expression::{Function, Graph, Model, Node, Opaque, System};
 use pilotage_fmi_equations::{Calls, EquationsError, FmuEquations, Variable as FmuVariable};
 use pilotage_language::file::Variable;
 use pilotage_language::{Compiled, ModelFileError, parse};
@@ -20,8 +20,21 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Fraction of an output's range within which the corners of its saturation are rounded.
-const CORNER: f64 = 0.01;
+/// `|x|` with a corner that is rounded within `width`: `w ln(2 cosh(x/w)) = s + w ln(1 + exp(-2s/w))` for `s = |x|`, whose error
+/// vanishes exponentially. `s` is `√(x² + δ²)` with a `δ` that is far below the width, so that all derivatives exist at 0.
+fn rounded_magnitude(graph: &mut Graph, x: Node, width: Node) -> Node {
+    const SHARP: f64 = 1e-6;
+    let least = graph.scale(SHARP, width);
+    let [square, least] = [x, least].map(|own| graph.multiply(own, own));
+    let sum = graph.add(square, least);
+    let size = graph.unary(Function::Sqrt, sum);
+    let ratio = graph.divide(size, width);
+    let ratio = graph.scale(-2.0, ratio);
+    let small = graph.unary(Function::Exp, ratio);
+    let small = graph.unary(Function::Ln1p, small);
+    let rest = graph.multiply(width, small);
+    graph.add(size, rest)
+}
 
 /// An instance's model.
 #[derive(Debug, Clone)]
@@ -112,21 +125,22 @@ impl Part {
         }
     }
 
-    /// Lets outputs saturate at their limits, which are then no longer constraints. The corners are rounded within a
-    /// hundredth of the range, since a sharp corner has no derivative for the search.
+    /// Fraction of an output's range within which the corners of its saturation are rounded.
+    pub(crate) const CORNER: f64 = 0.01;
+
+    /// Lets outputs saturate at their limits. The corners are rounded within a
+    /// hundredth of the range, since a sharp corner has no derivative for the search; elsewhere the output is the same to
+    /// rounding.
     pub fn saturate(&mut self) {
         let System { graph, outputs, .. } = &mut self.model.system;
-        for (output, limit) in outputs.iter_mut().zip(&mut self.limits) {
-            if let Some([low, high]) = limit.take() {
+        for (output, limit) in outputs.iter_mut().zip(&self.limits) {
+            if let Some([low, high]) = *limit {
                 let range = graph.subtract(high, low);
-                let corner = graph.scale(CORNER, range);
-                let square = graph.multiply(corner, corner);
-                // Half of √((x - low)² + ε²) - √((x - high)² + ε²) + low + high.
+                let corner = graph.scale(Self::CORNER, range);
+                // Half of |x - low| - |x - high| + low + high.
                 let [above, below] = [low, high].map(|end| {
                     let off = graph.subtract(*output, end);
-                    let off = graph.multiply(off, off);
-                    let sum = graph.add(off, square);
-                    graph.unary(Function::Sqrt, sum)
+                    rounded_magnitude(graph, off, corner)
                 });
                 let ends = graph.add(low, high);
                 let sum = graph.subtract(above, below);

@@ -203,7 +203,7 @@ impl Assembly<'_> {
         rows: &[Rows],
     ) -> Done<ParameterConstraints> {
         let at = stability::Point {
-            joint: self.unlimited,
+            joint: self.within,
             file: self.file,
             values: &self.values[0],
             initial: &self.operating_point(rows),

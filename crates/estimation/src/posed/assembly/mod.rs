@@ -24,7 +24,7 @@ use crate::posed::data::{Rows, RunData, Source};
 use crate::posed::names::Named;
 use crate::posed::unknowns::{Parameters, Unknown};
 use crate::problem::error::ProblemError;
-use crate::problem::file::ProblemFile;
+use crate::problem::file::{Limits, ProblemFile};
 use crate::system::joint::Joint;
 use inputs::{Key, Span};
 use measured::Measurement;
@@ -57,7 +57,7 @@ pub struct Assembly<'a> {
     file: &'a ProblemFile,
     joint: &'a Joint,
     /// The same without limits, if outputs saturate.
-    unlimited: &'a Joint,
+    within: &'a Joint,
     parameters: &'a Parameters,
     named: &'a Named,
     data: &'a [RunData<'a>],
@@ -87,7 +87,7 @@ impl<'a> Assembly<'a> {
     /// Determines states, inputs and shared parameters.
     pub fn new(
         file: &'a ProblemFile,
-        (joint, unlimited): (&'a Joint, Option<&'a Joint>),
+        (joint, within): (&'a Joint, &'a Joint),
         parameters: &'a Parameters,
         named: &'a Named,
         data: &'a [RunData<'a>],
@@ -95,7 +95,7 @@ impl<'a> Assembly<'a> {
         let mut own = Self {
             file,
             joint,
-            unlimited: unlimited.unwrap_or(joint),
+            within,
             parameters,
             named,
             data,
@@ -143,7 +143,9 @@ impl<'a> Assembly<'a> {
         let noises = self.driving_noises(&variables, &rows)?;
         let quantities = self.measure(&signals, variables, &rows)?;
         self.check_tied(&quantities, &rows)?;
-        self.limit();
+        if self.file.options.limits == Limits::Constrain {
+            self.limit();
+        }
         self.hold_steady(&derivatives);
         let mut on_parameters = self.bound_unknowns();
         on_parameters.extend(self.bound_expressions());

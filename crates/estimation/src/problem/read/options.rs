@@ -72,10 +72,7 @@ pub(super) fn options(root: TomlTable<'_>) -> Read<Options> {
     options.starts = whole(table, "starts", options.starts, Options::MOST_STARTS)?;
     let most = Options::MOST_ITERATIONS;
     options.max_iterations = whole(table, "max_iterations", options.max_iterations, most)?;
-    let limits = [
-        ("constrain", Limits::Constrain),
-        ("saturate", Limits::Saturate),
-    ];
+    let limits = Limits::ALL.map(|limits| (limits.as_str(), limits));
     options.limits = word(table, "limits", &limits, options.limits)?;
     let methods = Method::ALL.map(|method| (method.as_str(), Some(method)));
     options.covariance = word(table, "covariance", &methods, options.covariance)?;

@@ -119,7 +119,7 @@ pub const CODES: [(&str, &str); 39] = [
     ),
     (
         "on-limit",
-        "the limit of an output constrains the solution at samples: if the recorded output saturated there, parameters are wrong; use `limits = \"saturate\"`",
+        "the limit of an output constrains the solution at samples: if the recorded output saturated there, parameters are wrong; leave out `limits = \"constrain\"`",
     ),
     (
         "coloured",

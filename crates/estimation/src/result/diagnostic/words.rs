@@ -62,13 +62,13 @@ impl fmt::Display for Diagnostic {
             ),
             Self::BeyondLimit { name, by } => write!(
                 f,
-                "{name} is exceeded by up to {by:.1e}: prediction errors know no limits, and an exported model stays \
-                 within; fit the response, or flights that keep off the stops"
+                "{name} is exceeded by up to {by:.1e}: as constraints limits say nothing of prediction errors, \
+                 and an exported model stays within; fit again without limits = \"constrain\", as it saturates then"
             ),
             Self::OnLimit { name, samples } => write!(
                 f,
                 "{name} holds the solution at {}: as a constraint it bends the parameters where the recorded output \
-                 saturated; fit again with [fit] limits = \"saturate\", from what is found here",
+                 saturated; fit again without limits = \"constrain\", as it saturates then",
                 counted(*samples, "sample")
             ),
             Self::Coloured { measured, p } => write!(
