@@ -2,7 +2,7 @@
 
 use crate::command::{Folder, example};
 use crate::fitted::{fitted, theta, with};
-use pilotage::estimation::file::Options;
+use pilotage::estimation::file::{Limits, Options};
 use pilotage::estimation::{Posed, ProblemFile};
 use pilotage::flights::options::{InitialPosition, InitialState, Objective};
 use pilotage::flights::trials::ColumnNames;
@@ -13,6 +13,29 @@ const OBJECTIVE: f64 = 258.505_967;
 
 fn shipped() -> TrialSet {
     TrialSet::read(&[example("trials/trials.toml")]).unwrap()
+}
+
+/// The stick saturates at its limit, or is held within it as in the paper.
+#[test]
+fn the_limit_of_the_stick_is_a_constraint_where_that_is_asked_for() {
+    let set = shipped();
+    for (limits, expected) in [
+        (Limits::Saturate, vec![]),
+        (Limits::Constrain, vec![[-0.7, 0.7]]),
+    ] {
+        let options = with(|own| {
+            own.stick_limit = 0.7;
+            own.fit.limits = limits;
+        });
+        let file = options.problem(&set).unwrap();
+        let posed = Posed::new(&file, &open).unwrap();
+        let bounds: Vec<_> = posed
+            .bounds
+            .iter()
+            .map(|own| [own.lower, own.upper])
+            .collect();
+        assert_eq!(bounds, expected);
+    }
 }
 
 /// What is known of each state of vehicle and pilot at the first sample, for each thing that may be said of it.
@@ -54,7 +77,7 @@ fn what_is_said_of_the_start_is_known_of_the_states() {
                     .iter()
                     .map(|own| [own.lower, own.upper])
                     .collect();
-                assert_eq!(bounds, [[-1.0, 1.0]], "{what}");
+                assert!(bounds.is_empty(), "{what}");
             }
         }
     }

@@ -125,7 +125,7 @@ fn a_limit_holds_where_its_slope_has_decayed() {
     folder.write(
         "problem.toml",
         "[system.m]\nmodel = \"m.toml\"\n[[measured]]\nsignal = \"m.x\"\ncolumn = \"y\"\nsd = 0.02\n[parameters]\n\"m.k\" = {}\n\
-         \"m.T\" = { min = 0.01 }\n[[run]]\nfile = \"r.csv\"\n",
+         \"m.T\" = { min = 0.01 }\n[[run]]\nfile = \"r.csv\"\n[fit]\nlimits = \"constrain\"\n",
     );
     let fit = |limit: &str| {
         folder.write(

@@ -104,7 +104,8 @@ fn decays(rest: &str) -> Folder {
     let folder = Folder::new();
     let model = "[model]\nname = \"m\"\n[inputs]\nu = 0\n[parameters]\nrate = 0.5\ngain = 0.9\nx0 = 2.0\ntwice = 1\n[states]\n\
                  x = { start = \"x0\", der = \"gain * u + 0 * twice - rate * x\" }\n\
-                 y = { start = 0.2, der = \"-3 * y\" }\n[outputs]\nsum = \"x + y\"\n";
+                 y = { start = 0.2, der = \"-3 * y\" }\n[outputs]\nsum = \"x + y\"\n\
+                 fed = { value = \"gain * u\", limit = [-0.6, 0.6] }\n";
     folder.write("m.toml", model);
     let mut problem = "[system.m]\nmodel = \"m.toml\"\n[inputs]\n\"m.u\" = \"u\"\n[[measured]]\nsignal = \"m.sum\"\n\
                        column = \"s\"\nsd = 0.05\n"

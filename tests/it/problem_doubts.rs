@@ -270,7 +270,7 @@ fn an_output_beyond_its_limit_is_told_where_noise_drives() {
             "problem.toml",
             "[system.m]\nmodel = \"m.toml\"\n[inputs]\n\"m.u\" = \"u\"\n[process_noise]\n\"m.w\" = { density = 0.001 }\n\
              [[measured]]\nsignal = \"m.x\"\ncolumn = \"y\"\nsd = 0.03\n[parameters]\n\"m.k\" = {}\n\
-             [[run]]\nfile = \"run.csv\"\n[fit]\nobjective = \"prediction-error\"\n",
+             [[run]]\nfile = \"run.csv\"\n[fit]\nobjective = \"prediction-error\"\nlimits = \"constrain\"\n",
         );
         let json = fit(&folder).json();
         assert_eq!(json["status"], "converged", "{json}");

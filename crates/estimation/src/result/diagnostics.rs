@@ -99,7 +99,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     all.extend(undetermined(solved, fit));
     // A stick at its stops is not linear, and its describing function differs.
     // Nor is a pilot with kinks: a dead zone, a rate limit.
-    if posed.free.is_none() && !posed.has_kinks_in(PILOT) {
+    if fit.saturated.is_empty() && !posed.has_kinks_in(PILOT) {
         all.extend(fit.describing.contradicted().map(Diagnostic::Contradicted));
     }
     all.extend(of_inputs(fit));

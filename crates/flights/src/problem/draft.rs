@@ -272,6 +272,9 @@ impl Draft<'_> {
         if own.max_iterations != usual.max_iterations {
             let _ = writeln!(text, "max_iterations = {}", own.max_iterations);
         }
+        if own.limits != usual.limits {
+            let _ = writeln!(text, "limits = {}", quoted(own.limits.as_str()));
+        }
         if let Some(covariance) = own.covariance {
             let _ = writeln!(text, "covariance = {}", quoted(covariance.as_str()));
         }
