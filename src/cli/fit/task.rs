@@ -97,8 +97,11 @@ impl Args {
     /// What the flags say of the problem that flights pose.
     fn flight_options(&self) -> Result<FlightOptions, Failure> {
         let order = usize::from(self.order);
+        let mut fit = FlightOptions::default().fit;
+        self.override_options(&mut fit)?;
         Ok(FlightOptions {
             order,
+            fit,
             theta: (self.start.as_deref().filter(|all| start::is_unnamed(all))).map(start::values),
             stick_limit: self.stick_limit,
             vehicle: vehicle::resolve(self.vehicle.as_deref())?,
