@@ -22,6 +22,7 @@ mod demo;
 mod describing;
 mod diagnostics;
 mod excitation;
+mod explained;
 mod export;
 #[cfg(target_os = "linux")]
 mod files;

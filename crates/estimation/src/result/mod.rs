@@ -7,12 +7,14 @@ pub mod describing;
 pub mod diagnostic;
 pub(crate) mod diagnostics;
 pub mod events;
+pub(crate) mod explained;
 pub mod left_over;
 pub mod loops;
 mod opened;
 pub(crate) mod outliers;
 pub mod paths;
 mod recordings;
+pub mod through;
 pub mod uncertainty;
 
 use crate::innovations::{Ahead, Optimum, ahead};
