@@ -20,7 +20,13 @@ pub fn doubts(fit: &Fit, trials: &[Trial], options: &FlightOptions) -> Vec<Diagn
     // Without residuals the recordings themselves have to tell why.
     found.retain(|own| (is_beside(own) || !fit.is_met()) && !told(own));
     if options.objective == Objective::Response || options.vehicle_file.is_some() {
-        found.extend(of_vehicle(&options.vehicle, trials));
+        // That the motion contradicts the stick is told by more than its sign, if it was looked at.
+        let is_told = fit
+            .diagnostics
+            .iter()
+            .any(|own| matches!(own, Diagnostic::Contradicting(_)));
+        let of_vehicle = of_vehicle(&options.vehicle, trials).into_iter();
+        found.extend(of_vehicle.filter(|own| !(is_told && matches!(own, Check::StickSign { .. }))));
     }
     found.extend(moving(fit, trials, options));
     if found.contains(&Check::ConstantData) {

@@ -44,7 +44,7 @@ pub const CODES: [(&str, &str); 41] = [
     ),
     (
         "open-loop",
-        "an instance without unknowns whose inputs and outputs are recorded (the vehicle, if the runs have a column with the name of the stick, measured or not) does not answer its inputs as recorded: in pieces of the runs, each from the initial states that fit best, the response is another by a factor (sign, unit, gain) or a delay, or with any of them less than three quarters of it are explained (dynamics). Not of FMUs",
+        "an instance without unknowns whose inputs and outputs are recorded (the vehicle, if the runs have a column with the name of the stick, measured or not) does not answer its inputs as recorded: in pieces of the runs, each from the initial states that fit best, the response is another by a factor (sign, unit, gain) or a delay, or less than half of it is explained (dynamics, or something that is not recorded). Not of FMUs",
     ),
     (
         "describing-function",

@@ -23,6 +23,8 @@ const FACTOR: f64 = 0.15;
 /// Part of the variance of the response that a factor or a delay must be about, and part that may be left without a doubt.
 const SEEN: f64 = 0.01;
 const LEFT: f64 = 0.5;
+/// Part of the variance that is explained where nothing else moves the instance.
+const ALL: f64 = 0.9;
 /// Factor and delay leave at most this part of the squares, ...
 const BETTER: f64 = 0.5;
 /// ... and a delay is more than this number of samples: half a one is a matter of how they are held.
@@ -78,6 +80,13 @@ fn of_part(
     })
 }
 
+impl Contradicting {
+    /// Whether so much is left that a disturbance may be the reason, of anything but a sign.
+    fn is_moved_otherwise(&self) -> bool {
+        self.explained[1] < ALL && self.factor.is_none_or(|own| own > 0.0)
+    }
+}
+
 impl Display for Contradicting {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         let Self {
@@ -108,9 +117,7 @@ impl Display for Contradicting {
             )?;
         }
         let what = match (self.factor, self.later) {
-            (None, None) => {
-                "the dynamics of the model are others than those of the recording, or something that is not recorded moves it too"
-            }
+            (None, None) => "the dynamics of the model are others than those of the recording",
             (Some(factor), None) if factor < 0.0 => {
                 "the sign of the column or of the model is wrong"
             }
@@ -120,7 +127,11 @@ impl Display for Contradicting {
         };
         write!(
             f,
-            ": {what}; the sought parameters make up for it: mend the model or the column"
+            ": {what}{}; the sought parameters make up for it: mend the model or the column",
+            match self.is_moved_otherwise() {
+                true => ", or something that is not recorded moves it too",
+                false => "",
+            }
         )
     }
 }

@@ -18,8 +18,8 @@ const MOST: usize = 20_000;
 /// Error tolerance of the simulations, and step of the differences, relative to the sizes of states.
 const TOLERANCE: f64 = 1e-9;
 const STEP: f64 = 1e-3;
-/// Singular values below this part of the largest are zero.
-const RANK: f64 = 1e-8;
+/// Initial states, relative to their sizes, that have less than this part of the largest effect keep their values.
+const RANK: f64 = 1e-3;
 /// Steps towards the best initial states; one is enough for a linear vehicle.
 const STEPS: usize = 3;
 
@@ -28,7 +28,7 @@ pub struct Window {
     run: Run,
     /// Recorded values of each measured signal at the samples, over its spread.
     recorded: Vec<Vec<f64>>,
-    /// Response of each signal from the best initial states, and its derivatives with respect to these states, and to factor and
+    /// Response of each signal from the best initial states, and its derivatives with respect to these, over their sizes, and to factor and
     /// bias of each driven input.
     response: Vec<Vec<f64>>,
     states: Vec<Vec<Vec<f64>>>,
@@ -123,7 +123,7 @@ impl Window {
                 let mut moved = x.clone();
                 let by = STEP * sizes[k];
                 moved[k] += by;
-                states.push(slope(run(&moved, lines)?, by));
+                states.push(slope(run(&moved, lines)?, STEP));
             }
             if step == STEPS {
                 let mut inputs = Vec::new();
@@ -137,7 +137,9 @@ impl Window {
             }
             (self.states, self.response) = (states, response);
             let better = self.better()?;
-            x.iter_mut().zip(better.iter()).for_each(|(x, by)| *x += by);
+            for (k, by) in better.iter().enumerate() {
+                x[k] += by * sizes[k];
+            }
         }
         None
     }
