@@ -186,7 +186,7 @@ fn what_has_one_name_is_connected_and_a_target_that_jumps_is_no_line() {
     assert!((gain - 2.0).abs() > 1e-2 && is_told, "{gain}");
     let said = text.replace("zero-order", "linear");
     assert!(!fitted(&said).1);
-    // A gap in what drives the loop is said, and that nothing else does.
+    // A gap in what alone drives the loop leaves no problem; what is written by hand then is no answer.
     let row = |k: usize| match k {
         15..30 => format!("{},,0\n", 0.1 * k as f64),
         _ => format!("{0},{0},{0}\n", 0.1 * k as f64),
@@ -196,10 +196,18 @@ fn what_has_one_name_is_connected_and_a_target_that_jumps_is_no_line() {
         "time,target,bank\n".to_owned() + &(0..40).map(row).collect::<String>(),
     );
     let ended = folder.pilotage(&[&["init", "gap.csv", "-o", "gap.toml"], &models[..]].concat());
-    let why =
-        "note: commented out: gap.csv: the column `target` is empty from 1.4000000000000001 to 3 s";
+    let why = "error: gap.csv: the column `target` is empty from 1.4000000000000001 to 3 s";
     assert!(ended.stderr.starts_with(why), "{ended:?}");
-    let ended = folder.pilotage(&["fit", "gap.toml", "--force"]);
+    assert_eq!(ended.code, 2);
+    assert!(!folder.path("gap.toml").exists());
+    let undriven = text.replace("\"pilot.target\"", "# \"pilot.target\"");
+    folder.write("gap.toml", undriven.replace("run.csv", "gap.csv"));
+    let ended = folder.pilotage(&["fit", "gap.toml", "--force", "--json"]);
     let why = "note: nothing drives `pilot.target`, which keeps its start value: ";
     assert!(ended.stderr.contains(why), "{ended:?}");
+    let json = ended.json();
+    assert_eq!(
+        (ended.code, &json["status"]),
+        (1, &"nothing-explained".into())
+    );
 }

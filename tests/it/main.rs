@@ -22,6 +22,7 @@ mod demo;
 mod describing;
 mod diagnostics;
 mod excitation;
+mod explained;
 mod export;
 #[cfg(target_os = "linux")]
 mod files;
@@ -46,6 +47,7 @@ mod model_examples;
 mod model_library;
 mod mutation;
 mod next;
+mod open_loop;
 mod other_fmus;
 #[path = "../paragraphs.rs"]
 mod paragraphs;

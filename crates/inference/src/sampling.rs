@@ -5,7 +5,7 @@ use crate::outliers::median;
 /// Multiple of the usual step from which on a time without rows is a gap.
 const GAP: f64 = 10.0;
 /// Duration of a run below which it is too short for a person's task \[s\], and longest plausible time between samples \[s\].
-const SHORT: f64 = 1.0;
+pub const SHORT: f64 = 1.0;
 const SPARSE: f64 = 2.0;
 
 /// Median step of these times; `None` for fewer than two.

@@ -27,7 +27,8 @@ const MEASURED: &str = "[[measured]]";
 /// left out with them; what `init` itself proposed may go without a word.
 ///
 /// # Errors
-/// If nothing can be left out: a model without equations, a run that is no time series, no measured signal.
+/// If nothing can be left out: a model without equations, a run that is no time series, no measured signal, the only column that
+/// drives an input.
 pub fn accepted(mut text: String, path: &Path) -> Result<(String, Vec<String>), Failure> {
     let mut reasons = Vec::new();
     loop {
@@ -39,6 +40,10 @@ pub fn accepted(mut text: String, path: &Path) -> Result<(String, Vec<String>), 
             ProblemError::At { place, fault } => {
                 let (text, section) =
                     without(&text, place, fault).ok_or_else(|| Failure::new(fault.clone()))?;
+                if section == INPUTS && !is_driven(&text) {
+                    let hint = "nothing else drives an input, and a fit without any says nothing of the runs";
+                    return Err(Failure::new(fault.clone()).hint(hint));
+                }
                 if [INPUTS, MEASURED].contains(&section.as_str()) {
                     reasons.push(fault.clone());
                 }
@@ -47,6 +52,13 @@ pub fn accepted(mut text: String, path: &Path) -> Result<(String, Vec<String>), 
             _ => return Err(refused.into()),
         };
     }
+}
+
+/// Whether a column drives an input.
+fn is_driven(text: &str) -> bool {
+    let inputs = text.lines().skip_while(|line| !line.starts_with(INPUTS));
+    let lines = inputs.skip(1).take_while(|line| !line.starts_with('['));
+    lines.into_iter().any(|line| line.starts_with('"'))
 }
 
 /// What an open loop is commented out with.

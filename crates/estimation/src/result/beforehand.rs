@@ -6,6 +6,7 @@ use crate::problem::file::Deviation;
 use crate::result::Fit;
 use crate::result::describing::excitation;
 use crate::result::diagnostic::Diagnostic;
+use crate::result::through::{Contradicting, contradicting};
 use crate::result::uncertainty::{linearised, names, words};
 use crate::search::begin::begin_whole;
 use crate::search::starts::{Start, starts};
@@ -33,6 +34,8 @@ pub struct Beforehand {
     pub identifiability: Option<Identifiability>,
     /// The inputs of the system, if nothing drives any of them.
     pub undriven: Vec<String>,
+    /// Instances that do not answer their recorded inputs as recorded.
+    pub contradicting: Vec<Contradicting>,
 }
 
 /// Local identifiability where the search begins: the sensitivity of the measured signals to the parameters, at several
@@ -81,6 +84,7 @@ pub fn beforehand(posed: &Posed<'_>, stop: &Stop<'_>) -> Beforehand {
             true => posed.joint.model.inputs.clone(),
             false => Vec::new(),
         },
+        contradicting: contradicting(posed),
         excitation,
     }
 }
@@ -112,7 +116,10 @@ impl Beforehand {
             .flat_map(|own| own.flat.iter().cloned());
         let flat = flat.filter(|_| is_open && !is_flat);
         let starved = self.starved.into_iter().map(Diagnostic::Starved);
+        let contradicting = self.contradicting.iter().cloned();
+        let contradicting = contradicting.map(Diagnostic::Contradicting);
         starved
+            .chain(contradicting)
             .chain(flat.map(Diagnostic::Unidentifiable))
             .collect()
     }
@@ -120,6 +127,7 @@ impl Beforehand {
     /// Diagnostics before the solve, in words.
     pub fn words(&self) -> Vec<String> {
         let mut all: Vec<String> = self.starved.iter().map(ToString::to_string).collect();
+        all.extend(self.contradicting.iter().map(ToString::to_string));
         if let Some(first) = self.undriven.first() {
             let more = match self.undriven.len() {
                 1 => "its start value",

@@ -5,6 +5,7 @@ use crate::posed::data::RunData;
 use crate::problem::file::Mesh;
 use crate::result::Beside;
 use crate::result::diagnostic::Diagnostic;
+use crate::result::explained::little_explained;
 use crate::result::outliers::{
     of_copies, of_ends, of_frozen, of_repeats, of_runs, of_samples, of_times, still,
 };
@@ -25,8 +26,6 @@ use pilotage_sqp::Status;
 const GROWTH: f64 = 1e-6;
 /// Significant change of parameters by a refinement, relative to their size; also the significant error of the states.
 const MOVES: f64 = 1e-3;
-/// Variance accounted for below which a fit is poor.
-const POOR: f64 = 0.5;
 /// Distance of a solution from an optimum, in standard deviations, that is not told.
 const SMALL_OFFSET: f64 = 0.05;
 /// Smallest scaled curvature that is not considered flat.
@@ -106,8 +105,8 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     let measured = 0..posed.file.measured.len();
     all.extend(measured.filter_map(|k| unbounded(posed, fit, k)));
     if has_residuals(fit) {
+        all.extend(little_explained(posed, fit));
         for k in 0..posed.file.measured.len() {
-            all.extend(poor(posed, fit, k));
             all.extend(coloured(posed, fit, k));
             let still = still(fit, k);
             all.extend(of_samples(posed, fit, k, &still));
@@ -225,27 +224,6 @@ fn is_linear(posed: &Posed<'_>) -> bool {
         .collect();
     let varies = graph.dependants(|variable| states.contains(&variable));
     slopes.iter().all(|node| !varies[node.index()])
-}
-
-/// Whether little of a measured signal is explained. A filter takes from the recording what the model alone does not
-/// explain.
-fn poor(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
-    let (mut left, mut total) = (0.0, 0.0);
-    for run in &fit.runs {
-        let known = run.recorded[k].iter().zip(&run.predicted[k]);
-        let known: Vec<(f64, f64)> = known
-            .map(|(y, h)| (*y, *h))
-            .filter(|(y, _)| y.is_finite())
-            .collect();
-        let mean = known.iter().map(|(y, _)| y).sum::<f64>() / known.len().max(1) as f64;
-        left += known.iter().map(|(y, h)| (y - h).powi(2)).sum::<f64>();
-        total += known.iter().map(|(y, _)| (y - mean).powi(2)).sum::<f64>();
-    }
-    let explained = 1.0 - left / total;
-    (explained < POOR && posed.filter.is_none()).then(|| Diagnostic::PoorFit {
-        measured: posed.file.measured[k].column.value.clone(),
-        explained,
-    })
 }
 
 /// A sample that is predicted exactly, as is the first one if an initial state is free: the likelihood then grows

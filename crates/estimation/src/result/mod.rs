@@ -7,6 +7,7 @@ pub mod describing;
 pub mod diagnostic;
 pub(crate) mod diagnostics;
 pub mod events;
+pub(crate) mod explained;
 pub mod left_over;
 pub mod loops;
 mod opened;
@@ -14,6 +15,7 @@ pub(crate) mod outliers;
 pub mod paths;
 mod recordings;
 pub mod saturated;
+pub mod through;
 pub mod uncertainty;
 
 use crate::innovations::{Ahead, Optimum, ahead};

@@ -87,5 +87,10 @@ fn time_scale(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
     let is_flown = posed.joint.parts.iter().any(|(name, _)| name == PILOT);
     let runs = fit.runs.iter().map(|run| run.time.as_slice());
     let [duration, step] = sampling::time_scale(runs)?;
-    (is_flown && !fit.cuts.is_empty()).then_some(Diagnostic::TimeScale { duration, step })
+    let mut units = posed.data.iter().map(|run| &run.series.time_unit);
+    (is_flown && !fit.cuts.is_empty()).then(|| Diagnostic::TimeScale {
+        duration,
+        step,
+        is_stated: units.all(|unit| !unit.is_empty()),
+    })
 }

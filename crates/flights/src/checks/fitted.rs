@@ -12,22 +12,21 @@ use pilotage_models::Pilot;
 
 /// The diagnostics of fitted flights, those that make the result meaningless first. Where nothing moves, they alone.
 pub fn doubts(fit: &Fit, trials: &[Trial], options: &FlightOptions) -> Vec<Diagnostic> {
-    // Without residuals the recordings themselves have to tell why.
-    let mut found: Vec<Check> = match fit.is_met() {
-        true => {
-            let told = |own: &Check| {
-                fit.diagnostics
-                    .iter()
-                    .any(|known| known.code() == own.code())
-            };
-            let mut all = recorded(trials);
-            all.retain(|own| is_beside(own) && !told(own));
-            all
-        }
-        false => recorded(trials),
+    let told = |own: &Check| {
+        let mut known = fit.diagnostics.iter();
+        known.any(|known| known.code() == own.code())
     };
+    let mut found = recorded(trials);
+    // Without residuals the recordings themselves have to tell why.
+    found.retain(|own| (is_beside(own) || !fit.is_met()) && !told(own));
     if options.objective == Objective::Response || options.vehicle_file.is_some() {
-        found.extend(of_vehicle(&options.vehicle, trials));
+        // That the motion contradicts the stick is told by more than its sign, if it was looked at.
+        let is_told = fit
+            .diagnostics
+            .iter()
+            .any(|own| matches!(own, Diagnostic::Contradicting(_)));
+        let of_vehicle = of_vehicle(&options.vehicle, trials).into_iter();
+        found.extend(of_vehicle.filter(|own| !(is_told && matches!(own, Check::StickSign { .. }))));
     }
     found.extend(moving(fit, trials, options));
     if found.contains(&Check::ConstantData) {

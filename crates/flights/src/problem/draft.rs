@@ -84,6 +84,7 @@ impl Draft<'_> {
         }
         self.write_inputs(&mut text, &wires);
         self.write_measured(&mut text)?;
+        self.write_recorded(&mut text, &wires);
         self.write_parameters(&mut text);
         text += "\n[initial]                                # else what the models start with\n";
         for (line, comment) in &self.initial {
@@ -200,6 +201,24 @@ impl Draft<'_> {
             );
         }
         Ok(())
+    }
+
+    /// What the runs have of the wires to the vehicle, and why it is not measured.
+    fn write_recorded(&self, text: &mut String, wires: &[(String, String)]) {
+        for (from, to) in wires.iter().filter(|(_, to)| to.starts_with("vehicle.")) {
+            let column = self.names.of(to.rsplit('.').next().unwrap_or(to));
+            if !self.is_column(column) || self.measured == Some(from) {
+                continue;
+            }
+            let _ = writeln!(
+                text,
+                "\n# The column {} is not fitted, since its noise moves the vehicle too. Before the fit it is put through `vehicle`\n\
+                 # alone, and the response is compared with what was recorded (diagnostic `open-loop`). To fit it as well:\n\
+                 # [[measured]]\n# signal = {}\n# column = {0}",
+                quoted(column),
+                quoted(from)
+            );
+        }
     }
 
     fn write_parameters(&self, text: &mut String) {

@@ -38,6 +38,8 @@ pub struct Trial {
     pub sha256: String,
     /// Sample times \[s\], strictly increasing.
     pub time: Vec<f64>,
+    /// Unit of the times in the file's header, from which they were converted; empty if there is none.
+    pub time_unit: String,
     /// The target ŷ at each sample \[m\].
     pub target: Vec<f64>,
     /// The vehicle's position at each sample \[m\]; NaN where missing.
@@ -86,7 +88,7 @@ impl Trial {
         columns.extend((self.stick.iter()).map(|stick| column("stick", "1", stick)));
         Series {
             time: self.time.clone(),
-            time_unit: "s".to_owned(),
+            time_unit: self.time_unit.clone(),
             columns,
             ..Series::default()
         }

@@ -106,6 +106,7 @@ impl Trial {
             origin: origin.into(),
             sha256: sha256(bytes),
             time: series.time,
+            time_unit: series.time_unit,
             target,
             position,
             stick,

@@ -256,7 +256,7 @@ fn loss(noise: Noise) -> Loss {
 
 impl Measured {
     /// Whether the sensor has neither gain nor offset.
-    pub(super) fn is_plain(&self) -> bool {
+    pub(crate) fn is_plain(&self) -> bool {
         let is = |calibrated: &Calibration, value: f64| matches!(calibrated, Calibration::Formula(formula) if formula.number() == Some(value));
         is(&self.gain, 1.0) && is(&self.offset, 0.0)
     }

@@ -1,7 +1,7 @@
 //! What each code means.
 
 /// Code and meaning of each diagnostic, of which a test makes the table of docs/problems.md (`tests/it/codes.rs`).
-pub const CODES: [(&str, &str); 39] = [
+pub const CODES: [(&str, &str); 41] = [
     (
         "not-converged",
         "the solver ended before its tolerance; with a violation, equations or constraints are not satisfied where it ended, and a simulation with the parameters does not satisfy them either: there is no objective, and there are no residuals",
@@ -43,12 +43,20 @@ pub const CODES: [(&str, &str); 39] = [
         "the interval of a parameter is as wide as its range, or it has none, and its standard deviation exceeds its value; or the objective has no curvature in some direction",
     ),
     (
+        "open-loop",
+        "an instance without unknowns whose inputs and outputs are recorded (the vehicle, if the runs have a column with the name of the stick, measured or not) does not answer its inputs as recorded: in pieces of the runs, each from the initial states that fit best, the response is another by a factor (sign, unit, gain) or a delay, or less than half of it is explained (dynamics, or something that is not recorded). Not of FMUs",
+    ),
+    (
         "describing-function",
         "pilot or loop lie outside the error bars of the describing function at a third of the lines, and at three or more; not of a pilot with kinks, which is not linear",
     ),
     (
         "poor-fit",
         "less than half of the variance of a measured signal within the runs is explained",
+    ),
+    (
+        "nothing-explained",
+        "less than 2 % of the variance of each measured signal within the runs is explained, or less than half where no input leaves its start value: the fit has no answer, and exit code 1. Not of fewer than 20 values, nor where the recordings are white noise about levels and nothing drives the system",
     ),
     (
         "input-left",
@@ -81,7 +89,7 @@ pub const CODES: [(&str, &str); 39] = [
     ),
     (
         "time-scale",
-        "with a pilot in a loop: the longest run takes less than a second, or has a sample every two seconds or less often: the times may be in another unit",
+        "with a pilot in a loop: the longest run takes less than a second, or has a sample every two seconds or less often: the times may be in another unit. With such samples and a header without unit the fit has no answer, and exit code 1",
     ),
     (
         "misfit",

@@ -12,6 +12,9 @@ pub use codes::CODES;
 
 use crate::posed::stability::CLOSED_LOOP;
 use crate::result::events::Event;
+use crate::result::explained::Nothing;
+use crate::result::through::Contradicting;
+use pilotage_inference::sampling::SHORT;
 use pilotage_inference::spectrum::{Contradiction, Starved};
 use pilotage_sqp::Status;
 
@@ -149,6 +152,8 @@ pub enum Diagnostic {
         /// Variance accounted for, at most 1.
         explained: f64,
     },
+    /// The model explains nothing of any measured signal.
+    NothingExplained(Nothing),
     /// Residuals are correlated with earlier values of an input.
     InputLeft {
         /// The measured column.
@@ -242,6 +247,8 @@ pub enum Diagnostic {
         duration: f64,
         /// Median time between its samples \[s\].
         step: f64,
+        /// Whether the files state the unit of their times.
+        is_stated: bool,
     },
     /// A run that is fitted far worse than the others.
     Misfit {
@@ -319,6 +326,8 @@ pub enum Diagnostic {
         /// What is incorrect.
         note: String,
     },
+    /// An instance does not answer its recorded inputs as recorded.
+    Contradicting(Contradicting),
     /// The describing function of the runs contradicts that of the fit.
     Contradicted(Contradiction),
     /// The spectral lines determine fewer numbers than are sought.
@@ -356,6 +365,7 @@ impl Diagnostic {
             Self::LowerStart { .. } => "lower-start",
             Self::Alone(_) => "alone",
             Self::PoorFit { .. } => "poor-fit",
+            Self::NothingExplained(_) => "nothing-explained",
             Self::InputLeft { .. } => "input-left",
             Self::Stepped { .. } => "stepped-input",
             Self::Outlier { .. } => "outlier",
@@ -369,6 +379,7 @@ impl Diagnostic {
             Self::Clipped { .. } => "clipped",
             Self::Copy { .. } => "copy",
             Self::Mixed(_) => "mixed",
+            Self::Contradicting(_) => "open-loop",
             Self::Contradicted(_) => "describing-function",
             Self::Starved(_) => "few-lines",
             Self::Unidentifiable(_) => "unidentifiable",
@@ -388,6 +399,13 @@ impl Diagnostic {
         match self {
             Self::Beside(own) => own.is_fatal,
             Self::Outlier { share, .. } => *share > GOVERNS,
+            Self::NothingExplained(_) => true,
+            // Nobody acts once in seconds; a task may be short.
+            Self::TimeScale {
+                duration,
+                is_stated,
+                ..
+            } => !is_stated && *duration >= SHORT,
             _ => false,
         }
     }

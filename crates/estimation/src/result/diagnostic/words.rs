@@ -192,12 +192,17 @@ impl fmt::Display for Diagnostic {
                 rounded(*from, 9),
                 rounded(*to, 9)
             ),
-            Self::TimeScale { duration, step } => write!(
+            Self::TimeScale {
+                duration,
+                step,
+                is_stated,
+            } => write!(
                 f,
                 "the longest run takes {} s with a sample every {} s: a pilot acts within tenths of a second and takes \
-                 seconds to a target, so the times may be in another unit; head the column with it, as in `time [ms]`",
+                 seconds to a target, so the times may be in another unit; head the column with it, as in `time [ms]`{}",
                 short(*duration, 3),
-                short(*step, 3)
+                short(*step, 3),
+                if *is_stated { "" } else { ", or `time [s]` if it is so" }
             ),
             Self::Misfit {
                 measured,
@@ -364,6 +369,8 @@ impl fmt::Display for Diagnostic {
                 )
             }
             Self::Event(event) => event.fmt(f),
+            Self::NothingExplained(own) => own.fmt(f),
+            Self::Contradicting(own) => own.fmt(f),
             Self::Description { instance, note } => write!(f, "the FMU of `{instance}`: {note}"),
         }
     }
