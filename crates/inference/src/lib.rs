@@ -27,7 +27,7 @@
 //! | --- | --- |
 //! | [`data`], `row` | input: rows of residuals, priors, active constraints |
 //! | `elimination` | elimination of constraints and of the runs' own unknowns |
-//! | [`inference`] | information, undetermined directions |
+//! | [`inference`], [`Open`] | information, undetermined directions, and what depends on them |
 //! | [`covariance`], `meat`, `autoregression`, `burg`, `restricted` | the methods |
 //! | [`interval`] | intervals with Student's t |
 //! | `spread` | intervals of functions of the parameters |
@@ -51,6 +51,7 @@ pub mod homogeneity;
 pub mod inference;
 pub mod interval;
 mod meat;
+mod open;
 pub mod outliers;
 pub mod residuals;
 mod restricted;
@@ -67,6 +68,7 @@ pub use covariance::{Covariance, Joint, Method};
 pub use data::{Data, Run};
 pub use inference::{Direction, Inference, Obstacle};
 pub use interval::{Class, Interval, LEVEL, quantile};
+pub use open::Open;
 pub use row::{Noise, Row, normal_equations};
 pub use spread::Spread;
 pub use stepped::{are_stepped, is_stepped};
