@@ -5,6 +5,7 @@
 //! | `raised` | starts from the order below |
 //! | `guided` | starts from the data |
 //! | `race` | all starts, and selection of the best |
+//! | `apart` | optima of the same objective with other parameters |
 //! | `behind` | when a solve is given up for the best so far |
 //! | `solve` | the SQP from one point |
 //! | `tumbles` | other initial states of each run at the best parameters |
@@ -18,6 +19,7 @@
 //! | `watch` | the observer, who may end the fit |
 
 pub mod alone;
+mod apart;
 mod behind;
 mod check;
 pub mod evaluate;
@@ -102,6 +104,9 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let (best, errors) = best_flown(posed, &mut solved, &watch);
     let ends = same.iter().map(|k| end(posed, solved[*k].as_ref(), &watch));
     let ends: Vec<StartEnd> = ends.collect();
+    let thetas: Vec<Option<Vec<f64>>> = (same.iter())
+        .map(|k| solved[*k].as_ref().map(Solved::theta))
+        .collect();
     let lower = better(&solved);
     let begins = innovations::begins(posed, &solved);
     let met = match has_answer(&solved) {
@@ -154,6 +159,9 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
             found.offset = linear.as_ref().and_then(|own| kinks::offset(&own.data));
         }
         let known = linear.as_ref().ok_or(Unsure::NoDerivatives);
+        if let Ok(own) = known {
+            found.others = apart::others(posed, (&found, best), &thetas, &own.data);
+        }
         found.uncertainty = known.and_then(|own| {
             let looped = looped.as_ref();
             uncertainty(
@@ -233,6 +241,7 @@ fn end(posed: &Posed<'_>, solved: Option<&Solved>, watch: &Watch<'_, '_>) -> Sta
                 objective: nearly.map_or(f64::NAN, |f| f / posed.factor),
                 iterations: own.solution.work.iterations,
                 kkt: Some(own.solution.kkt.residual()),
+                parameters: apart::named(posed, &own.theta()),
             }
         }
         None => StartEnd {
@@ -240,6 +249,7 @@ fn end(posed: &Posed<'_>, solved: Option<&Solved>, watch: &Watch<'_, '_>) -> Sta
             objective: f64::NAN,
             iterations: 0,
             kkt: None,
+            parameters: Vec::new(),
         },
     }
 }

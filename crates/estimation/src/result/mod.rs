@@ -78,6 +78,8 @@ pub struct Fit {
     pub resolution: f64,
     /// How each start ended.
     pub starts: Vec<StartEnd>,
+    /// Starts at other optima, with objectives of which the data do not tell which is better; one for each optimum.
+    pub others: Vec<usize>,
     /// A start that did not converge but had a lower objective.
     pub lower: Option<usize>,
     /// The outputs at whose wires the loops are opened for crossover and margins. Empty if there is no loop.
@@ -118,6 +120,8 @@ pub struct StartEnd {
     pub iterations: usize,
     /// Its scaled KKT residual. None if the fit was ended before it began.
     pub kkt: Option<f64>,
+    /// Its shared parameters with their names, in their units. Empty if it did not begin.
+    pub parameters: Vec<(String, f64)>,
 }
 
 /// An estimated or derived parameter.
@@ -294,6 +298,7 @@ impl Fit {
             refinement: Refinement::new(solved),
             resolution: EXACT * samples as f64 / posed.factor,
             starts: Vec::new(),
+            others: Vec::new(),
             lower: None,
             cut: None,
             cuts: Vec::new(),

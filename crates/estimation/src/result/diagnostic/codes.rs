@@ -1,7 +1,7 @@
 //! What each code means.
 
 /// Code and meaning of each diagnostic, of which a test makes the table of docs/problems.md (`tests/it/codes.rs`).
-pub const CODES: [(&str, &str); 39] = [
+pub const CODES: [(&str, &str); 40] = [
     (
         "not-converged",
         "the solver ended before its tolerance; with a violation, equations or constraints are not satisfied where it ended, and a simulation with the parameters does not satisfy them either: there is no objective, and there are no residuals",
@@ -100,6 +100,10 @@ pub const CODES: [(&str, &str); 39] = [
         "runs of different files have the same samples: they count twice",
     ),
     ("alone", "among three or more starts, only one ended here"),
+    (
+        "other-optimum",
+        "a start ended at other parameters with an objective of which the data do not tell which is better, a 95 % region's edge away at most, by four standard deviations in what the data determine; as where two lags in series may be exchanged",
+    ),
     (
         "mesh-error",
         "the mesh is not as fine as requested; on a given mesh (`mesh`, `mesh_step`) the states' estimated relative error is above 10⁻³ and a simulation with the estimates has another objective: parameters may be off by as much, and if the simulation is off by 0.3 of what was recorded, the fit has no answer. Or the last refinement moved a parameter by more than 10⁻³ of its size",

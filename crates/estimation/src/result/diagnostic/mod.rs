@@ -138,6 +138,15 @@ pub enum Diagnostic {
         /// Its objective.
         objective: f64,
     },
+    /// Other parameters give an objective of which the data do not tell which is better.
+    OtherOptimum {
+        /// Its objective.
+        objective: f64,
+        /// The parameters that differ: name, value there, value here.
+        values: Vec<(String, f64, f64)>,
+        /// Number of such optima, of which this is the first.
+        count: usize,
+    },
     /// The last refinement of the mesh still changed the parameters, by this fraction of their size.
     MeshMoves(f64),
     /// Only one of this many starts led to the result.
@@ -354,6 +363,7 @@ impl Diagnostic {
             Self::Simulated { .. } => "simulation",
             Self::Cut { .. } => "cut",
             Self::LowerStart { .. } => "lower-start",
+            Self::OtherOptimum { .. } => "other-optimum",
             Self::Alone(_) => "alone",
             Self::PoorFit { .. } => "poor-fit",
             Self::InputLeft { .. } => "input-left",
