@@ -33,6 +33,7 @@
 //! | `spread` | intervals of functions of the parameters |
 //! | [`outliers`] | samples and runs that stand out |
 //! | [`residuals`], [`crossed`] | residual tests, alone and against the inputs |
+//! | [`change`] | whether the parameters are constant along the runs |
 //! | [`choice`], [`homogeneity`] | choice between models; whether groups of data have the same parameters |
 //! | [`spectrum`] | frequency responses of loops driven by sums of sines, without a model |
 //! | [`statistics`] | rms and range of values with gaps |
@@ -42,6 +43,7 @@
 
 mod autoregression;
 mod burg;
+pub mod change;
 pub mod choice;
 pub mod covariance;
 pub mod crossed;

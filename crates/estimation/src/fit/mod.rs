@@ -40,6 +40,7 @@ pub use solve::{SeeIterates, nearer, solve};
 use crate::innovations;
 use crate::posed::Posed;
 use crate::problem::file::Mesh;
+use crate::result::changed::changed;
 use crate::result::describing::describing;
 use crate::result::diagnostics::diagnostics;
 use crate::result::events::{Events, events};
@@ -49,6 +50,7 @@ use crate::result::uncertainty::{Unsure, linearised, method, uncertainty};
 use crate::result::{Fit, MUCH, StartEnd};
 use crate::search::solved::{Refinement, Solved};
 use crate::search::trouble;
+use pilotage_inference::Inference;
 use pilotage_sqp::{Iteration, Status};
 use race::{Raced, best_of, better, has_answer, has_converged, raced};
 use raised::Begin;
@@ -160,6 +162,8 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         }
         let known = linear.as_ref().ok_or(Unsure::NoDerivatives);
         if let Ok(own) = known {
+            let inference = Inference::new(&own.data).ok();
+            found.change = inference.and_then(|own| changed(posed, &found, &last.theta(), &own));
             found.others = apart::others(posed, (&found, best), &thetas, &own.data);
         }
         found.uncertainty = known.and_then(|own| {

@@ -103,6 +103,12 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
         all.extend(fit.describing.contradicted().map(Diagnostic::Contradicted));
     }
     all.extend(of_inputs(fit));
+    all.extend(
+        fit.change
+            .clone()
+            .filter(|_| has_residuals(fit))
+            .map(Diagnostic::Changes),
+    );
     let measured = 0..posed.file.measured.len();
     all.extend(measured.filter_map(|k| unbounded(posed, fit, k)));
     if has_residuals(fit) {

@@ -2,6 +2,7 @@
 
 pub mod beforehand;
 mod begun;
+pub(crate) mod changed;
 pub mod courses;
 pub mod describing;
 pub mod diagnostic;
@@ -18,6 +19,7 @@ pub mod uncertainty;
 use crate::innovations::{Ahead, Optimum, ahead};
 use crate::posed::{Posed, Stands, poles, variables};
 use crate::problem::file::{Noise, Per};
+use crate::result::changed::Changed;
 use crate::result::diagnostic::Diagnostic;
 use crate::result::events::Events;
 use crate::result::uncertainty::found::{Uncertainty, Unsure};
@@ -84,6 +86,8 @@ pub struct Fit {
     pub lower: Option<usize>,
     /// The outputs at whose wires the loops are opened for crossover and margins. Empty if there is no loop.
     pub cuts: Vec<String>,
+    /// A change of a parameter along the runs, if it is significant.
+    pub change: Option<Changed>,
     /// What ended the fit before all starts and refinements were completed.
     pub cut: Option<Status>,
     /// Events of FMUs in its runs.
@@ -299,6 +303,7 @@ impl Fit {
             resolution: EXACT * samples as f64 / posed.factor,
             starts: Vec::new(),
             others: Vec::new(),
+            change: None,
             lower: None,
             cut: None,
             cuts: Vec::new(),

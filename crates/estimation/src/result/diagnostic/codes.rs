@@ -1,7 +1,7 @@
 //! What each code means.
 
 /// Code and meaning of each diagnostic, of which a test makes the table of docs/problems.md (`tests/it/codes.rs`).
-pub const CODES: [(&str, &str); 40] = [
+pub const CODES: [(&str, &str); 41] = [
     (
         "not-converged",
         "the solver ended before its tolerance; with a violation, equations or constraints are not satisfied where it ended, and a simulation with the parameters does not satisfy them either: there is no objective, and there are no residuals",
@@ -53,6 +53,10 @@ pub const CODES: [(&str, &str); 40] = [
     (
         "input-left",
         "residuals are correlated with earlier values of an input: a path or a delay is missing ([uncertainty.md](uncertainty.md))",
+    ),
+    (
+        "changes",
+        "a parameter changes along the runs, at the same time in all of them or in one: by a test of constant parameters (sup-LM, at 0.01), by a tenth of its value and four standard deviations of it; let it change by `[[run.change]]`, or fit the parts by themselves ([uncertainty.md](uncertainty.md))",
     ),
     (
         "stepped-input",

@@ -11,6 +11,7 @@ mod words;
 pub use codes::CODES;
 
 use crate::posed::stability::CLOSED_LOOP;
+use crate::result::changed::Changed;
 use crate::result::events::Event;
 use pilotage_inference::spectrum::{Contradiction, Starved};
 use pilotage_sqp::Status;
@@ -158,6 +159,8 @@ pub enum Diagnostic {
         /// Variance accounted for, at most 1.
         explained: f64,
     },
+    /// A parameter is not constant along the runs.
+    Changes(Changed),
     /// Residuals are correlated with earlier values of an input.
     InputLeft {
         /// The measured column.
@@ -366,6 +369,7 @@ impl Diagnostic {
             Self::OtherOptimum { .. } => "other-optimum",
             Self::Alone(_) => "alone",
             Self::PoorFit { .. } => "poor-fit",
+            Self::Changes(_) => "changes",
             Self::InputLeft { .. } => "input-left",
             Self::Stepped { .. } => "stepped-input",
             Self::Outlier { .. } => "outlier",

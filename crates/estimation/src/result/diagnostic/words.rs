@@ -323,6 +323,7 @@ impl fmt::Display for Diagnostic {
                 f,
                 "of {starts} starts one alone led to this optimum: there may be better ones; raise `starts` (--random-starts)"
             ),
+            Self::Changes(change) => change.fmt(f),
             Self::OtherOptimum {
                 objective,
                 values,
