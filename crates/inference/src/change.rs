@@ -1,14 +1,15 @@
 //! Whether the parameters are constant along the runs: a test against a change at an unknown time.
 //!
-//! Where a parameter changes by δ at a time τ, the predictions change by about `Jδ` from there on. With what constant parameters
-//! and the runs' own unknowns can follow projected out, these are the columns of a regressor `R(τ)`, and `S(τ) = R(τ)ᵀ e` is the
-//! score of the change. Its covariance is `G = RᵀΣR` with the noise Σ of [`Method::Ar`](crate::Method::Ar), so that coloured
-//! residuals do not look like changes. The statistic is the largest `SᵀG⁻¹S` over τ (sup-LM: Andrews, *Tests for parameter
+//! Where a parameter changes by δ at a time τ, the predictions change by about `Jδ` from there on. With what other constant
+//! parameters and unknowns of the run can follow projected out, these are the columns of a regressor `R(τ)`, and `S(τ) = R(τ)ᵀ e` is
+//! the score of the change. Runs may differ from each other: each has constants of its own here. The score's covariance is
+//! `G = RᵀΣR` with the noise Σ of [`Method::Ar`](crate::Method::Ar), so that coloured residuals do not look like changes. The statistic is the largest `SᵀG⁻¹S` over τ (sup-LM: Andrews, *Tests for parameter
 //! instability and structural change with unknown change point*, Econometrica 61, 1993) and a drift along the whole run. Its
 //! distribution is that of draws from N(0, G) over all τ together, which no table has: it depends on where the runs inform.
 
 use crate::autoregression::Autoregression;
 use crate::data::Run;
+use crate::elimination::basis;
 use crate::inference::Inference;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use pilotage_linear::svd::svd;
@@ -16,8 +17,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
-use std::ops::Range;
 
+/// Residuals for each unknown from which on changes are looked for.
+const ROWS: usize = 10;
 /// Part of a run at either end within which no change is looked for.
 const MARGIN: f64 = 0.15;
 /// Most and fewest times that are tried, and the multiplications that they may take.
@@ -66,16 +68,36 @@ pub struct Change {
     pub p: f64,
 }
 
-/// Scores of several courses of the runs that may change.
+/// What a run says about each course.
+#[derive(Clone)]
 struct Scores {
-    courses: Vec<Course>,
     /// `S`, one column for each course.
     scores: DMatrix<f64>,
     /// `G` of all courses together.
     covariance: DMatrix<f64>,
-    /// `RᵀR` of each course, and how much the constant part of the parameters follows its change, `H⁻¹JᵀD`.
+    /// `RᵀR` of each course.
     squares: Vec<DMatrix<f64>>,
-    follows: Vec<DMatrix<f64>>,
+    /// `JᵀJ`, and `JᵀD` of all courses: how much constants follow a change.
+    information: DMatrix<f64>,
+    moved: DMatrix<f64>,
+}
+
+impl Scores {
+    /// What two runs say together.
+    fn with(mut self, other: &Self) -> Self {
+        self.scores += &other.scores;
+        self.covariance += &other.covariance;
+        self.information += &other.information;
+        self.moved += &other.moved;
+        let pairs = self.squares.iter_mut().zip(&other.squares);
+        pairs.for_each(|(own, other)| *own += other);
+        self
+    }
+
+    fn is_finite(&self) -> bool {
+        let all = self.covariance.iter().chain(self.scores.iter());
+        all.chain(self.moved.iter()).all(|own| own.is_finite())
+    }
 }
 
 impl Inference<'_> {
@@ -83,9 +105,12 @@ impl Inference<'_> {
     pub fn change(&self) -> Option<Change> {
         let test = Test::of(self)?;
         let count = self.data.runs.len();
-        let alone = (0..count).filter(|_| count > 1).map(Some);
-        let tests = [None].into_iter().chain(alone);
-        let found = tests.filter_map(|run| test.change(run));
+        let runs: Vec<Scores> = (0..count).map(|j| test.scores(j)).collect();
+        let all = runs[1..].iter().fold(runs[0].clone(), Scores::with);
+        let alone = runs.iter().enumerate().filter(|_| count > 1);
+        let alone = alone.map(|(j, own)| (Some(j), own));
+        let tests = [(None, &all)].into_iter().chain(alone);
+        let found = tests.filter_map(|(run, own)| test.change(run, own));
         let best = found.min_by(|a, b| a.p.total_cmp(&b.p))?;
         // Half of the false alarms for changes of all runs, half for those of any one.
         let looks = match (count, best.run) {
@@ -100,89 +125,53 @@ impl Inference<'_> {
     }
 }
 
-/// A problem with the noise of its residuals.
+/// A problem with the noise of its residuals, and the courses that are tried.
 struct Test<'i> {
     of: &'i Inference<'i>,
     processes: Vec<Autoregression>,
-    /// For each run, the size of its noise at each row relative to that of all.
-    sizes: Vec<DVector<f64>>,
-    /// For each run, `Jᵀe` and `JᵀΣJ`.
-    parts: Vec<(DVector<f64>, DMatrix<f64>)>,
+    courses: Vec<Course>,
 }
 
 impl<'i> Test<'i> {
     fn of(of: &'i Inference<'i>) -> Option<Self> {
         let rows = of.data.residuals();
-        if of.hessian.is_empty() || rows < 10 * of.determined {
+        if of.hessian.is_empty() || rows < ROWS * of.determined {
             return None;
         }
-        let mut own = Self {
+        let most = (WORK / rows as f64).sqrt() / of.hessian.nrows() as f64;
+        let count = (most as usize).clamp(TIMES[0], TIMES[1]);
+        let length = of.data.runs.iter().map(|run| span(run)[1]);
+        let length = length.fold(0.0, f64::max);
+        let time = |k: usize| MARGIN + (1.0 - 2.0 * MARGIN) * k as f64 / (count - 1) as f64;
+        let steps = (0..count).map(|k| Course::Step(length * time(k)));
+        Some(Self {
             of,
             processes: of.coloured(),
-            sizes: (0..of.data.runs.len()).map(|j| sizes(of, j)).collect(),
-            parts: Vec::new(),
-        };
-        own.parts = (0..of.data.runs.len())
-            .map(|j| {
-                let projected = &of.all.runs[j].projected;
-                let coloured = own.coloured(j, projected);
-                let score = projected.tr_mul(&of.data.runs[j].residuals);
-                (score, coloured.tr_mul(&coloured))
-            })
-            .collect();
-        Some(own)
-    }
-
-    /// `C` with `CᵀC = RᵀΣR`, for rows of a run.
-    fn coloured(&self, run: usize, rows: &DMatrix<f64>) -> DMatrix<f64> {
-        let sized = DMatrix::from_fn(rows.nrows(), rows.ncols(), |t, k| {
-            self.sizes[run][t] * rows[(t, k)]
-        });
-        self.of.coloured_rows(run, &sized, &self.processes)
-    }
-
-    /// The change that explains most, in all runs or in this one.
-    fn change(&self, run: Option<usize>) -> Option<Change> {
-        let runs = match run {
-            Some(j) => j..j + 1,
-            None => 0..self.of.data.runs.len(),
-        };
-        let scores = self.scores(runs)?;
-        let d = self.of.hessian.nrows();
-        let blocks: Vec<Block> = (0..scores.courses.len())
-            .map(|k| Block::new(scores.covariance.view((k * d, k * d), (d, d)).into_owned()))
-            .collect();
-        let rank = blocks
-            .iter()
-            .map(|own| own.rank)
-            .max()
-            .filter(|rank| *rank > 0)?;
-        let statistics = blocks.iter().zip(scores.scores.column_iter());
-        let statistics = statistics.map(|(own, score)| own.statistic(&score.into_owned()));
-        let (best, most) = statistics.enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
-        let (parameter, values) = self.largest(&scores, best)?;
-        Some(Change {
-            run,
-            course: scores.courses[best],
-            parameter,
-            values,
-            p: probability(most, rank, &largest_draws(&scores.covariance, &blocks, d)),
+            courses: steps.chain([Course::Drift]).collect(),
         })
     }
 
-    /// The courses that are tried in these runs.
-    fn courses(&self, runs: Range<usize>) -> Vec<Course> {
-        let all = &self.of.data.runs[runs];
-        let rows: usize = all.iter().map(|run| run.residuals.len()).sum();
-        let most = (WORK / rows.max(1) as f64).sqrt() / self.of.hessian.nrows() as f64;
-        let count = (most as usize).clamp(TIMES[0], TIMES[1]);
-        let length = all.iter().map(|run| span(run)[1]).fold(0.0, f64::max);
-        let time = |k: usize| MARGIN + (1.0 - 2.0 * MARGIN) * k as f64 / (count - 1) as f64;
-        let steps = (0..count).map(|k| Course::Step(length * time(k)));
-        steps.chain([Course::Drift]).collect()
+    /// The change that explains most of these scores.
+    fn change(&self, run: Option<usize>, own: &Scores) -> Option<Change> {
+        let d = self.of.hessian.nrows();
+        let block = |k: usize| Block::new(&own.covariance.view((k * d, k * d), (d, d)).into());
+        let blocks: Vec<Block> = (0..self.courses.len()).map(block).collect();
+        let rank = blocks.iter().map(|own| own.root.nrows()).max();
+        let rank = rank.filter(|rank| *rank > 0 && own.is_finite())?;
+        let statistics = blocks.iter().zip(own.scores.column_iter());
+        let statistics = statistics.map(|(block, score)| block.statistic(&score.into_owned()));
+        let (best, most) = (statistics.enumerate()).max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let (parameter, values) = self.largest(own, best)?;
+        Some(Change {
+            run,
+            course: self.courses[best],
+            parameter,
+            values,
+            p: probability(most, rank, &largest_draws(&own.covariance, &blocks, d)?),
+        })
     }
 
-    /// `D` of a course in a run: the effect of the change on its residuals, without what its own unknowns follow.
+    /// `D` of a course in a run: the effect of the change on its residuals.
     fn effect(&self, j: usize, course: Course) -> DMatrix<f64> {
         let (run, own) = (&self.of.data.runs[j], &self.of.all.runs[j]);
         let [first, length] = span(run);
@@ -190,82 +179,61 @@ impl<'i> Test<'i> {
         let signals = run.signals.iter().enumerate();
         for (_, rows) in signals.filter(|(k, _)| !self.of.data.levels.contains(k)) {
             for t in rows.clone() {
-                effect.set_row(
-                    t,
-                    &(course.at(run.time[t] - first, length) * own.shared.row(t)),
-                );
+                let part = course.at(run.time[t] - first, length);
+                effect.set_row(t, &(part * own.shared.row(t)));
             }
         }
-        let inside = &own.basis * own.basis.tr_mul(&effect);
-        effect - inside
+        effect
     }
 
-    fn scores(&self, runs: Range<usize>) -> Option<Scores> {
-        let courses = self.courses(runs.clone());
-        let (of, d) = (self.of, self.of.hessian.nrows());
-        let width = d * courses.len();
-        let effects = |j: usize| {
-            let mut all = DMatrix::zeros(of.data.runs[j].residuals.len(), width);
-            for (k, course) in courses.iter().enumerate() {
-                all.columns_mut(k * d, d)
-                    .copy_from(&self.effect(j, *course));
-            }
-            all
+    fn scores(&self, j: usize) -> Scores {
+        let (run, own) = (&self.of.data.runs[j], &self.of.all.runs[j]);
+        let d = own.shared.ncols();
+        let mut rows = DMatrix::zeros(run.residuals.len(), d * self.courses.len());
+        for (k, course) in self.courses.iter().enumerate() {
+            rows.columns_mut(k * d, d)
+                .copy_from(&self.effect(j, *course));
+        }
+        let moved = own.projected.tr_mul(&rows);
+        // What constants of the run and its own unknowns follow.
+        for constant in [&own.basis, &basis(&own.projected)] {
+            let inside = constant * constant.tr_mul(&rows);
+            rows -= inside;
+        }
+        let sizes = sizes(self.of, j);
+        let sized = DMatrix::from_fn(rows.nrows(), rows.ncols(), |t, k| sizes[t] * rows[(t, k)]);
+        let coloured = self.of.coloured_rows(j, &sized, &self.processes);
+        let scores = rows.tr_mul(&run.residuals);
+        let square = |k: usize| {
+            let rows = rows.columns(k * d, d);
+            rows.tr_mul(&rows)
         };
-        let mut moved = DMatrix::zeros(d, width);
-        for j in runs.clone() {
-            moved += of.all.runs[j].projected.tr_mul(&effects(j));
+        Scores {
+            scores: DMatrix::from_column_slice(d, self.courses.len(), scores.as_slice()),
+            covariance: coloured.tr_mul(&coloured),
+            squares: (0..self.courses.len()).map(square).collect(),
+            information: own.information(),
+            moved,
         }
-        let follows = &of.inverse * moved;
-        // The other runs see only what the constant part follows.
-        let zero = (DVector::zeros(d), DMatrix::zeros(d, d));
-        let others = self
-            .parts
-            .iter()
-            .enumerate()
-            .filter(|(j, _)| !runs.contains(j));
-        let (score, meat) = others.fold(zero, |sum, (_, own)| (sum.0 + &own.0, sum.1 + &own.1));
-        let mut scores = -follows.tr_mul(&score);
-        let mut covariance = follows.tr_mul(&(meat * &follows));
-        let mut squares = vec![DMatrix::zeros(d, d); courses.len()];
-        for j in runs {
-            let rows = effects(j) - &of.all.runs[j].projected * &follows;
-            scores += rows.tr_mul(&of.data.runs[j].residuals);
-            let coloured = self.coloured(j, &rows);
-            covariance += coloured.tr_mul(&coloured);
-            for (k, own) in squares.iter_mut().enumerate() {
-                let rows = rows.columns(k * d, d);
-                *own += rows.tr_mul(&rows);
-            }
-        }
-        let is_known = covariance
-            .iter()
-            .chain(scores.iter())
-            .all(|own| own.is_finite());
-        is_known.then(|| Scores {
-            scores: DMatrix::from_column_slice(d, courses.len(), scores.as_slice()),
-            squares,
-            follows: (0..courses.len())
-                .map(|k| follows.columns(k * d, d).into_owned())
-                .collect(),
-            courses,
-            covariance,
-        })
     }
 
     /// The parameter whose change alone explains most of a course, and its values before and afterwards, minus the estimate.
-    fn largest(&self, scores: &Scores, k: usize) -> Option<(usize, [f64; 2])> {
+    fn largest(&self, own: &Scores, k: usize) -> Option<(usize, [f64; 2])> {
+        let inverse = |of: &DMatrix<f64>| {
+            let found = svd(of)?;
+            Some(found.pseudo_inverse(OPEN * found.singular[0]))
+        };
         let free = &self.of.all.free;
         let d = free.ncols();
-        let inverse = svd(free).map(|own| own.pseudo_inverse(OPEN * own.singular[0]))?;
-        let covariance = scores.covariance.view((k * d, k * d), (d, d)).into_owned();
-        let score = scores.scores.column(k).into_owned();
+        let (directions, constant) = (inverse(free)?, inverse(&own.information)?);
+        let covariance = own.covariance.view((k * d, k * d), (d, d));
+        let (score, moved) = (own.scores.column(k), own.moved.columns(k * d, d));
         let of = |i: usize| {
-            let along = inverse.column(i).into_owned();
-            let own = along.dot(&score);
-            let explains = own * own / along.dot(&(&covariance * &along));
-            let change = own / along.dot(&(&scores.squares[k] * &along));
-            let before = -(free * (&scores.follows[k] * &along))[i] * change;
+            let along = directions.column(i);
+            let by_score = along.dot(&score);
+            let explains = by_score * by_score / along.dot(&(covariance * along));
+            let change = by_score / along.dot(&(&own.squares[k] * along));
+            let before = -(free * (&constant * (moved * along)))[i] * change;
             (i, explains, [before, before + change])
         };
         let all = (0..free.nrows()).filter(|i| !self.of.flat[*i]).map(of);
@@ -314,29 +282,33 @@ fn sizes(of: &Inference<'_>, j: usize) -> DVector<f64> {
     sizes
 }
 
+/// Scales with which a covariance has a unit diagonal.
+fn unit(covariance: &DMatrix<f64>) -> DVector<f64> {
+    let root = |own: f64| if own > 0.0 { 1.0 / own.sqrt() } else { 0.0 };
+    covariance.diagonal().map(root)
+}
+
+fn scaled(covariance: &DMatrix<f64>, scale: &DVector<f64>) -> DMatrix<f64> {
+    let n = scale.len();
+    DMatrix::from_fn(n, n, |i, j| scale[i] * covariance[(i, j)] * scale[j])
+}
+
 /// The inverse square root of a covariance in the directions that have a score.
 struct Block {
     root: DMatrix<f64>,
-    rank: usize,
 }
 
 impl Block {
-    fn new(covariance: DMatrix<f64>) -> Self {
-        let root = |own: f64| if own > 0.0 { 1.0 / own.sqrt() } else { 0.0 };
-        let scale = covariance.diagonal().map(root);
-        let unit = DMatrix::from_fn(scale.len(), scale.len(), |i, j| {
-            scale[i] * covariance[(i, j)] * scale[j]
-        });
-        let eigen = SymmetricEigen::new(unit);
+    fn new(covariance: &DMatrix<f64>) -> Self {
+        let scale = unit(covariance);
+        let eigen = SymmetricEigen::new(scaled(covariance, &scale));
         let known = (0..scale.len()).filter(|k| eigen.eigenvalues[*k] > OPEN);
-        let rows: Vec<_> = known
-            .map(|k| {
-                let own = eigen.eigenvectors.column(k).component_mul(&scale);
-                (own / eigen.eigenvalues[k].sqrt()).transpose()
-            })
-            .collect();
+        let row = |k: usize| {
+            let own = eigen.eigenvectors.column(k).component_mul(&scale);
+            (own / eigen.eigenvalues[k].sqrt()).transpose()
+        };
+        let rows: Vec<_> = known.map(row).collect();
         Self {
-            rank: rows.len(),
             root: match rows.is_empty() {
                 true => DMatrix::zeros(0, scale.len()),
                 false => DMatrix::from_rows(&rows),
@@ -350,21 +322,24 @@ impl Block {
 }
 
 /// The largest statistic of each draw, in increasing order.
-fn largest_draws(covariance: &DMatrix<f64>, blocks: &[Block], d: usize) -> Vec<f64> {
-    let eigen = SymmetricEigen::new(covariance.clone());
-    let roots = eigen.eigenvalues.map(|own| own.max(0.0).sqrt());
-    let root = &eigen.eigenvectors * DMatrix::from_diagonal(&roots);
+fn largest_draws(covariance: &DMatrix<f64>, blocks: &[Block], d: usize) -> Option<Vec<f64>> {
+    let (n, scale) = (covariance.nrows(), unit(covariance));
+    // Times close to each other have nearly the same score.
+    let widened = scaled(covariance, &scale) + OPEN * 0.01 * DMatrix::identity(n, n);
+    let mut root = widened.cholesky()?.l();
+    for (mut row, scale) in root.row_iter_mut().zip(scale.iter()) {
+        row *= if *scale > 0.0 { 1.0 / scale } else { 0.0 };
+    }
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let mut gauss = || -> f64 { StandardNormal.sample(&mut random) };
-    let draws = DMatrix::from_fn(covariance.nrows(), DRAWS, |_, _| gauss());
-    let drawn = root * draws;
+    let drawn = root * DMatrix::from_fn(n, DRAWS, |_, _| gauss());
     let largest = drawn.column_iter().map(|draw| {
-        let own = |(k, block): (usize, &Block)| block.statistic(&draw.rows(k * d, d).into_owned());
+        let own = |(k, block): (usize, &Block)| block.statistic(&draw.rows(k * d, d).into());
         blocks.iter().enumerate().map(own).fold(0.0, f64::max)
     });
     let mut all: Vec<f64> = largest.collect();
     all.sort_by(f64::total_cmp);
-    all
+    Some(all)
 }
 
 /// Probability of a largest statistic beyond this one: beyond the draws it falls like that of as many independent χ² as give their

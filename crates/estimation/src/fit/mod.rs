@@ -10,6 +10,7 @@
 //! | `solve` | the SQP from one point |
 //! | `tumbles` | other initial states of each run at the best parameters |
 //! | `kinks` | optima at which an SQP stalls |
+//! | `plateau` | parameters without effect at an optimum |
 //! | `refine` | finer meshes |
 //! | `unfinished` | the best parameters if no start has converged |
 //! | `check` | simulation with the same parameters |
@@ -25,6 +26,7 @@ mod check;
 pub mod evaluate;
 mod guided;
 mod kinks;
+mod plateau;
 mod predicted;
 mod race;
 mod raised;
@@ -103,7 +105,11 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     }
     let starts = begin.starts();
     let Raced { mut solved, same } = found;
-    let (best, errors) = best_flown(posed, &mut solved, &watch);
+    let (best, mut errors) = best_flown(posed, &mut solved, &watch);
+    let first = solved[best].as_ref();
+    if let Some(own) = first.and_then(|own| plateau::beyond(posed, own, best, &watch)) {
+        (solved[best], errors) = (Some(own), None);
+    }
     let ends = same.iter().map(|k| end(posed, solved[*k].as_ref(), &watch));
     let ends: Vec<StartEnd> = ends.collect();
     let thetas: Vec<Option<Vec<f64>>> = (same.iter())

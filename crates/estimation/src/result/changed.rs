@@ -10,7 +10,7 @@ use std::fmt;
 /// Level of the test.
 const LEVEL: f64 = 0.01;
 /// Change of a parameter, relative to its value, that matters.
-const MATTERS: f64 = 0.1;
+const MATTERS: f64 = 0.2;
 
 /// A parameter that is not constant along the runs.
 #[derive(Debug, Clone, PartialEq)]

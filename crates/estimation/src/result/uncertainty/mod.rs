@@ -86,7 +86,7 @@ pub(crate) fn uncertainty(
         derived: sure.derived(&fit.derived, looped),
         initial: sure.initial(),
         notes: (inference.directions.iter())
-            .map(|own| words::direction(own, &names))
+            .map(|own| words::direction_here(posed, own, &names))
             .collect(),
         method: covariance.method,
         correlated_by: covariance.correlated_by,
