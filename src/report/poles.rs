@@ -2,10 +2,10 @@
 
 use super::figure::{Axis, Figure, Look, Panel, Series};
 use super::frequency::Fitted;
-use crate::inference::{LEVEL, Spread, quantile};
+use crate::inference::{LEVEL, Open, Spread, quantile};
 use crate::linear::eigenvalues;
 use crate::vehicle::ClosedLoop;
-use nalgebra::{Complex, DMatrix, Matrix2, SymmetricEigen};
+use nalgebra::{Complex, DMatrix, DVector, Matrix2, SymmetricEigen};
 use std::f64::consts::PI;
 
 /// Step of finite differences in standard deviations.
@@ -120,9 +120,19 @@ fn ellipses(
     of: Roots<'_>,
     at: &[Complex<f64>],
 ) -> Vec<[Vec<f64>; 2]> {
-    let slopes: Vec<Vec<Complex<f64>>> = (0..theta.len())
-        .map(|k| slope(sure, theta, of, at, k))
-        .collect();
+    let along = |direction: &DVector<f64>| slopes(theta, of, at, direction);
+    let component = |k: usize| {
+        let mut axis = DVector::zeros(theta.len());
+        axis[k] = sure.covariance[(k, k)].sqrt();
+        let changes = along(&axis).into_iter();
+        let slope = |change: Complex<f64>| match axis[k] > 0.0 {
+            true => change / axis[k],
+            false => Complex::new(0.0, 0.0),
+        };
+        changes.map(slope).collect()
+    };
+    let slopes: Vec<Vec<Complex<f64>>> = (0..theta.len()).map(component).collect();
+    let open: Vec<Vec<Complex<f64>>> = sure.open.directions.iter().map(along).collect();
     let degrees = sure.least_degrees();
     let region = |(r, root): (usize, &Complex<f64>)| {
         let mut covariance = Matrix2::zeros();
@@ -132,6 +142,13 @@ fn ellipses(
                 covariance += sure.covariance[(i, j)]
                     * Matrix2::new(a.re * b.re, a.re * b.im, a.im * b.re, a.im * b.im);
             }
+        }
+        let sd = covariance.trace().sqrt();
+        if open
+            .iter()
+            .any(|own| Open::is_moved(own[r].norm(), sd, root.norm()))
+        {
+            return None;
         }
         let reach = match root.im == 0.0 {
             true => quantile(LEVEL, degrees),
@@ -146,32 +163,25 @@ fn ellipses(
     at.iter().enumerate().filter_map(region).collect()
 }
 
-/// Derivative of each root with respect to a component of θ (central differences; perturbed roots are matched by
-/// distance).
-fn slope(
-    sure: &Spread,
+/// Derivative of each root along a direction of θ (central differences; perturbed roots are matched by distance).
+fn slopes(
     theta: &[f64],
     of: Roots<'_>,
     at: &[Complex<f64>],
-    k: usize,
+    direction: &DVector<f64>,
 ) -> Vec<Complex<f64>> {
-    let h = STEP * sure.covariance[(k, k)].sqrt();
     let moved = |by: f64| {
-        let mut theta = theta.to_vec();
-        theta[k] += by;
-        of(&theta)
+        let moved = DVector::from_column_slice(theta) + by * direction;
+        of(moved.as_slice())
     };
-    let [up, down] = [h, -h].map(moved);
+    let [up, down] = [STEP, -STEP].map(moved);
     let nearest = |all: &[Complex<f64>], root: &Complex<f64>| {
         let by_distance = |a: &&Complex<f64>, b: &&Complex<f64>| {
             (*a - root).norm().total_cmp(&(*b - root).norm())
         };
         all.iter().min_by(by_distance).copied().unwrap_or(*root)
     };
-    let own = |root: &Complex<f64>| match h > 0.0 {
-        true => (nearest(&up, root) - nearest(&down, root)) / (2.0 * h),
-        false => Complex::new(0.0, 0.0),
-    };
+    let own = |root: &Complex<f64>| (nearest(&up, root) - nearest(&down, root)) / (2.0 * STEP);
     at.iter().map(own).collect()
 }
 

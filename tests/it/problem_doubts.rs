@@ -464,3 +464,54 @@ fn each_figure_of_a_problem_has_its_own_name() {
         assert_eq!(count, 1, "{name}: {}", listed.stdout);
     }
 }
+
+/// Of two lags in series the data do not tell which comes first; of two gains they do not tell anything, which is another doubt.
+#[test]
+fn optima_of_the_same_height_are_told() {
+    let folder = Folder::new();
+    let lags = "[model]\nname = \"lags\"\n[parameters]\na = { start = 0.5, min = 0.01, max = 10 }\n\
+                b = { start = 0.6, min = 0.01, max = 10 }\nk = 1\nl = 1\n\
+                [states]\nx = { der = \"(k - x) / a\" }\ny = { der = \"(l * x - y) / b\" }\n";
+    folder.write("lags.toml", lags);
+    let (a, b) = (0.3, 1.1);
+    let row = |k: u32| {
+        let t = 0.04 * f64::from(k);
+        let y = 1.3 * (1.0 - (a * (-t / a).exp() - b * (-t / b).exp()) / (a - b));
+        format!("{t},{}\n", y + 0.01 * (f64::from(k * k) * 0.7).sin())
+    };
+    let rows: String = (0..260).map(row).collect();
+    folder.write("run.csv", format!("time,y\n{rows}"));
+    let ended = |sought: &str| {
+        let text = format!(
+            "[system.m]\nmodel = \"lags.toml\"\n[[measured]]\nsignal = \"m.y\"\ncolumn = \"y\"\nsd = 0.01\n[parameters]\n{sought}\n\
+             [[run]]\nfile = \"run.csv\"\n"
+        );
+        folder.write("problem.toml", text);
+        fit(&folder).json()
+    };
+    let json = ended("\"m.a\" = {}\n\"m.b\" = {}\n\"m.k\" = {}");
+    let told = words(&json, "other-optimum").unwrap();
+    let value = |name: &str| json["parameters"][name]["value"].as_f64().unwrap();
+    let (first, second) = (value("m.a"), value("m.b"));
+    assert!((first + second - a - b).abs() < 0.05 && (first - second).abs() > 0.5);
+    assert!(
+        told.contains("`m.a`") && told.contains("`m.b`") && !told.contains("`m.k`"),
+        "{told}"
+    );
+    // Both are among the starts.
+    let starts = json["starts"].as_array().unwrap();
+    let ends_with = |value: f64| {
+        let ends = starts
+            .iter()
+            .filter_map(|own| own["parameters"]["m.a"].as_f64());
+        ends.filter(|own| (own - value).abs() < 1e-3).count()
+    };
+    assert!(ends_with(first) > 0 && ends_with(second) > 0, "{starts:?}");
+    // In this order there is one optimum.
+    let ordered = "\"m.a\" = { max = 0.6 }\n\"m.b\" = { start = 2, min = 0.6 }\n\"m.k\" = {}";
+    assert_eq!(words(&ended(ordered), "other-optimum"), None);
+    // Two gains are a direction along which nothing changes, with as many starts as ends.
+    let json = ended("\"m.b\" = {}\n\"m.k\" = {}\n\"m.l\" = {}");
+    assert_eq!(words(&json, "other-optimum"), None);
+    assert!(words(&json, "undetermined").is_some());
+}

@@ -2,7 +2,7 @@
 
 use nalgebra::Complex;
 use pilotage_estimation::{Fit, PilotPaths, Posed, ProblemFile, fit, part};
-use pilotage_inference::{Interval, quantile};
+use pilotage_inference::{Class, Interval, quantile};
 use std::fmt::Write;
 use std::ops::ControlFlow;
 
@@ -137,6 +137,83 @@ fn a_gain_before_an_integrator_has_the_figures_of_the_crossover_model() {
     assert!(derived(&fit, "effective_delay").0.abs() < 1e-9);
     let names: Vec<&str> = fit.derived.iter().map(|own| own.name.as_str()).collect();
     assert!(!names.contains(&"gain_margin"), "{names:?}");
+}
+
+/// A zone with a heater: the data determine `R C` and `R g` alone. What is a function of these has the interval that it has where
+/// they are the parameters; what is not has none.
+#[test]
+fn what_the_data_determine_has_an_interval_beside_flat_parameters() {
+    let zone = "[model]\nname = \"zone\"\n[parameters]\nR = 2.0\nC = 0.4\ng = 0.6\n[states]\n\
+                x = { start = 2, der = \"(g - x / R) / C\" }\n";
+    let plain = "[model]\nname = \"plain\"\n[parameters]\ntau = 0.8\nend = 1.2\n[states]\n\
+                 x = { start = 2, der = \"(end - x) / tau\" }\n";
+    let files = [("zone.toml", zone), ("plain.toml", plain)];
+    let problem = |file: &str, derived: &str| {
+        format!(
+            "[system.m]\nmodel = \"{file}.toml\"\n{MEASURED}[parameters]\n\"m.*\" = {{}}\n[derived]\n{derived}\
+             [fit]\ncovariance = \"plain\"\n"
+        )
+    };
+    let x = |t: f64| 1.0 + (-t / 0.9).exp();
+    let all = "tau = \"m.R * m.C\"\nend = \"m.R * m.g\"\nslope = \"end / tau\"\nsum = \"m.R + m.C\"\nnearly = \"tau + 0.02 * m.g\"\n";
+    let fit = fitted(&files, &problem("zone", all), 2, x);
+    let other = fitted(
+        &files,
+        &problem("plain", "slope = \"m.end / m.tau\"\n"),
+        2,
+        x,
+    );
+    for name in ["m.R", "m.C", "m.g"] {
+        assert_eq!(parameter(&fit, name).1.class, Class::Flat, "{name}");
+    }
+    for (name, (value, expected)) in [
+        ("tau", parameter(&other, "m.tau")),
+        ("end", parameter(&other, "m.end")),
+        ("slope", derived(&other, "slope")),
+    ] {
+        let (found, own) = derived(&fit, name);
+        assert_near(found, value, 1e-6);
+        assert_near(own.sd, expected.sd, 1e-4);
+        assert_eq!(own.class, Class::Finite, "{name}");
+    }
+    for name in ["sum", "nearly"] {
+        assert_eq!(derived(&fit, name).1.class, Class::Flat, "{name}");
+    }
+}
+
+/// Of two gains in series the data determine the product, which is the crossover.
+#[test]
+fn a_loop_of_two_gains_has_the_crossover_of_their_product() {
+    let files = [("pilot.toml", PILOT), ("vehicle.toml", VEHICLE)];
+    let x = |t: f64| 1.0 - (-1.2 * t).exp();
+    let of = |also: &str| {
+        fitted(
+            &files,
+            &format!("{LOOP}[parameters]\n\"pilot.gain\" = {{}}\n{also}"),
+            2,
+            x,
+        )
+    };
+    let (one, both) = (of(""), of("\"vehicle.rate\" = {}\n"));
+    assert_eq!(parameter(&both, "vehicle.rate").1.class, Class::Flat);
+    for name in ["crossover_frequency", "pole1_re"] {
+        assert_near(derived(&both, name).1.sd, derived(&one, name).1.sd, 1e-2);
+    }
+}
+
+/// An offset of the sensor and a level that begins anywhere balance each other.
+#[test]
+fn an_initial_state_that_an_offset_balances_has_no_interval() {
+    let tank =
+        "[model]\nname = \"tank\"\n[parameters]\nflow = 0.3\n[states]\nx = { der = \"flow\" }\n";
+    let problem = "[system.m]\nmodel = \"tank.toml\"\n[[measured]]\nsignal = \"m.x\"\ncolumn = \"x\"\noffset = \"o\"\n\
+                   [parameters]\n\"m.flow\" = {}\no = { start = 0.2 }\n[initial]\n\"m.x\" = \"free\"\n";
+    let fit = fitted(&[("tank.toml", tank)], problem, 2, |t| 1.0 + 0.4 * t);
+    assert_eq!(parameter(&fit, "o").1.class, Class::Flat);
+    assert_eq!(parameter(&fit, "m.flow").1.class, Class::Finite);
+    for run in &fit.uncertainty.as_ref().unwrap().initial[0] {
+        assert_eq!(run.unwrap().class, Class::Flat);
+    }
 }
 
 /// Two sticks of a vehicle whose axes disturb each other: each loop has the figures that it has with the other one closed.

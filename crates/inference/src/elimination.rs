@@ -29,6 +29,10 @@ pub struct Eliminated {
     pub follows: DMatrix<f64>,
     /// Own unknowns that the residuals do not determine.
     pub flat: Vec<bool>,
+    /// Projector on what they leave open of the own unknowns in these units, m × m.
+    pub open: DMatrix<f64>,
+    /// Change of each own unknown that changes the residuals by one.
+    pub units: DVector<f64>,
 }
 
 /// All runs over the same free coordinates φ.
@@ -156,13 +160,16 @@ impl Held {
         // A free direction of the own unknowns that changes no residual.
         let seen = &self.null * &within * basis.tr_mul(&self.own) * self.null.transpose();
         let free = &self.null * self.null.transpose();
-        let is_flat = |i: usize| free[(i, i)] - seen[(i, i)] > 1e-6;
+        let open = free - seen;
+        let is_flat = |i: usize| open[(i, i)] > 1e-6;
         Eliminated {
             projected: &shared - inside,
             inverse: DMatrix::from_diagonal(&self.own_units)
                 * (&self.null * within * basis.transpose()),
             follows: &self.follows * z,
             flat: (0..run.own.ncols()).map(is_flat).collect(),
+            open,
+            units: self.own_units,
             basis,
             shared,
         }

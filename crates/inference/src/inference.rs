@@ -1,7 +1,8 @@
 //! Information of the data about the parameters, and the directions that they leave undetermined.
 
 use crate::data::{Data, Run};
-use crate::elimination::{Elimination, change_by_one};
+use crate::elimination::{Eliminated, Elimination, change_by_one};
+use crate::open::Open;
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 use std::ops::Range;
 
@@ -29,6 +30,8 @@ pub enum Obstacle {
 
 /// Eigenvalue of the information, scaled to a unit diagonal, below which a direction is undetermined.
 const OPEN: f64 = 1e-11;
+/// Part of its squared effect up to which what own unknowns leave of a parameter's is rounding.
+const BALANCED: f64 = 1e-16;
 /// Minimum component of an undetermined direction for a parameter to be undetermined.
 const TAKES_PART: f64 = 1e-3;
 
@@ -36,6 +39,14 @@ const TAKES_PART: f64 = 1e-3;
 /// with the largest change relative to its effect changes by 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Direction(pub Vec<f64>);
+
+/// What the data leave open of a run.
+#[derive(Debug)]
+struct OwnOpen {
+    open: Open,
+    /// For each of its own unknowns, whether it takes part.
+    flat: Vec<bool>,
+}
 
 /// A linearised least-squares problem in which constraints, own unknowns and undetermined directions are eliminated.
 #[derive(Debug)]
@@ -55,6 +66,10 @@ pub struct Inference<'d> {
     pub directions: Vec<Direction>,
     /// For each parameter, whether it takes part in such a direction.
     pub flat: Vec<bool>,
+    /// The same directions over the shared parameters.
+    pub open: Open,
+    /// For each run, they and the run's own over shared parameters and own unknowns.
+    own_open: Vec<OwnOpen>,
     /// Number of unknowns of all kinds that the residuals determine.
     pub determined: usize,
     /// Information on each shared parameter if the others are known.
@@ -74,7 +89,10 @@ impl<'d> Inference<'d> {
         let all = Elimination::new(data, &units, true);
         let hessian = all.information() + all.prior.tr_mul(&all.prior);
         let d = hessian.nrows();
-        let eigen = eigen(unit_diagonal(&hessian));
+        let scale = unit_scales(&hessian, &all);
+        let eigen = eigen(DMatrix::from_fn(d, d, |i, j| {
+            scale[i] * hessian[(i, j)] * scale[j]
+        }));
         let (open, known): (Vec<usize>, Vec<usize>) =
             (0..d).partition(|k| eigen.eigenvalues[*k] <= OPEN);
         let mut singular_values: Vec<f64> = eigen
@@ -83,7 +101,6 @@ impl<'d> Inference<'d> {
             .map(|own| own.max(0.0).sqrt())
             .collect();
         singular_values.sort_by(|a, b| b.total_cmp(a));
-        let scale = DVector::from_iterator(d, hessian.diagonal().iter().map(|v| root(*v)));
         let of = |kept: &[usize]| {
             DMatrix::from_fn(d, kept.len(), |i, k| {
                 scale[i] * eigen.eigenvectors[(i, kept[k])]
@@ -91,8 +108,10 @@ impl<'d> Inference<'d> {
         };
         let (open, known) = (of(&open), of(&known));
         let moved = &all.free * &open;
-        let effects = DMatrix::from_fn(units.len(), moved.ncols(), |i, k| moved[(i, k)] / units[i]);
-        let takes_part = |i: usize| effects.row(i).amax() > TAKES_PART * effects.amax();
+        let effects = by_row(&moved, &units);
+        let own_open = (data.runs.iter().zip(&all.runs))
+            .map(|(run, own)| OwnOpen::new((&moved, &effects), (&open, own), (data, run)))
+            .collect();
         let all = all.within(&known);
         let own = all.runs.iter().map(|run| run.basis.ncols()).sum::<usize>();
         let determined = known.ncols() + own;
@@ -113,9 +132,9 @@ impl<'d> Inference<'d> {
             data,
             singular_values,
             directions: directions(&effects, &units),
-            flat: (0..units.len())
-                .map(|i| moved.ncols() > 0 && takes_part(i))
-                .collect(),
+            flat: taking_part(&effects, effects.amax()),
+            open: Open::new(&moved, &data.scales),
+            own_open,
             alone: alone(data, &units),
             all,
             hessian,
@@ -197,10 +216,63 @@ impl<'d> Inference<'d> {
         ((own.sum::<f64>() + shared) / (self.determined as f64 * self.noise())).sqrt()
     }
 
-    /// Own unknowns of a run that its residuals do not determine.
+    /// Own unknowns of a run that the residuals do not determine.
     pub fn own_flat(&self, run: usize) -> &[bool] {
-        &self.all.runs[run].flat
+        &self.own_open[run].flat
     }
+
+    /// Directions that the data leave undetermined, over the shared parameters and a run's own unknowns.
+    pub fn open_with(&self, run: usize) -> &Open {
+        &self.own_open[run].open
+    }
+}
+
+impl OwnOpen {
+    /// From the open directions over the shared parameters (`moved`, in their units `effects`) and over the coordinates of an
+    /// elimination. The run's own unknowns follow them such that its residuals stay.
+    fn new(
+        (moved, effects): (&DMatrix<f64>, &DMatrix<f64>),
+        (open, own): (&DMatrix<f64>, &Eliminated),
+        (data, run): (&Data, &Run),
+    ) -> Self {
+        let (p, m) = (moved.nrows(), own.flat.len());
+        let follow = (&own.follows - &own.inverse * &own.shared) * open;
+        let in_units = by_row(&follow, &own.units);
+        let follows = taking_part(&in_units, effects.amax().max(in_units.amax()));
+        let alone: Vec<usize> = (0..m).filter(|k| own.flat[*k]).collect();
+        let (first, count) = (moved.ncols(), alone.len());
+        let mut columns = DMatrix::zeros(p + m, first + count);
+        columns.view_mut((0, 0), moved.shape()).copy_from(moved);
+        columns.view_mut((p, 0), follow.shape()).copy_from(&follow);
+        for (place, k) in alone.iter().enumerate() {
+            let column = own.open.column(*k).component_mul(&own.units);
+            columns
+                .view_mut((p, first + place), (m, 1))
+                .copy_from(&column);
+        }
+        let scales = data.scales.iter().chain(run.own_scales.iter()).copied();
+        let scales = DVector::from_iterator(p + m, scales);
+        Self {
+            open: Open::new(&columns, &scales),
+            flat: (own.flat.iter().zip(follows))
+                .map(|(own, by)| *own || by)
+                .collect(),
+        }
+    }
+}
+
+/// Each row over its unit.
+fn by_row(matrix: &DMatrix<f64>, units: &DVector<f64>) -> DMatrix<f64> {
+    DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, k| {
+        matrix[(i, k)] / units[i]
+    })
+}
+
+/// The unknowns with a part in open directions, of which this is the largest one.
+fn taking_part(effects: &DMatrix<f64>, largest: f64) -> Vec<bool> {
+    let rows = effects.row_iter();
+    rows.map(|row| row.iter().any(|own| own.abs() > TAKES_PART * largest))
+        .collect()
 }
 
 /// Whether all numbers are finite, and their squares, which are summed.
@@ -238,19 +310,20 @@ fn alone(data: &Data, units: &DVector<f64>) -> DVector<f64> {
     DVector::from_fn(units.len(), |i, _| information[(i, i)] / units[i].powi(2))
 }
 
-fn root(diagonal: f64) -> f64 {
-    if diagonal > 0.0 {
-        1.0 / diagonal.sqrt()
-    } else {
-        1.0
-    }
-}
-
-fn unit_diagonal(matrix: &DMatrix<f64>) -> DMatrix<f64> {
-    let root = matrix.diagonal().map(root);
-    DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| {
-        root[i] * matrix[(i, j)] * root[j]
-    })
+/// Scales with which the information has a unit diagonal; 1 for a coordinate whose whole effect own unknowns balance.
+fn unit_scales(hessian: &DMatrix<f64>, all: &Elimination) -> DVector<f64> {
+    let whole = |k: usize| {
+        let runs = all
+            .runs
+            .iter()
+            .map(|run| run.shared.column(k).norm_squared());
+        runs.sum::<f64>() + all.prior.column(k).norm_squared()
+    };
+    let scale = |k: usize| match hessian[(k, k)] > BALANCED * whole(k) {
+        true => 1.0 / hessian[(k, k)].sqrt(),
+        false => 1.0,
+    };
+    DVector::from_fn(hessian.nrows(), |k, _| scale(k))
 }
 
 /// Eigenvalues and eigenvectors, also of an empty matrix.

@@ -27,12 +27,13 @@
 //! | --- | --- |
 //! | [`data`], `row` | input: rows of residuals, priors, active constraints |
 //! | `elimination` | elimination of constraints and of the runs' own unknowns |
-//! | [`inference`] | information, undetermined directions |
+//! | [`inference`], [`Open`] | information, undetermined directions, and what depends on them |
 //! | [`covariance`], `meat`, `autoregression`, `burg`, `restricted` | the methods |
 //! | [`interval`] | intervals with Student's t |
 //! | `spread` | intervals of functions of the parameters |
 //! | [`outliers`] | samples and runs that stand out |
 //! | [`residuals`], [`crossed`] | residual tests, alone and against the inputs |
+//! | [`change`] | whether the parameters are constant along the runs |
 //! | [`choice`], [`homogeneity`] | choice between models; whether groups of data have the same parameters |
 //! | [`spectrum`] | frequency responses of loops driven by sums of sines, without a model |
 //! | [`statistics`] | rms and range of values with gaps |
@@ -42,6 +43,7 @@
 
 mod autoregression;
 mod burg;
+pub mod change;
 pub mod choice;
 pub mod covariance;
 pub mod crossed;
@@ -51,6 +53,7 @@ pub mod homogeneity;
 pub mod inference;
 pub mod interval;
 mod meat;
+mod open;
 pub mod outliers;
 pub mod residuals;
 mod restricted;
@@ -67,6 +70,7 @@ pub use covariance::{Covariance, Joint, Method};
 pub use data::{Data, Run};
 pub use inference::{Direction, Inference, Obstacle};
 pub use interval::{Class, Interval, LEVEL, quantile};
+pub use open::Open;
 pub use row::{Noise, Row, normal_equations};
 pub use spread::Spread;
 pub use stepped::{are_stepped, is_stepped};

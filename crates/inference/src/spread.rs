@@ -3,6 +3,7 @@
 
 use crate::covariance::{Covariance, Method};
 use crate::interval::Interval;
+use crate::open::Open;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Step of finite differences, in standard deviations.
@@ -17,15 +18,18 @@ pub struct Spread {
     pub covariance: DMatrix<f64>,
     /// Degrees of freedom of Student's t for each component.
     pub degrees: Vec<f64>,
+    /// Directions of θ that the data leave open: what changes along them has no interval.
+    pub open: Open,
 }
 
 impl Spread {
     /// That of a covariance.
-    pub fn of(covariance: &Covariance) -> Self {
+    pub fn of(covariance: &Covariance, open: &Open) -> Self {
         Self {
             method: covariance.method,
             covariance: covariance.matrix.clone(),
             degrees: covariance.degrees.clone(),
+            open: open.clone(),
         }
     }
 
@@ -39,14 +43,25 @@ impl Spread {
         values: &[f64],
         of: impl Fn(&[f64]) -> Vec<f64>,
     ) -> Vec<Interval> {
-        let mut variances = DVector::zeros(values.len());
-        for axis in self.axes() {
+        let slopes = |axis: &DVector<f64>| {
             let moved = |by: f64| {
-                let moved = DVector::from_column_slice(theta) + by * &axis;
+                let moved = DVector::from_column_slice(theta) + by * axis;
                 DVector::from_vec(of(moved.as_slice()))
             };
-            let slopes = (moved(STEP) - moved(-STEP)) / (2.0 * STEP);
+            (moved(STEP) - moved(-STEP)) / (2.0 * STEP)
+        };
+        let mut variances = DVector::zeros(values.len());
+        for axis in self.axes() {
+            let slopes = slopes(&axis);
             variances += slopes.component_mul(&slopes);
+        }
+        for direction in &self.open.directions {
+            let moved = slopes(direction);
+            for (k, variance) in variances.iter_mut().enumerate() {
+                if Open::is_moved(moved[k], variance.sqrt(), values[k].abs()) {
+                    *variance = f64::INFINITY;
+                }
+            }
         }
         let interval = |(value, variance): (&f64, &f64)| {
             let open = [f64::NEG_INFINITY, f64::INFINITY];
@@ -96,6 +111,7 @@ mod tests {
             method: Method::Plain,
             covariance,
             degrees: vec![1e9; 2],
+            open: Open::default(),
         };
         let ratio = |theta: &[f64]| vec![theta[0] / theta[1], theta[0]];
         let theta = [1e7, 1e7];
@@ -107,5 +123,24 @@ mod tests {
                 "{own:?}, {expected}"
             );
         }
+    }
+
+    /// Of two components the data determine the product alone.
+    #[test]
+    fn what_changes_along_an_open_direction_has_no_interval() {
+        let theta = [2.0, 5.0];
+        let across = DVector::from_vec(vec![0.02, 0.05]);
+        let spread = Spread {
+            method: Method::Plain,
+            covariance: &across * across.transpose(),
+            degrees: vec![1e9; 2],
+            open: Open {
+                directions: vec![DVector::from_vec(vec![2.0, -5.0])],
+            },
+        };
+        let of = |theta: &[f64]| vec![theta[0] * theta[1], theta[0]];
+        let found = spread.derived(&theta, &of(&theta), of);
+        assert!((found[0].sd / 0.2 - 1.0).abs() < 1e-6, "{found:?}");
+        assert!(found[1].sd.is_infinite(), "{found:?}");
     }
 }

@@ -280,6 +280,7 @@ fn a_constraint_of_a_run_is_balanced_by_its_own_unknowns() {
         let by_own = run.own.column(0).into_owned();
         without.shared.column_mut(0).axpy(-2.0 / 3.0, &by_own, 1.0);
         without.own = DMatrix::zeros(30, 0);
+        without.own_scales = DVector::zeros(0);
         without.active = DMatrix::zeros(0, 2);
     }
     let inference = Inference::new(&data).unwrap();
@@ -528,4 +529,46 @@ fn singular_values_are_those_of_the_jacobian() {
         assert!((found - expected).abs() < 1e-7, "{found} {expected}");
     }
     assert_eq!(inference.directions.len(), 1);
+}
+
+/// The shared offset and each run's own level balance each other; their sum is determined, and so is θ2.
+#[test]
+fn what_is_undetermined_is_what_changes_along_open_directions() {
+    let toy = Toy::new(12, 2, [30, 2, 1]);
+    let mut data = toy.data();
+    for run in &mut data.runs {
+        let own = run.own.column(0).into_owned();
+        run.shared.set_column(0, &(3.0 * own));
+    }
+    let inference = Inference::new(&data).unwrap();
+    assert_eq!(inference.flat, [true, false]);
+    assert_eq!(inference.own_flat(1), [true]);
+    let open = inference.open_with(1);
+    let moves = |gradient: [f64; 3]| open.moves(&DVector::from_row_slice(&gradient), 1e-3);
+    assert!(!moves([3.0, 0.0, 1.0]) && !moves([3.0, 5.0, 1.0]) && !moves([0.0, 1.0, 0.0]));
+    assert!(moves([3.0, 0.0, 1.01]) && moves([1.0, 0.0, 0.0]) && moves([0.0, 1.0, 0.01]));
+    // What is determined has the variance of the problem without the offset.
+    let covariance = inference.covariance(Some(Method::Plain)).unwrap();
+    let joint = inference.joint(&covariance, 1);
+    let found = joint.along(&DVector::from_row_slice(&[3.0, 0.0, 1.0])).0;
+    let mut without = data.clone();
+    without
+        .runs
+        .iter_mut()
+        .for_each(|run| run.shared.column_mut(0).fill(0.0));
+    without
+        .runs
+        .iter_mut()
+        .for_each(|run| run.shared = run.shared.columns(1, 1).into_owned());
+    without
+        .runs
+        .iter_mut()
+        .for_each(|run| run.active = run.active.columns(1, 2).into_owned());
+    (without.prior, without.active) = (DMatrix::zeros(0, 1), DMatrix::zeros(0, 1));
+    without.scales = DVector::from_element(1, 1.0);
+    let other = Inference::new(&without).unwrap();
+    let expected = other
+        .joint(&other.covariance(Some(Method::Plain)).unwrap(), 1)
+        .matrix[(1, 1)];
+    assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
 }

@@ -15,6 +15,8 @@ pub struct Expressions {
     file: ModelFile,
     /// For each expression that must be constant in time, its description in messages.
     constants: Vec<Option<&'static str>>,
+    /// Whether it may depend on the time, too, directly or by another such expression.
+    over_time: Vec<bool>,
 }
 
 /// Expressions over the variables time, signals and parameters, in this order.
@@ -44,6 +46,7 @@ impl Expressions {
                 fit: None,
             },
             constants: Vec::new(),
+            over_time: Vec::new(),
         }
     }
 
@@ -74,7 +77,13 @@ impl Expressions {
             ..variable(name, unit, formula)
         });
         self.constants.push(constant);
+        self.over_time.push(false);
         self.constants.len() - 1
+    }
+
+    /// Lets a constant expression depend on the time as well. Other constant ones cannot refer to it then.
+    pub fn may_take_time(&mut self, index: usize) {
+        self.over_time[index] = true;
     }
 
     /// Compiles the expressions.
@@ -103,9 +112,14 @@ impl Expressions {
             }
         }
         let scope = Scope::of(file).map_err(reworded)?;
-        for (local, constant) in file.locals.iter().zip(&self.constants) {
+        for (k, (local, constant)) in file.locals.iter().zip(&self.constants).enumerate() {
             if let (Some(what), Some(formula)) = (constant, &local.value) {
-                let checked = scope.check_constant(what, formula, None);
+                let over_time: &[bool] = if self.over_time[k] {
+                    &self.over_time
+                } else {
+                    &[]
+                };
+                let checked = scope.check_constant_but(what, formula, None, over_time);
                 checked.map_err(reworded)?;
             }
         }
@@ -136,6 +150,7 @@ fn reworded(error: ModelFileError) -> ModelFileError {
             name,
             role: match role {
                 "an input" => "a signal, which changes in time",
+                "a local" => "tied to the time",
                 other => other,
             },
         },

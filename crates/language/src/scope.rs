@@ -206,6 +206,17 @@ impl<'f> Scope<'f> {
         formula: &Formula,
         part: Option<Part>,
     ) -> Result<(), ModelFileError> {
+        self.check_constant_but(what, formula, part, &[])
+    }
+
+    /// The same, where the time may be taken if some locals may: directly, and by these.
+    pub(crate) fn check_constant_but(
+        &self,
+        what: &'static str,
+        formula: &Formula,
+        part: Option<Part>,
+        over_time: &[bool],
+    ) -> Result<(), ModelFileError> {
         let within = subtree(&formula.expression, part);
         for (name, part) in formula.expression.names() {
             if !within[part] {
@@ -214,6 +225,8 @@ impl<'f> Scope<'f> {
             let role = match self.resolve(formula, name, part)? {
                 Symbol::Parameter(_) | Symbol::Pi => continue,
                 Symbol::Computed(k) if self.constant[k] => continue,
+                Symbol::Computed(k) if over_time.get(k) == Some(&true) => continue,
+                Symbol::Time if !over_time.is_empty() => continue,
                 Symbol::Time => "the time",
                 Symbol::Input(_) => "an input",
                 Symbol::State(_) => "a state",

@@ -360,16 +360,11 @@ impl<'a, T> Linearised<'a, T> {
     }
 }
 
-/// The covariance of the shared parameters; `None` if the data do not determine all of them.
+/// The covariance of the shared parameters, with what the data leave open.
 fn spread(fit: &Fit) -> Option<Spread> {
     let own = fit.uncertainty.as_ref().ok()?;
     let is_known = own.covariance.matrix.iter().all(|value| value.is_finite());
-    let is_determined = own
-        .intervals
-        .iter()
-        .flatten()
-        .all(|interval| interval.sd.is_finite());
-    (is_known && is_determined).then(|| Spread::of(&own.covariance))
+    is_known.then(|| Spread::of(&own.covariance, &own.open))
 }
 
 /// The poles of the connected system; `None` if it has none.

@@ -149,6 +149,7 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
             "objective": own.objective,
             "iterations": own.iterations,
             "kkt": own.kkt,
+            "parameters": own.parameters.iter().map(|(name, value)| (name.clone(), json!(value))).collect::<Map<_, _>>(),
         })
     });
     let mut object = json!({

@@ -1,6 +1,7 @@
 //! Starts from the data: each first fits equations that are corrected by what was measured ([`Observed`]), with a few runs on a
-//! coarse mesh. Those that reach the same parameters go on as one.
+//! coarse mesh. Those that reach the same objective and parameters go on as one.
 
+use super::apart::are_near;
 use super::race::{NEARLY, is_close};
 use super::solve::{rescaled, sqp_options};
 use super::watch::Watch;
@@ -88,7 +89,10 @@ pub(super) fn guided(
     let mut apart: Vec<Guided> = Vec::new();
     for own in led {
         let difference = |other: &Guided| (other.objective - own.objective).abs();
-        let is_same = |other: &&Guided| difference(other) <= SAME * other.objective.abs();
+        let is_same = |other: &&Guided| {
+            difference(other) <= SAME * other.objective.abs()
+                && are_near(&other.start.parameters, &own.start.parameters)
+        };
         match apart.iter().find(is_same) {
             Some(other) => entrants.same[own.number] = other.number,
             None if apart.len() < MOST && is_close(own.objective, best) => apart.push(own),

@@ -6,10 +6,12 @@
 //! | `guided` | starts from the data |
 //! | `search` | the search from all starts; without limits first, where outputs saturate |
 //! | `race` | all starts, and selection of the best |
+//! | `apart` | optima of the same objective with other parameters |
 //! | `behind` | when a solve is given up for the best so far |
 //! | `solve` | the SQP from one point |
 //! | `tumbles` | other initial states of each run at the best parameters |
 //! | `kinks` | optima at which an SQP stalls |
+//! | `plateau` | parameters without effect at an optimum |
 //! | `refine` | finer meshes |
 //! | `unfinished` | the best parameters if no start has converged |
 //! | `check` | simulation with the same parameters |
@@ -19,11 +21,13 @@
 //! | `watch` | the observer, who may end the fit |
 
 pub mod alone;
+mod apart;
 mod behind;
 mod check;
 pub mod evaluate;
 mod guided;
 mod kinks;
+mod plateau;
 mod predicted;
 mod race;
 mod raised;
@@ -40,6 +44,7 @@ pub use solve::{SeeIterates, nearer, solve};
 use crate::innovations;
 use crate::posed::Posed;
 use crate::problem::file::Mesh;
+use crate::result::changed::changed;
 use crate::result::describing::describing;
 use crate::result::diagnostics::diagnostics;
 use crate::result::events::{Events, events};
@@ -49,6 +54,7 @@ use crate::result::uncertainty::{Unsure, linearised, method, uncertainty};
 use crate::result::{Fit, MUCH, StartEnd};
 use crate::search::solved::{Refinement, Solved};
 use crate::search::trouble;
+use pilotage_inference::Inference;
 use pilotage_sqp::{Iteration, Status};
 use race::{Raced, best_of, better, has_answer, has_converged};
 use refine::refine;
@@ -88,9 +94,16 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         Some(free) => saturated(posed, free, watch),
         None => search(posed, watch),
     };
-    let (best, errors) = best_flown(posed, &mut solved, &watch);
+    let (best, mut errors) = best_flown(posed, &mut solved, &watch);
+    let first = solved[best].as_ref();
+    if let Some(own) = first.and_then(|own| plateau::beyond(posed, own, best, &watch)) {
+        (solved[best], errors) = (Some(own), None);
+    }
     let ends = same.iter().map(|k| end(posed, solved[*k].as_ref(), &watch));
     let ends: Vec<StartEnd> = ends.collect();
+    let thetas: Vec<Option<Vec<f64>>> = (same.iter())
+        .map(|k| solved[*k].as_ref().map(Solved::theta))
+        .collect();
     let lower = better(&solved);
     let begins = innovations::begins(posed, &solved);
     let met = match has_answer(&solved) {
@@ -143,6 +156,11 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
             found.offset = linear.as_ref().and_then(|own| kinks::offset(&own.data));
         }
         let known = linear.as_ref().ok_or(Unsure::NoDerivatives);
+        if let Ok(own) = known {
+            let inference = Inference::new(&own.data).ok();
+            found.change = inference.and_then(|own| changed(posed, &found, &last.theta(), &own));
+            found.others = apart::others(posed, (&found, best), &thetas, &own.data);
+        }
         found.uncertainty = known.and_then(|own| {
             let looped = looped.as_ref();
             uncertainty(
@@ -222,6 +240,7 @@ fn end(posed: &Posed<'_>, solved: Option<&Solved>, watch: &Watch<'_, '_>) -> Sta
                 objective: nearly.map_or(f64::NAN, |f| f / posed.factor),
                 iterations: own.solution.work.iterations,
                 kkt: Some(own.solution.kkt.residual()),
+                parameters: apart::named(posed, &own.theta()),
             }
         }
         None => StartEnd {
@@ -229,6 +248,7 @@ fn end(posed: &Posed<'_>, solved: Option<&Solved>, watch: &Watch<'_, '_>) -> Sta
             objective: f64::NAN,
             iterations: 0,
             kkt: None,
+            parameters: Vec::new(),
         },
     }
 }

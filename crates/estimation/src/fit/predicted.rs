@@ -3,6 +3,7 @@
 use super::check::free_run;
 use super::cut;
 use super::watch::Watch;
+use crate::fit::apart;
 use crate::innovations::{
     Begin, Likelihood, Optimum, Predicted, linearised, predicted as searched,
 };
@@ -56,6 +57,7 @@ pub(super) fn predicted(
             objective: own.objective(),
             iterations: own.solution.work.iterations,
             kkt: Some(own.solution.kkt.residual()),
+            parameters: apart::named(posed, &own.unknowns()),
         })
         .collect();
     found.refinement = Refinement {
@@ -72,6 +74,11 @@ pub(super) fn predicted(
     found.cut = cut(&found, watch);
     if found.status == Status::Converged {
         let linear = linearised(posed, best);
+        let thetas = all
+            .iter()
+            .map(|own| Some(own.unknowns()[..posed.shared].to_vec()));
+        let thetas: Vec<Option<Vec<f64>>> = thetas.collect();
+        found.others = apart::others(posed, (&found, 0), &thetas, &linear.data);
         found.uncertainty = uncertainty(
             posed,
             (&last, &found, &linear),

@@ -1,5 +1,6 @@
 //! The race of the starts: all on a coarse mesh, and the best of those that ended apart on the whole one.
 
+use super::apart::{are_apart, are_near};
 use super::behind::Behind;
 use super::guided::{Entrants, guided};
 use super::raised::Begin;
@@ -85,7 +86,7 @@ fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
     let rest = raised.split_off(raised.len().min(1));
     let mut scouts: Vec<Scout> = Vec::new();
     for some in [raised, rest, others] {
-        let known = known(scouts.iter().map(|own| &own.solved));
+        let known = known(scouts.iter().map(|own| &own.solved)).map(|own| own.0);
         let is_first = scouts.is_empty();
         let some = some.into_par_iter().enumerate();
         let some = some.filter_map(|(place, (number, start))| {
@@ -96,8 +97,7 @@ fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
     }
     scouts
         .sort_by(|a, b| (a.is_lost.cmp(&b.is_lost)).then(a.objective().total_cmp(&b.objective())));
-    let best = scouts.iter().filter(|own| own.has_converged());
-    let best = best.map(Scout::objective).fold(f64::INFINITY, f64::min);
+    let best = [false, true].map(|is_coarse| best_on(&scouts, is_coarse));
     let (mut open, mut left): (Vec<Scout>, Vec<Scout>) = (Vec::new(), Vec::new());
     let mut settled: Vec<(usize, f64)> = Vec::new();
     for own in scouts {
@@ -106,9 +106,10 @@ fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
             .find(|(_, other)| own.is_lost && is_same(own.objective(), *other));
         let first = first.map(|(number, _)| *number).or_else(|| {
             let mut open = open.iter();
-            open.find(|other| own.is_same(other))
+            open.find(|other| own.is_same(posed, other))
                 .map(|other| other.number)
         });
+        let best = best[usize::from(own.whole.is_some())];
         let is_near = match own.has_converged() {
             true => is_close(own.objective(), best),
             false => !own.is_lost && own.objective() < best || own.number == 0,
@@ -156,6 +157,17 @@ fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
         }
     }
     Raced { solved, same }
+}
+
+/// The lowest objective of those that have converged on such a mesh, where objectives are others than on the other one; of all
+/// if none has.
+fn best_on(scouts: &[Scout], is_coarse: bool) -> f64 {
+    let converged = || scouts.iter().filter(|own| own.has_converged());
+    let own = converged().filter(|own| own.whole.is_some() == is_coarse);
+    let least = |all: &mut dyn Iterator<Item = f64>| all.min_by(f64::total_cmp);
+    let own = least(&mut own.map(Scout::objective));
+    own.or_else(|| least(&mut converged().map(Scout::objective)))
+        .unwrap_or(f64::INFINITY)
 }
 
 /// Whether two objectives belong to the same optimum.
@@ -221,11 +233,12 @@ fn ahead(
     }
 }
 
-/// The lowest objective of those that have converged.
-fn known<'s>(solved: impl Iterator<Item = &'s Solved>) -> Option<f64> {
+/// The lowest objective of those that have converged, and the parameters there.
+fn known<'s>(solved: impl Iterator<Item = &'s Solved>) -> Option<(f64, Vec<f64>)> {
     let converged = solved.filter(|own| has_converged(own));
-    let objectives = converged.map(|own| own.solution.iterate.f);
-    objectives.min_by(f64::total_cmp)
+    let objective = |own: &&Solved| own.solution.iterate.f;
+    let best = converged.min_by(|a, b| objective(a).total_cmp(&objective(b)))?;
+    Some((objective(&best), best.theta()))
 }
 
 impl Scout {
@@ -238,18 +251,24 @@ impl Scout {
     }
 
     /// Whether both have converged to the same optimum.
-    fn is_same(&self, other: &Self) -> bool {
+    fn is_same(&self, posed: &Posed<'_>, other: &Self) -> bool {
         let [f, g] = [self, other].map(|own| own.solved.solution.iterate.f);
         is_same(f, g)
             && self.has_converged()
             && other.has_converged()
             && self.whole.is_some() == other.whole.is_some()
+            && !are_apart(posed, &self.solved, &other.solved)
     }
 
     /// Continues to the end, on the whole mesh.
-    fn finished(self, posed: &Posed<'_>, known: Option<f64>, watch: &Watch<'_, '_>) -> Solved {
+    fn finished(
+        self,
+        posed: &Posed<'_>,
+        known: Option<&(f64, Vec<f64>)>,
+        watch: &Watch<'_, '_>,
+    ) -> Solved {
         let limit = posed.file.options.max_iterations;
-        let behind = Mutex::new(Behind::new(known));
+        let behind = Mutex::new(Behind::new(known.map(|own| own.0)));
         let see = |iteration: &_| ahead(&behind, watch, self.number, iteration);
         let (before, has_converged) = (self.solved.solution.work, self.has_converged());
         let is_used_up = before.iterations >= limit;
@@ -267,8 +286,24 @@ impl Scout {
         };
         let mut own = solve(posed, from, limit, &see);
         own.solution.work += before;
-        own
+        let is_tie = own.solution.status == Status::Stopped && !watch.is_over();
+        match known.filter(|(best, _)| is_tie && is_same(*best, own.solution.iterate.f)) {
+            Some((_, theta)) if !are_near(theta, &own.theta()) => {
+                onward(posed, own, self.number, watch)
+            }
+            _ => own,
+        }
     }
+}
+
+/// Continues a start that was given up beside one of the same height, but has other parameters.
+fn onward(posed: &Posed<'_>, own: Solved, number: usize, watch: &Watch<'_, '_>) -> Solved {
+    let Solved { problem, solution } = own;
+    let see = |iteration: &_| watch.see(number, 0, iteration);
+    let limit = posed.file.options.max_iterations;
+    let mut own = solve(posed, (problem, solution.iterate.z), limit, &see);
+    own.solution.work += solution.work;
+    own
 }
 
 /// Marked as dropped if only its limit in the race ended it: it was behind, and no limit set by the user ended it.
@@ -282,13 +317,13 @@ pub(super) fn dropped(mut solved: Solved) -> Solved {
 /// Continues these starts to the end, or until they are lost against a known objective.
 fn finish(
     posed: &Posed<'_>,
-    (scouts, known): (Vec<Scout>, Option<f64>),
+    (scouts, known): (Vec<Scout>, Option<(f64, Vec<f64>)>),
     solved: &mut [Option<Solved>],
     watch: &Watch<'_, '_>,
 ) {
     let finished = scouts
         .into_par_iter()
-        .map(|own| (own.number, own.finished(posed, known, watch)));
+        .map(|own| (own.number, own.finished(posed, known.as_ref(), watch)));
     let finished: Vec<(usize, Solved)> = finished.collect();
     for (k, own) in finished {
         solved[k] = Some(own);

@@ -179,13 +179,9 @@ fn add_all(
     for name in &parameters.names {
         if let Meaning::Tied(formula) = &parameters.meanings[name] {
             let unit = parameters.unit(name, joint);
-            builder.add(
-                file,
-                Of::Tied(name.clone()),
-                unit,
-                formula,
-                Some("a tied parameter"),
-            )?;
+            let of = Of::Tied(name.clone());
+            builder.add(file, of.clone(), unit, formula, Some("a tied parameter"))?;
+            builder.expressions.may_take_time(builder.places[&of]);
         }
     }
     for (k, measured) in file.measured.iter().enumerate() {

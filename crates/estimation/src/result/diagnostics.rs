@@ -102,6 +102,12 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
         all.extend(fit.describing.contradicted().map(Diagnostic::Contradicted));
     }
     all.extend(of_inputs(fit));
+    all.extend(
+        fit.change
+            .clone()
+            .filter(|_| has_residuals(fit))
+            .map(Diagnostic::Changes),
+    );
     let measured = 0..posed.file.measured.len();
     all.extend(measured.filter_map(|k| unbounded(posed, fit, k)));
     if has_residuals(fit) {
@@ -125,6 +131,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     all.extend(flown::mixed(heads).into_iter().map(Diagnostic::Mixed));
     all.extend(of_lower(fit));
     all.extend(of_starts(fit));
+    all.extend(of_others(fit));
     for (instance, part) in &posed.joint.parts {
         let notes = part.fmu.iter().flat_map(|fmu| fmu.notes.iter().cloned());
         let instance = instance.clone();
@@ -291,6 +298,32 @@ fn of_lower(fit: &Fit) -> Option<Diagnostic> {
 fn of_starts(fit: &Fit) -> Option<Diagnostic> {
     let starts = fit.starts.len();
     (fit.agreeing() == 1 && starts > 2).then_some(Diagnostic::Alone(starts))
+}
+
+/// Another optimum, with the parameters that are others there and that the data determine here.
+fn of_others(fit: &Fit) -> Option<Diagnostic> {
+    let first = &fit.starts[*fit.others.first()?];
+    let known = fit.uncertainty.as_ref().ok();
+    let is_known = |k: usize| {
+        known.is_none_or(|own| own.intervals[k].iter().all(|own| own.class != Class::Flat))
+    };
+    let here = fit
+        .parameters
+        .iter()
+        .enumerate()
+        .filter(|(k, _)| is_known(*k));
+    let here: Vec<(String, f64)> = here.flat_map(|(_, own)| own.named()).collect();
+    let beside = |(name, there): &(String, f64)| {
+        let (_, here) = here.iter().find(|(own, _)| own == name)?;
+        Some((name.clone(), *there, *here))
+    };
+    let values = first.parameters.iter().filter_map(beside);
+    let differ = |(_, there, here): &(String, f64, f64)| (there - here).abs() > 0.01 * here.abs();
+    Some(Diagnostic::OtherOptimum {
+        objective: first.objective,
+        values: values.filter(differ).collect(),
+        count: fit.others.len(),
+    })
 }
 
 fn of_mesh(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {

@@ -2,6 +2,7 @@
 
 pub mod beforehand;
 mod begun;
+pub(crate) mod changed;
 pub mod courses;
 pub mod describing;
 pub mod diagnostic;
@@ -21,6 +22,7 @@ pub mod uncertainty;
 use crate::innovations::{Ahead, Optimum, ahead};
 use crate::posed::{Posed, Stands, poles, variables};
 use crate::problem::file::{Noise, Per};
+use crate::result::changed::Changed;
 use crate::result::diagnostic::Diagnostic;
 use crate::result::events::Events;
 use crate::result::saturated::{Saturated, saturated};
@@ -82,10 +84,14 @@ pub struct Fit {
     pub resolution: f64,
     /// How each start ended.
     pub starts: Vec<StartEnd>,
+    /// Starts at other optima, with objectives of which the data do not tell which is better; one for each optimum.
+    pub others: Vec<usize>,
     /// A start that did not converge but had a lower objective.
     pub lower: Option<usize>,
     /// The outputs at whose wires the loops are opened for crossover and margins. Empty if there is no loop.
     pub cuts: Vec<String>,
+    /// A change of a parameter along the runs, if it is significant.
+    pub change: Option<Changed>,
     /// What ended the fit before all starts and refinements were completed.
     pub cut: Option<Status>,
     /// Events of FMUs in its runs.
@@ -124,6 +130,8 @@ pub struct StartEnd {
     pub iterations: usize,
     /// Its scaled KKT residual. None if the fit was ended before it began.
     pub kkt: Option<f64>,
+    /// Its shared parameters with their names, in their units. Empty if it did not begin.
+    pub parameters: Vec<(String, f64)>,
 }
 
 /// An estimated or derived parameter.
@@ -300,6 +308,8 @@ impl Fit {
             refinement: Refinement::new(solved),
             resolution: EXACT * samples as f64 / posed.factor,
             starts: Vec::new(),
+            others: Vec::new(),
+            change: None,
             lower: None,
             cut: None,
             cuts: Vec::new(),

@@ -157,11 +157,15 @@ fn near(unknown: &Unknown, share: f64) -> f64 {
     unknown.kept(value)
 }
 
-/// The quantile `share` of the range. The scale is logarithmic if the range spans much more than its lower bound, or is
-/// unbounded.
+/// The quantile `share` of the range. The scale is logarithmic if the range spans much more than its lower bound, or than the
+/// start where it begins at 0, or is unbounded.
 fn far(unknown: &Unknown, share: f64) -> f64 {
     match (unknown.min, unknown.max) {
         (Some(min), Some(max)) if min > 0.0 && max > FAR * min => min * (max / min).powf(share),
+        (Some(0.0), Some(max)) if unknown.start > 0.0 && max > FAR * unknown.start => {
+            let min = unknown.start / FAR;
+            min * (max / min).powf(share)
+        }
         (Some(min), Some(max)) => min + share * (max - min),
         _ if unknown.start == 0.0 => near(unknown, share),
         _ if unknown.may_turn() && share < TURNED => {

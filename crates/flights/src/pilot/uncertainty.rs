@@ -2,7 +2,7 @@
 
 use super::PilotError;
 use nalgebra::DMatrix;
-use pilotage_inference::{Method, Spread};
+use pilotage_inference::{Method, Open, Spread};
 use pilotage_text::document::TomlTable;
 
 /// Reads the table of the uncertainty; `None` if it has no covariance, as when the data leave a direction
@@ -78,6 +78,7 @@ fn covariance(table: &TomlTable<'_>, n: usize) -> Result<Option<Spread>, PilotEr
         method,
         covariance,
         degrees,
+        open: Open::default(),
     }))
 }
 

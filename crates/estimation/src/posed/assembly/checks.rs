@@ -9,6 +9,7 @@ use crate::posed::unknowns::Unknown;
 use crate::posed::{MOST_INTERVALS, MOST_SAMPLES};
 use crate::problem::error::ProblemError;
 use crate::problem::file::{Constraint, Deviation, Holds, Mesh};
+use crate::system::part::Part;
 use pilotage_cosim::description::Spanned;
 use pilotage_expression::{Graph, Node};
 
@@ -64,8 +65,25 @@ impl Assembly<'_> {
             for rows in rows {
                 check_range(name, self.number(*node, rows), range, place)?;
             }
+            let mut parts = self.joint.parts.iter();
+            let is_of_fmu = |(instance, part): &(String, Part)| {
+                let own = name.strip_prefix(instance.as_str());
+                part.fmu.is_some() && own.is_some_and(|rest| rest.starts_with('.'))
+            };
+            let is_parameter = self.joint.model.parameters.contains(name);
+            if is_parameter && self.varies(*node) && parts.any(is_of_fmu) {
+                let fault = format!(
+                    "`{name}` is a parameter of an FMU, which is set before a run, and is tied to the time; tie an input of the FMU"
+                );
+                return Err(ProblemError::maybe_at(place, fault));
+            }
         }
         Ok(())
+    }
+
+    /// Whether an expression of parameters is tied to the time.
+    pub(super) fn varies(&self, node: Node) -> bool {
+        self.depends(node, |variable| variable == 0)
     }
 
     /// Rejects noise levels that are not above 0: at recorded samples, or at the start if they depend on neither states

@@ -61,6 +61,12 @@ impl Assembly<'_> {
             }
             _ => start,
         };
+        if self.varies(node) && self.depends_on_sought(node) {
+            let fault = format!(
+                "`{name}` begins with a parameter that is tied to the time; give it an initial value of its own"
+            );
+            return Err(ProblemError::maybe_at(place, fault));
+        }
         let runs = rows.len();
         let numbers: Vec<f64> = rows.iter().map(|rows| self.number(node, rows)).collect();
         if let Some(number) = numbers.iter().find(|number| !number.is_finite()) {

@@ -63,6 +63,10 @@ pub const CODES: [(&str, &str); 41] = [
         "residuals are correlated with earlier values of an input: a path or a delay is missing ([uncertainty.md](uncertainty.md))",
     ),
     (
+        "changes",
+        "a parameter changes along the runs, at the same time in all of them or in one: by a test of constant parameters (sup-LM, at 0.01), by a tenth of its value and four standard deviations of it; let it change by `[[run.change]]`, or fit the parts by themselves ([uncertainty.md](uncertainty.md))",
+    ),
+    (
         "stepped-input",
         "a column that keeps its values and jumps drives an input, and the file does not say how: it is taken as linear between samples, which makes delays too long and lags and gains too small; say `hold = \"zero-order\"`, or `\"linear\"` if it is so",
     ),
@@ -108,6 +112,10 @@ pub const CODES: [(&str, &str); 41] = [
         "runs of different files have the same samples: they count twice",
     ),
     ("alone", "among three or more starts, only one ended here"),
+    (
+        "other-optimum",
+        "a start ended at other parameters with an objective of which the data do not tell which is better, a 95 % region's edge away at most, by four standard deviations in what the data determine; as where two lags in series may be exchanged",
+    ),
     (
         "mesh-error",
         "the mesh is not as fine as requested; on a given mesh (`mesh`, `mesh_step`) the states' estimated relative error is above 10⁻³ and a simulation with the estimates has another objective: parameters may be off by as much, and if the simulation is off by 0.3 of what was recorded, the fit has no answer. Or the last refinement moved a parameter by more than 10⁻³ of its size",

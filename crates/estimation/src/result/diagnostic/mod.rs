@@ -11,6 +11,7 @@ mod words;
 pub use codes::CODES;
 
 use crate::posed::stability::CLOSED_LOOP;
+use crate::result::changed::Changed;
 use crate::result::events::Event;
 use crate::result::explained::Nothing;
 use crate::result::through::Contradicting;
@@ -141,6 +142,15 @@ pub enum Diagnostic {
         /// Its objective.
         objective: f64,
     },
+    /// Other parameters give an objective of which the data do not tell which is better.
+    OtherOptimum {
+        /// Its objective.
+        objective: f64,
+        /// The parameters that differ: name, value there, value here.
+        values: Vec<(String, f64, f64)>,
+        /// Number of such optima, of which this is the first.
+        count: usize,
+    },
     /// The last refinement of the mesh still changed the parameters, by this fraction of their size.
     MeshMoves(f64),
     /// Only one of this many starts led to the result.
@@ -154,6 +164,8 @@ pub enum Diagnostic {
     },
     /// The model explains nothing of any measured signal.
     NothingExplained(Nothing),
+    /// A parameter is not constant along the runs.
+    Changes(Changed),
     /// Residuals are correlated with earlier values of an input.
     InputLeft {
         /// The measured column.
@@ -363,9 +375,11 @@ impl Diagnostic {
             Self::Simulated { .. } => "simulation",
             Self::Cut { .. } => "cut",
             Self::LowerStart { .. } => "lower-start",
+            Self::OtherOptimum { .. } => "other-optimum",
             Self::Alone(_) => "alone",
             Self::PoorFit { .. } => "poor-fit",
             Self::NothingExplained(_) => "nothing-explained",
+            Self::Changes(_) => "changes",
             Self::InputLeft { .. } => "input-left",
             Self::Stepped { .. } => "stepped-input",
             Self::Outlier { .. } => "outlier",

@@ -1,7 +1,7 @@
 //! Uncertainty of a fit, as reported.
 
 use nalgebra::DMatrix;
-use pilotage_inference::{Covariance, Interval, Method, Obstacle};
+use pilotage_inference::{Covariance, Interval, Method, Obstacle, Open};
 
 /// Why the uncertainty of a fit is not available.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -39,6 +39,8 @@ pub struct Uncertainty {
     pub correlations: DMatrix<f64>,
     /// Covariance of these.
     pub covariance: Covariance,
+    /// Directions of these that the data leave open.
+    pub open: Open,
     /// Their Cramér–Rao bounds `2√(H⁻¹)ᵢᵢ`, relative to their values \[%\]; absolute for a logarithm.
     pub cramer_rao: Vec<f64>,
     /// Their insensitivities `√(1/Hᵢᵢ)`, likewise \[%\].

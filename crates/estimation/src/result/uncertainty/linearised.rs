@@ -16,7 +16,7 @@ struct Terms {
     level: Option<usize>,
 }
 
-/// The least-squares problem of a solution. None if its derivatives are not available: see [`Sensitivities::new`].
+/// The least-squares problem of a solution, with the samples of its runs, which on a coarse mesh are means. None if its derivatives are not available: see [`Sensitivities::new`].
 pub(crate) fn linearised(
     posed: &Posed<'_>,
     problem: &Collocation,
@@ -25,15 +25,15 @@ pub(crate) fn linearised(
     let found = Sensitivities::new(problem, at)?;
     let terms = terms(posed);
     let signals = terms.iter().map(Terms::end).max().unwrap_or(0);
-    let outputs = outputs(posed, problem, &at.z);
-    let noises = noises(posed, &outputs);
+    let outputs = outputs(problem, &at.z);
+    let noises = noises(posed, &problem.runs, &outputs);
     let priors = signals..problem.measured;
     let (mut runs, mut shared_priors) = (Vec::new(), Vec::new());
     for (j, own) in found.runs.iter().enumerate() {
         let place = Place {
-            recordings: &posed.runs[j].measured,
+            recordings: &problem.runs[j].measured,
             noises: &noises,
-            time: &posed.runs[j].time,
+            time: &problem.runs[j].time,
             outputs: &outputs[j],
             sensitivity: own,
         };
@@ -69,14 +69,14 @@ pub(crate) fn linearised(
 /// For each run, the residuals of the measured signals at other variables of a problem with the same runs.
 pub(super) fn residuals(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Vec<DVector<f64>> {
     let terms = terms(posed);
-    let outputs = outputs(posed, problem, z);
-    let noises = noises(posed, &outputs);
+    let outputs = outputs(problem, z);
+    let noises = noises(posed, &problem.runs, &outputs);
     let of_run = |j: usize| {
         let mut all = Vec::new();
         for own in &terms {
             let term = own.residual;
             let rows = values(
-                &posed.runs[j].measured[term],
+                &problem.runs[j].measured[term],
                 &outputs[j][term],
                 noises[term],
             );
@@ -90,7 +90,7 @@ pub(super) fn residuals(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> 
         }
         DVector::from_vec(all)
     };
-    (0..posed.runs.len()).map(of_run).collect()
+    (0..problem.runs.len()).map(of_run).collect()
 }
 
 impl Terms {
@@ -157,16 +157,20 @@ fn there<'a>(own: &'a Recording, outputs: &'a [f64]) -> impl Iterator<Item = (us
 }
 
 /// For each run, the outputs of all terms at the samples.
-fn outputs(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Vec<Vec<Vec<f64>>> {
-    let runs = 0..posed.runs.len();
+fn outputs(problem: &Collocation, z: &[f64]) -> Vec<Vec<Vec<f64>>> {
+    let runs = 0..problem.runs.len();
     runs.map(|j| problem.outputs_at_samples(z, j)).collect()
 }
 
 /// The noise of each term, given the residuals of all runs.
-fn noises(posed: &Posed<'_>, outputs: &[Vec<Vec<f64>>]) -> Vec<Noise> {
+fn noises(
+    posed: &Posed<'_>,
+    runs: &[pilotage_collocation::Run],
+    outputs: &[Vec<Vec<f64>>],
+) -> Vec<Noise> {
     let terms = posed.runs.first().map_or(0, |run| run.measured.len());
     let noise = |term: usize| {
-        let runs = posed.runs.iter().zip(outputs);
+        let runs = runs.iter().zip(outputs);
         let residuals = runs.flat_map(|(run, outputs)| {
             let own = &run.measured[term];
             there(own, &outputs[term]).map(|(_, z)| (z, own.weight))

@@ -86,7 +86,7 @@ pub(crate) fn uncertainty(
         derived: sure.derived(&fit.derived, looped),
         initial: sure.initial(),
         notes: (inference.directions.iter())
-            .map(|own| words::direction(own, &names))
+            .map(|own| words::direction_here(posed, own, &names))
             .collect(),
         method: covariance.method,
         correlated_by: covariance.correlated_by,
@@ -97,6 +97,7 @@ pub(crate) fn uncertainty(
         noise: inference.noise().sqrt(),
         is_even: data.is_even(),
         mesh_errors,
+        open: inference.open.clone(),
         covariance,
         names,
     };
@@ -307,21 +308,17 @@ impl Sure<'_> {
 
     /// For a quantity with this gradient with respect to the shared parameters and a run's own unknowns (delta method).
     fn along(&self, gradient: &DVector<f64>, j: usize) -> (f64, f64) {
-        let posed = self.posed;
-        let (shared, own) = (
-            gradient.rows(0, posed.shared).into_owned(),
-            gradient.rows_range(posed.shared..),
-        );
-        let flat = (0..posed.shared).any(|k| shared[k] != 0.0 && self.inference.flat[k]);
-        let own_flat = self.inference.own_flat(j).iter().zip(&own);
-        if flat || own_flat.clone().any(|(flat, slope)| *flat && *slope != 0.0) {
-            return (f64::INFINITY, f64::INFINITY);
-        }
-        let (variance, degrees) = match own.iter().all(|slope| *slope == 0.0) {
+        let shared = gradient.rows(0, self.posed.shared).into_owned();
+        let is_shared = gradient.rows_range(shared.len()..).amax() == 0.0;
+        let (variance, degrees) = match is_shared {
             true => self.covariance.along(&shared),
             false => self.joint(j).along(gradient),
         };
-        (variance.sqrt(), degrees)
+        let sd = variance.sqrt();
+        match self.inference.open_with(j).moves(gradient, sd) {
+            true => (f64::INFINITY, f64::INFINITY),
+            false => (sd, degrees),
+        }
     }
 }
 

@@ -34,6 +34,16 @@ pub(crate) fn direction(direction: &Direction, names: &[String]) -> String {
     )
 }
 
+/// The same at a solution. A parameter without effect may sit on a plateau, as a limit does that nothing reaches.
+pub(super) fn direction_here(posed: &Posed<'_>, own: &Direction, names: &[String]) -> String {
+    let words = direction(own, names);
+    let is_alone = own.0.iter().filter(|part| **part != 0.0).count() == 1;
+    match is_alone && posed.may_have_kinks() {
+        true => format!("{words} at this value; none of those tried across its range fits better"),
+        false => words,
+    }
+}
+
 /// Active constraints other than ranges of parameters.
 pub(super) fn held(posed: &Posed<'_>, at: &Sensitivities) -> Vec<String> {
     let names = &posed.names;

@@ -1,0 +1,118 @@
+//! Other optima: solutions of about the same objective with other parameters, in what the data determine.
+
+use crate::posed::{Posed, Stands};
+use crate::result::uncertainty::{linearised, method};
+use crate::result::{Fit, StartEnd};
+use crate::search::solved::Solved;
+use nalgebra::DMatrix;
+use pilotage_inference::{Data, Inference, Method};
+use pilotage_sqp::Status;
+
+/// Difference of two values, in standard deviations, from which on they are different.
+const FEW: f64 = 4.0;
+/// Relative difference up to which two values are the same, and up to which those of unfinished solves may be.
+const SAME: f64 = 0.01;
+const ROUGHLY: f64 = 0.2;
+/// Difference of objectives, in variances of the noise, of parameters on the edge of a 95 % region of one parameter.
+const REGION: f64 = 3.84;
+
+/// Whether all parameters of unfinished solves are about the same.
+pub(super) fn are_near(a: &[f64], b: &[f64]) -> bool {
+    a.iter().zip(b).all(|(a, b)| !is_other(*a, *b, ROUGHLY))
+}
+
+/// Whether two converged solutions of the same objective have other parameters than a direction that the data leave open
+/// leads to.
+pub(super) fn are_apart(posed: &Posed<'_>, a: &Solved, b: &Solved) -> bool {
+    let (here, there) = (a.theta(), b.theta());
+    let mut pairs = here.iter().zip(&there);
+    if !pairs.any(|(a, b)| is_other(*a, *b, SAME)) {
+        return false;
+    }
+    let linear = linearised(posed, &a.problem, &a.solution.iterate);
+    let sd = linear.and_then(|own| deviations(posed, &own.data));
+    sd.is_some_and(|sd| differ(&here, &there, &sd))
+}
+
+/// The converged starts at other optima than that of start `best`, of which the data do not tell which is right; one for each
+/// optimum. The data are those of the result.
+pub(super) fn others(
+    posed: &Posed<'_>,
+    (fit, best): (&Fit, usize),
+    thetas: &[Option<Vec<f64>>],
+    data: &Data,
+) -> Vec<usize> {
+    let Some(here) = &thetas[best] else {
+        return Vec::new();
+    };
+    let is_here = |own: &Vec<f64>| own.iter().zip(here).all(|(a, b)| !is_other(*a, *b, SAME));
+    if thetas.iter().flatten().all(is_here) {
+        return Vec::new();
+    }
+    let noise = Inference::new(data).map(|own| own.noise());
+    let Some((sd, noise)) = deviations(posed, data).zip(noise.ok()) else {
+        return Vec::new();
+    };
+    let least = fit.starts[best].objective;
+    let near = (REGION * noise).max(fit.resolution);
+    let is_as_good =
+        |own: &StartEnd| own.status == Status::Converged && (own.objective - least).abs() <= near;
+    let mut found: Vec<usize> = Vec::new();
+    for (k, own) in thetas.iter().enumerate() {
+        let Some(own) = own.as_ref().filter(|_| is_as_good(&fit.starts[k])) else {
+            continue;
+        };
+        let known = found.iter().filter_map(|k| thetas[*k].as_ref());
+        if [here]
+            .into_iter()
+            .chain(known)
+            .all(|other| differ(other, own, &sd))
+        {
+            found.push(k);
+        }
+    }
+    found
+}
+
+/// Values of the shared parameters with their names, in their units.
+pub(super) fn named(posed: &Posed<'_>, theta: &[f64]) -> Vec<(String, f64)> {
+    let mut all = Vec::new();
+    for (unknown, stands) in &posed.unknowns {
+        let found = |k: usize| unknown.kept(unknown.found(theta[k]));
+        match stands {
+            Stands::Shared(k) => all.push((unknown.name.clone(), found(*k))),
+            Stands::Subjects(subjects) => all.extend(
+                (subjects.iter()).map(|(who, k)| (format!("{} ({who})", unknown.name), found(*k))),
+            ),
+            Stands::State(_) => {}
+        }
+    }
+    all
+}
+
+fn is_other(a: f64, b: f64, relative: f64) -> bool {
+    (a - b).abs() > relative * a.abs().max(b.abs())
+}
+
+/// Whether a parameter differs by a few of these standard deviations, and by more than solves of one optimum do.
+fn differ(a: &[f64], b: &[f64], sd: &[f64]) -> bool {
+    let mut all = a.iter().zip(b).zip(sd);
+    all.any(|((a, b), sd)| is_other(*a, *b, SAME) && (a - b).abs() > FEW * sd)
+}
+
+/// Standard deviations of the shared parameters, infinite where the data leave them open. Bounds are released: a parameter may
+/// lie on one at one optimum and beside it at the next, which is no other as long as the data do not tell.
+fn deviations(posed: &Posed<'_>, data: &Data) -> Option<Vec<f64>> {
+    let released = Data {
+        active: DMatrix::zeros(0, data.parameters()),
+        ..data.clone()
+    };
+    let inference = Inference::new(&released).ok()?;
+    let known = inference.covariance(method(posed));
+    let known = known
+        .or_else(|_| inference.covariance(Some(Method::Plain)))
+        .ok()?;
+    let pairs = known.deviations().into_iter().zip(&inference.flat);
+    let sd = pairs.map(|(sd, flat)| if *flat { f64::INFINITY } else { sd });
+    Some(sd.collect())
+}
