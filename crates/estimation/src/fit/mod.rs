@@ -7,6 +7,7 @@
 //! | `race` | all starts, and selection of the best |
 //! | `behind` | when a solve is given up for the best so far |
 //! | `solve` | the SQP from one point |
+//! | `settled` | times that are sought, and the boundaries of the mesh that stand for them |
 //! | `tumbles` | other initial states of each run at the best parameters |
 //! | `kinks` | optima at which an SQP stalls |
 //! | `refine` | finer meshes |
@@ -27,6 +28,7 @@ mod predicted;
 mod race;
 mod raised;
 mod refine;
+mod settled;
 mod solve;
 mod tumbles;
 mod unfinished;
