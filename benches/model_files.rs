@@ -246,6 +246,7 @@ fn solved(model: &Arc<Differentiated>, trials: &TrialSet) -> (f64, usize) {
                 loss: Loss::Square,
             }],
             initial: vec![Some(0.0); 9],
+            steps: pilotage_collocation::Steps::default(),
         })
         .collect();
     let states: Vec<_> = (runs.iter())

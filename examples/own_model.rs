@@ -164,6 +164,7 @@ fn recorded(model: &Differentiated, number: usize) -> Run {
         measured: Vec::new(),
         initial: vec![Some(0.0); 4],
         time,
+        steps: pilotage_collocation::Steps::default(),
     };
     let states = model.simulate(&run, &TRUTH, &[0.0; 4]);
     run.measured = NOISE

@@ -53,6 +53,7 @@ fn run(model: &Differentiated, k: usize) -> Run {
         measured: Vec::new(),
         initial: vec![Some(0.0); 4],
         time,
+        steps: pilotage_collocation::Steps::default(),
     };
     let states = model.simulate(&run, &TRUTH, &[0.0; 4]);
     let outputs = states.iter().enumerate().map(|(i, x)| {

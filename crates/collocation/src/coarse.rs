@@ -55,8 +55,10 @@ fn thinned(run: &Run) -> Option<Run> {
         return None;
     }
     let measured = run.measured.iter().map(|own| averaged(own, &rows));
+    let mesh: Vec<f64> = every(run.mesh.len()).map(|k| run.mesh[k]).collect();
     Some(Run {
-        mesh: every(run.mesh.len()).map(|k| run.mesh[k]).collect(),
+        mesh: run.steps.on(&mesh),
+        steps: run.steps.clone(),
         time: rows.iter().map(|k| run.time[*k]).collect(),
         inputs: rows.iter().map(|k| run.inputs[*k].clone()).collect(),
         measured: measured.collect::<Option<Vec<Recording>>>()?,
@@ -103,7 +105,7 @@ fn averaged(own: &Recording, rows: &[usize]) -> Option<Recording> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Loss;
+    use crate::{Loss, Steps};
 
     fn run(inputs: impl Fn(usize) -> f64, values: impl Fn(usize) -> f64) -> Run {
         let time: Vec<f64> = (0..402).map(|k| 0.1 * (k - k / 401) as f64).collect();
@@ -117,6 +119,7 @@ mod tests {
             }],
             initial: vec![None],
             time,
+            steps: Steps::default(),
         }
     }
 

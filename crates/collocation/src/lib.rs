@@ -27,7 +27,7 @@
 //! simulated safely with any θ, a simulation with a least-squares solver is just as good.
 //!
 //! ```
-//! use pilotage_collocation::{Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme};
+//! use pilotage_collocation::{Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme, Steps};
 //! use pilotage_expression::System;
 //! use std::{ops::ControlFlow, sync::Arc};
 //!
@@ -48,6 +48,7 @@
 //!     }],
 //!     initial: vec![None],
 //!     time,
+//!     steps: Steps::default(),
 //! };
 //! let start = [0.5, 2.0];
 //! let states = vec![model.simulate(&run, &start, &[0.4])];
@@ -107,7 +108,7 @@ pub use condensed::{Condensed, Sensitivities, Sensitivity};
 pub use constraints::ParameterConstraints;
 pub use course::{Course, Quality};
 pub use loss::Loss;
-pub use mesh::{Recording, Run};
+pub use mesh::{Recording, Run, Steps};
 pub use node::{Differentiated, Scales};
 pub use parallel::start_threads;
 pub use reference::Stop;

@@ -21,6 +21,57 @@ pub struct Run {
     pub measured: Vec<Recording>,
     /// Known initial states; None if free.
     pub initial: Vec<Option<f64>>,
+    /// Inputs that jump at times of their own.
+    pub steps: Steps,
+}
+
+/// Inputs that are constant between times of their own, whatever the samples. At a sample they have the values of its row.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Steps {
+    /// Index of the first of these inputs; the others follow.
+    pub first: usize,
+    /// Increasing times \[s\] at which they jump; boundaries of the mesh.
+    pub time: Vec<f64>,
+    /// Their values before the first time, and after each.
+    pub values: Vec<Vec<f64>>,
+}
+
+impl Steps {
+    /// Writes the values after this number of jumps.
+    fn write(&self, jumps: usize, out: &mut [f64]) {
+        if let Some(values) = self.values.get(jumps) {
+            out[self.first..][..values.len()].copy_from_slice(values);
+        }
+    }
+
+    /// Those within an interval, without its ends.
+    pub fn cut(&self, from: f64, to: f64) -> Self {
+        let time = self.within(from, to).to_vec();
+        let first = self.time.partition_point(|t| *t <= from);
+        let values = self.values.iter().skip(first).take(time.len() + 1);
+        Self {
+            first: self.first,
+            values: values.cloned().collect(),
+            time,
+        }
+    }
+
+    /// The times within an interval, without its ends.
+    pub fn within(&self, from: f64, to: f64) -> &[f64] {
+        let first = self.time.partition_point(|t| *t <= from);
+        let last = self.time.partition_point(|t| *t < to).max(first);
+        &self.time[first..last]
+    }
+
+    /// A mesh with a boundary at each time.
+    pub fn on(&self, mesh: &[f64]) -> Vec<f64> {
+        let ends = mesh[0]..mesh[mesh.len() - 1];
+        let own = self.time.iter().filter(|time| ends.contains(*time));
+        let mut all: Vec<f64> = mesh.iter().chain(own).copied().collect();
+        all.sort_by(f64::total_cmp);
+        all.dedup();
+        all
+    }
 }
 
 /// The recording of one output in a run.
@@ -80,6 +131,16 @@ impl Run {
         for (k, row) in self.inputs.iter().enumerate() {
             assert_eq!(row.len(), inputs, "inputs at sample {k}");
         }
+        let steps = &self.steps;
+        assert!(steps.time.is_sorted_by(|a, b| a < b), "jumps increase");
+        let is_node = |time: &f64| mesh.binary_search_by(|own| own.total_cmp(time)).is_ok();
+        assert!(steps.time.iter().all(is_node), "jumps are boundaries");
+        let count = if steps.values.is_empty() {
+            0
+        } else {
+            steps.time.len() + 1
+        };
+        assert_eq!(steps.values.len(), count, "values between jumps");
         assert_eq!(self.measured.len(), measured, "recordings");
         for own in &self.measured {
             own.loss.check();
@@ -95,17 +156,22 @@ impl Run {
     /// Inputs at a time \[s\]; constant before the first sample and after the last.
     pub fn inputs_at(&self, time: f64, out: &mut [f64]) {
         self.inputs_between(self.time.partition_point(|t| *t <= time), time, out);
+        let jumps = self.steps.time.partition_point(|t| *t <= time);
+        self.steps.write(jumps, out);
     }
 
     /// The same, but before the jump if inputs jump at that time.
     pub fn inputs_before(&self, time: f64, out: &mut [f64]) {
         self.inputs_between(self.time.partition_point(|t| *t < time), time, out);
+        let jumps = self.steps.time.partition_point(|t| *t < time);
+        self.steps.write(jumps, out);
     }
 
-    /// True if inputs may jump at this time, that is, if it has two samples.
+    /// True if inputs may jump at this time, that is, if it has two samples or is one of [`Self::steps`].
     pub(super) fn jumps_at(&self, time: f64) -> bool {
         let first = self.time.partition_point(|t| *t < time);
-        self.time.get(first + 1) == Some(&time)
+        let mut steps = self.steps.time.iter();
+        self.time.get(first + 1) == Some(&time) || steps.any(|own| *own == time)
     }
 
     /// Linear interpolation between sample `after` and the previous one.

@@ -65,7 +65,7 @@ impl<'a> Reference<'a> {
         self.along(times, x, stop, |_, _| {})
     }
 
-    /// The same, calling `see` at the end of each step.
+    /// The same, calling `see` at the end of each step. It stops where inputs jump.
     pub fn along(
         &mut self,
         (from, to): (f64, f64),
@@ -73,19 +73,36 @@ impl<'a> Reference<'a> {
         stop: &Stop<'_>,
         mut see: impl FnMut(f64, &[f64]),
     ) -> Option<Vec<f64>> {
+        let run = self.flow.run;
+        let ends = run.steps.within(from, to).iter().copied().chain([to]);
+        let (mut from, mut x, mut left) = (from, x.to_vec(), self.patience);
+        for end in ends {
+            x = self.smoothly((from, end), &x, &mut left, stop, &mut see)?;
+            from = end;
+        }
+        Some(x)
+    }
+
+    /// The same where inputs do not jump, with at most `left` steps, which are counted down.
+    fn smoothly(
+        &mut self,
+        (from, to): (f64, f64),
+        x: &[f64],
+        left: &mut usize,
+        stop: &Stop<'_>,
+        see: &mut impl FnMut(f64, &[f64]),
+    ) -> Option<Vec<f64>> {
         self.flow.end = to;
         self.solver.restart(from, x, false);
-        for step in 0..self.patience {
-            if self.solver.time() >= to {
-                return Some(self.solver.state().to_vec());
-            }
-            if step % ASKED == 0 && stop() {
+        while self.solver.time() < to {
+            if *left == 0 || ((self.patience - *left).is_multiple_of(ASKED) && stop()) {
                 return None;
             }
+            *left -= 1;
             self.solver.advance(&mut self.flow, to).ok()?;
             see(self.solver.time(), self.solver.state());
         }
-        None
+        Some(self.solver.state().to_vec())
     }
 
     /// True if the equations were stiff, so that the implicit method is in use.

@@ -31,13 +31,18 @@ impl Differentiated {
         let mut implicit = Reference::new((self, run), theta, &sizes, TOLERANCE);
         let mut states = vec![initial.to_vec()];
         for times in run.time.windows(2) {
-            let (times, x) = ((times[0], times[1]), &states[states.len() - 1]);
-            let (explicit, is_finite) = self.explicit(run, theta, times, x);
-            let next = match is_finite && self.is_stable(run, theta, times, x) {
-                true => explicit,
-                false => implicit.between(times, x, &|| false).unwrap_or(explicit),
-            };
-            states.push(next);
+            let ends = run.steps.within(times[0], times[1]).iter();
+            let (mut from, mut x) = (times[0], states[states.len() - 1].clone());
+            for to in ends.chain([&times[1]]) {
+                let times = (from, *to);
+                let (explicit, is_finite) = self.explicit(run, theta, times, &x);
+                x = match is_finite && self.is_stable(run, theta, times, &x) {
+                    true => explicit,
+                    false => (implicit.between(times, &x, &|| false)).unwrap_or(explicit),
+                };
+                from = *to;
+            }
+            states.push(x);
         }
         states
     }

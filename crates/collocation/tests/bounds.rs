@@ -29,6 +29,7 @@ fn run(initial: &[Option<f64>], recorded: Option<&dyn Fn(f64) -> f64>) -> Run {
         measured: recorded.into_iter().collect(),
         initial: initial.to_vec(),
         time,
+        steps: pilotage_collocation::Steps::default(),
     }
 }
 

@@ -72,6 +72,7 @@ fn step_through(length: usize, known: bool) -> (Vec<f64>, Solution, Collocation,
         measured: Vec::new(),
         initial: vec![known.then_some(0.0); length],
         time,
+        steps: pilotage_collocation::Steps::default(),
     };
     run.mesh[96] = run.time[24];
     let states = Differentiated::new(&system).simulate(&run, &truth, &vec![0.0; length]);
@@ -139,6 +140,7 @@ fn time_and_several_inputs_are_taken() {
         }],
         initial: vec![Some(0.0)],
         time,
+        steps: pilotage_collocation::Steps::default(),
     };
     let start = [0.5, 1.8, 0.1];
     let free = [Bound::at_samples(-f64::INFINITY, f64::INFINITY)];
@@ -183,6 +185,7 @@ fn samples_of_one_instant_are_counted_each() {
         }],
         initial: vec![None],
         time,
+        steps: pilotage_collocation::Steps::default(),
     };
     let first: Vec<f64> = single
         .iter()
@@ -255,6 +258,7 @@ fn inputs_jump_between_two_samples_of_one_instant() {
         }],
         initial: vec![Some(0.0)],
         time,
+        steps: pilotage_collocation::Steps::default(),
     };
     let system = system.unwrap();
     let simulated = Differentiated::new(&system).simulate(&run, &truth, &[0.0]);
@@ -291,6 +295,7 @@ fn runs_that_break_the_contract_are_refused() {
         }],
         initial: vec![None],
         time,
+        steps: pilotage_collocation::Steps::default(),
     };
     let is_refused = |change: &dyn Fn(&mut Run)| {
         let mut run = good.clone();

@@ -56,6 +56,7 @@ fn problem(scheme: Scheme, losses: [Loss; 2]) -> Collocation {
         measured: losses.into_iter().enumerate().map(recorded).collect(),
         initial: vec![None, Some(0.3)],
         time,
+        steps: pilotage_collocation::Steps::default(),
     };
     let scales = Scales {
         states: vec![1.3, 0.8],
@@ -261,6 +262,7 @@ fn a_noise_level_is_the_root_of_the_mean_square_residual() {
         initial: vec![Some(2.0)],
         inputs,
         measured,
+        steps: pilotage_collocation::Steps::default(),
     };
     let of = |values: Vec<f64>, loss: Loss| Recording {
         values,
@@ -313,6 +315,7 @@ fn constant(data: &[f64], loss: Loss) -> [f64; 2] {
         }],
         initial: vec![None],
         time,
+        steps: pilotage_collocation::Steps::default(),
     };
     let scales = Scales {
         states: vec![1.0],

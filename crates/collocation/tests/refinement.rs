@@ -28,6 +28,7 @@ fn run(mesh: Vec<f64>, time: Vec<f64>, values: Vec<Vec<f64>>, initial: &[f64]) -
         measured: values.into_iter().map(recorded).collect(),
         initial: initial.iter().map(|x| Some(*x)).collect(),
         time,
+        steps: pilotage_collocation::Steps::default(),
     }
 }
 

@@ -35,6 +35,7 @@ fn run(initial: [Option<f64>; 2], duration: f64) -> Run {
         measured: vec![recording(0.0), recording(1.0)],
         initial: initial.to_vec(),
         time,
+        steps: pilotage_collocation::Steps::default(),
     }
 }
 

@@ -17,6 +17,7 @@ fn simulated<const N: usize>(
         measured: vec![],
         initial: vec![None; N],
         time: time.to_vec(),
+        steps: pilotage_collocation::Steps::default(),
     };
     Differentiated::new(&system.unwrap()).simulate(&run, &[], &initial)
 }

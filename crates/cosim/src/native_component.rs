@@ -311,4 +311,6 @@ fn copy(from: &Snapshot, to: &mut Snapshot) {
     to.last_slopes.copy_from_slice(&from.last_slopes);
     to.states.copy_from_slice(&from.states);
     to.tolerance = from.tolerance;
+    to.is_stiff = from.is_stiff;
+    to.handled = from.handled;
 }

@@ -33,6 +33,23 @@ impl Curve {
         }
     }
 
+    /// The abscissas at which the curve has a kink or a jump.
+    pub fn kinks(&self) -> impl Iterator<Item = f64> {
+        let slope = self.slope();
+        let change = move |k: &usize| {
+            let of = |curve: &Self| {
+                let before = k.checked_sub(1).map_or(0.0, |k| curve.y[k]);
+                before != curve.y.get(*k).copied().unwrap_or(0.0)
+            };
+            if self.is_steps() {
+                of(self)
+            } else {
+                of(&slope)
+            }
+        };
+        (0..self.x.len()).filter(change).map(|k| self.x[k])
+    }
+
     /// The value of the curve, if it is constant.
     pub fn constant(&self) -> Option<f64> {
         let zero = self.is_steps() && self.y.iter().all(|value| *value == 0.0);

@@ -289,10 +289,26 @@ impl Graph {
     /// # Panics
     /// If an expression has a variable that is not in the list.
     pub fn import(&mut self, from: &Self, expressions: &[Node], variables: &[Node]) -> Vec<Node> {
+        self.import_with(from, expressions, variables, &HashMap::new())
+    }
+
+    /// The same with some expressions of the other graph replaced by those of this one.
+    ///
+    /// # Panics
+    /// As [`Self::import`].
+    pub fn import_with(
+        &mut self,
+        from: &Self,
+        expressions: &[Node],
+        variables: &[Node],
+        replaced: &HashMap<Node, Node>,
+    ) -> Vec<Node> {
         let needed = from.ancestors(expressions);
         let mut here: Vec<Option<Node>> = vec![None; from.operations.len()];
         for (k, operation) in from.operations.iter().enumerate() {
-            if needed[k] {
+            if let Some(own) = replaced.get(&from.node(k)) {
+                here[k] = Some(*own);
+            } else if needed[k] {
                 let of = |node: Node| here[node.index()].expect("arguments stand before");
                 here[k] = Some(match *operation {
                     Operation::Constant(bits) => self.constant(f64::from_bits(bits)),

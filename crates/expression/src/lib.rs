@@ -34,6 +34,7 @@
 //! | [`operation`](mod@operation) | the operations |
 //! | `derivative` | derivatives, as expressions of the same graph |
 //! | `influence` | on what expressions depend, and how |
+//! | `switches` | conditions on time, and the times at which they change |
 //! | [`tape`](mod@tape) | a list of instructions, run at many points at once |
 //! | [`trace`](mod@trace) | equations in generic Rust, recorded as a graph |
 //! | [`system`](mod@system) | a model as expressions |
@@ -48,6 +49,7 @@ mod influence;
 pub mod model;
 pub mod opaque;
 pub mod operation;
+mod switches;
 pub mod system;
 pub mod tape;
 pub mod trace;
@@ -57,6 +59,7 @@ pub use graph::{Graph, Node};
 pub use model::{Model, ModelError};
 pub use opaque::{Call, Opaque, Partial};
 pub use operation::{Function, Operation, Operator};
+pub use switches::Switches;
 pub use system::{Point, System};
 pub use tape::{Registers, Tape};
 pub use trace::{Obstacle, Traced, trace};

@@ -70,6 +70,20 @@ impl Solver {
     pub fn is_implicit(&self) -> bool {
         self.scheme.implicit.is_some()
     }
+
+    /// To be called after [`Self::restart`]: forgets all that is known of the stiffness, and begins with the implicit method or
+    /// the explicit one. Equal calls from here on give equal bits.
+    pub fn begin_with(&mut self, is_implicit: bool) {
+        let n = self.state().len();
+        self.scheme.implicit = is_implicit.then(|| Radau::new(n));
+        self.scheme.explicit.forget();
+        self.scheme.is_stiff = false;
+    }
+
+    /// An upper bound of the fastest rate in the system \[1/s\], from its last Jacobian, if the implicit method is in use.
+    pub fn fastest_rate(&self) -> Option<f64> {
+        self.scheme.implicit.as_ref().map(Radau::fastest_rate)
+    }
 }
 
 impl Scheme for Automatic {

@@ -85,6 +85,11 @@ impl DormandPrince {
         }
     }
 
+    /// Forgets which steps looked stiff.
+    pub(super) fn forget(&mut self) {
+        (self.stiff, self.relaxed) = (0, 0);
+    }
+
     /// The slopes of all stages.
     #[inline(always)]
     fn slopes<'a>(&'a self, step: &'a Step, n: usize) -> [&'a [f64]; STAGES] {

@@ -136,6 +136,15 @@ impl Radau {
         }
     }
 
+    /// An upper bound of the magnitudes of the last Jacobian's eigenvalues: the smaller of two norms.
+    pub(super) fn fastest_rate(&self) -> f64 {
+        let sum = |own: &mut dyn Iterator<Item = &f64>| own.map(|value| value.abs()).sum::<f64>();
+        let columns = self.jacobian.column_iter().map(|own| sum(&mut own.iter()));
+        let rows = self.jacobian.row_iter().map(|own| sum(&mut own.iter()));
+        let [columns, rows] = [columns.fold(0.0, f64::max), rows.fold(0.0, f64::max)];
+        columns.min(rows)
+    }
+
     /// The Jacobian at the start of the step, from the system or by finite differences.
     fn differentiate<M: System>(
         &mut self,

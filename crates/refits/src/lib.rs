@@ -6,7 +6,7 @@
 //! solution, on the mesh of the original fit, and needs only a few SQP iterations.
 //!
 //! ```
-//! use pilotage_collocation::{Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme};
+//! use pilotage_collocation::{Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme, Steps};
 //! use pilotage_expression::System;
 //! use pilotage_refits::{Coordinate, End, Solved, Sought, Threshold, Watch, profile};
 //! use pilotage_sqp::SqpOptions;
@@ -17,7 +17,7 @@
 //! let (time, values) = (vec![0.0, 1.0, 2.0], vec![0.0, 1.1, 1.9]);
 //! let measured = vec![Recording { values, weight: 1.0, loss: Loss::Square }];
 //! let (mesh, inputs, initial) = (time.clone(), vec![vec![]; 3], vec![Some(0.0)]);
-//! let run = Run { mesh, time, inputs, measured, initial };
+//! let run = Run { mesh, time, inputs, measured, initial, steps: Steps::default() };
 //! let scales = Scales { states: vec![1.0], parameters: vec![1.0] };
 //! let (model, free) = (Arc::new(Differentiated::new(&line)), ParameterConstraints::default());
 //! let problem = Collocation::new(model, free, Scheme::Trapezoid, vec![run], scales, &[]);

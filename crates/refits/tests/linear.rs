@@ -55,6 +55,7 @@ fn run(j: usize) -> Run {
             loss: Loss::Square,
         }],
         initial: vec![None],
+        steps: pilotage_collocation::Steps::default(),
     }
 }
 

@@ -70,6 +70,10 @@ impl Equations for AnyModel {
         either!(self, model => model.start(p, x));
     }
 
+    fn time_events(&self, u: &[f64], p: &[f64], times: &mut Vec<f64>) {
+        either!(self, model => model.time_events(u, p, times));
+    }
+
     fn trouble(&self, at: At<f64>) -> Option<String> {
         either!(self, model => model.trouble(at))
     }

@@ -24,6 +24,8 @@ struct Inner {
     table: Table,
     derivatives: Tape,
     outputs: Tape,
+    /// Times at which conditions on time change.
+    switches: Tape,
     is_linear: bool,
     has_start_formulas: bool,
 }
@@ -49,11 +51,14 @@ impl TextModel {
     /// The model of a compiled file.
     pub fn of(compiled: Compiled) -> Self {
         let system = &compiled.model.system;
-        let (order, graph, held) = held(&compiled);
+        let (order, mut graph, held) = held(&compiled);
+        let is_steady = |variable| variable >= system.input(0);
+        let switches = graph.switches(&system.derivatives, is_steady);
         let tape = |list: &[Node]| Tape::new(&graph, system.variables(), |_| false, &[list]);
         Self(Arc::new(Inner {
             derivatives: tape(&system.derivatives),
             outputs: tape(&held),
+            switches: tape(&switches.times),
             table: table(&compiled, &order),
             is_linear: compiled.is_linear(),
             has_start_formulas: compiled.starts_on_parameters().contains(&true),
@@ -219,6 +224,18 @@ impl Equations for TextModel {
                     *x = start;
                 }
             }
+        }
+    }
+
+    fn time_events(&self, u: &[f64], p: &[f64], times: &mut Vec<f64>) {
+        let tape = &self.0.switches;
+        let count = tape.outputs(0).len();
+        if count > 0 {
+            let x = vec![0.0; self.0.table.n_states()];
+            let first = times.len();
+            times.resize(first + count, 0.0);
+            let (time, x) = (0.0, &x[..]);
+            run(tape, At { time, x, u, p }, &mut times[first..]);
         }
     }
 

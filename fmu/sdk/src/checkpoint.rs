@@ -2,8 +2,8 @@
 //! bytes.
 //!
 //! Format of the bytes, little-endian: `"PILOTAGE"`, version of this format (u32), total number of bytes (u64), GUID
-//! (38 bytes), version of FMI (u8), kind (u8), state (u16), whether the simulation has started (u8), the clock (present, has stop, count, time, stop, anchor,
-//! step), then time, tolerance, values, slopes, slopes of the last step, states, modes, and one byte for each event
+//! (38 bytes), version of FMI (u8), kind (u8), state (u16), whether the simulation has started and is stiff (u8 each), the clock (present, has stop, count, time, stop, anchor,
+//! step), then time, tolerance, time of the last event, values, slopes, slopes of the last step, states, modes, and one byte for each event
 //! indicator. The model determines the number of each.
 
 use crate::Table;
@@ -13,7 +13,7 @@ use crate::problem::Problem;
 use crate::simulation::Snapshot;
 
 const MAGIC: &[u8; 8] = b"PILOTAGE";
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 /// Number of bytes of a GUID with its braces.
 const GUID: usize = 38;
 
@@ -47,6 +47,7 @@ impl Checkpoint {
         ]);
         bytes.extend(self.state.to_le_bytes());
         bytes.push(u8::from(self.snapshot.has_started));
+        bytes.push(u8::from(self.snapshot.is_stiff));
         let clock = self.clock.unwrap_or_default();
         bytes.push(u8::from(self.clock.is_some()));
         bytes.push(u8::from(clock.stop.is_some()));
@@ -59,6 +60,7 @@ impl Checkpoint {
             clock.step,
             s.time,
             s.tolerance,
+            s.handled,
         ];
         let vectors = [&s.values, &s.slopes, &s.last_slopes, &s.states];
         for number in numbers.iter().chain(vectors.into_iter().flatten()) {
@@ -89,10 +91,10 @@ impl Checkpoint {
             _ => return Err(wrong("the kind", kind, "0 or 1")),
         };
         let state = u16::from_le_bytes(reader.take()?);
-        let [has_started] = reader.take()?;
+        let [has_started, is_stiff] = reader.take()?;
         let [has_clock, has_stop] = reader.take()?;
         let count = u64::from_le_bytes(reader.take()?);
-        let [time, stop, anchor, step, now, tolerance] = reader.numbers(6)?[..] else {
+        let [time, stop, anchor, step, now, tolerance, handled] = reader.numbers(7)?[..] else {
             return Err(reader.too_short());
         };
         let clock = Clock {
@@ -112,6 +114,8 @@ impl Checkpoint {
             positive: reader.flags(table.n_indicators())?,
             tolerance,
             has_started: has_started == 1,
+            is_stiff: is_stiff == 1,
+            handled,
         };
         check("the number of bytes left over", reader.rest.len(), 0)?;
         Ok(Self {

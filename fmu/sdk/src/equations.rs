@@ -47,6 +47,13 @@ pub trait Equations: Sized {
         let _ = (at, z);
     }
 
+    /// Adds the times \[s\] at which a condition on time alone changes, such as `time > start`, for these inputs and parameters:
+    /// always the same conditions in the same order. Steps stop there, so that no pulse is too short to be seen, and an FMU
+    /// tells its importer.
+    fn time_events(&self, u: &[f64], p: &[f64], times: &mut Vec<f64>) {
+        let _ = (u, p, times);
+    }
+
     /// Handles an event: `x` holds states and modes and may be changed; a mode other than 0 is true. It is also called
     /// at the start of a simulation, and repeated until it changes nothing, so it must check the conditions itself. At
     /// a contact, the distance should be set to exactly 0: the next contact is then detected, however soon it occurs.

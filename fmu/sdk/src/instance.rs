@@ -358,6 +358,11 @@ impl<E: Equations> Instance<E> {
         self.simulation.handle_event().map_err(Problem::Event)
     }
 
+    /// The next time at which a condition on time changes, after events were handled.
+    pub fn next_event(&self) -> Option<f64> {
+        self.simulation.next_time_event()
+    }
+
     /// Model exchange: sets the time.
     pub fn set_time(&mut self, time: f64) -> Result<(), Problem> {
         let clock = self.clock.as_mut().ok_or(Problem::NoExperiment)?;

@@ -37,6 +37,7 @@ fn to_json(posed: &Posed<'_>, found: &Evaluation) -> Value {
     json!({
         "schema": SCHEMA,
         "objective": found.objective,
+        "early_end": early_end(posed, found),
         "gradient": Value::Object(gradient.collect()),
         "left_out": posed.left_out,
         "runs": residuals.collect::<Vec<_>>(),
@@ -44,10 +45,13 @@ fn to_json(posed: &Posed<'_>, found: &Evaluation) -> Value {
 }
 
 fn to_text(posed: &Posed<'_>, found: &Evaluation) -> String {
-    let mut text = format!(
-        "objective at the start values: {}\n\n",
-        significant(found.objective, 8)
-    );
+    let mut text = match early_end(posed, found) {
+        None => format!(
+            "objective at the start values: {}\n\n",
+            significant(found.objective, 8)
+        ),
+        Some(why) => format!("no objective at the start values: {why}; start elsewhere\n\n"),
+    };
     let mut rows = vec![["parameter", "gradient"].map(str::to_owned)];
     rows.extend(
         found
@@ -58,6 +62,17 @@ fn to_text(posed: &Posed<'_>, found: &Evaluation) -> String {
     text += &aligned(&rows);
     text += "\n";
     text + &aligned(&residual_rows(posed, found))
+}
+
+/// Why there is no objective, if a simulation ends early.
+fn early_end(posed: &Posed<'_>, found: &Evaluation) -> Option<String> {
+    let (run, time) = found.end?;
+    let data = &posed.data[run];
+    Some(format!(
+        "the simulation of {} ends at {}, since it grows without bound or takes too many steps",
+        data.name(),
+        data.shown(time + posed.origins[run])
+    ))
 }
 
 /// Number of samples and scaled rms residual for each run and column.

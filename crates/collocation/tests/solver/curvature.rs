@@ -138,6 +138,7 @@ where
         }],
         initial: vec![Some(0.0)],
         time,
+        steps: pilotage_collocation::Steps::default(),
     };
     let scales = Scales {
         states: vec![1.0],

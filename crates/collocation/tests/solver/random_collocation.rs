@@ -156,6 +156,7 @@ fn run(draw: &mut Draw, n: usize) -> Run {
         }],
         initial,
         time,
+        steps: pilotage_collocation::Steps::default(),
     }
 }
 

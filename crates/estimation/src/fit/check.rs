@@ -7,7 +7,7 @@ use crate::posed::Posed;
 use crate::search::begin::{discretised, scales};
 use crate::search::solved::Solved;
 use crate::search::solved::initial;
-use pilotage_collocation::{Collocation, Course, Quality, Scheme, Stop};
+use pilotage_collocation::{Collocation, Course, Quality, Run, Scheme, Stop};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -56,6 +56,8 @@ pub(super) fn free_run(
     (initial, magnitudes): (&[Vec<f64>], &(dyn Fn(usize) -> Vec<f64> + Sync)),
     stop: &Stop<'_>,
 ) -> Option<(Collocation, Vec<f64>)> {
+    let placed = |j: usize| posed.run_at(j, theta, &initial[j]).into_owned();
+    let runs: Vec<Run> = (0..posed.runs.len()).map(placed).collect();
     let course = |(j, run)| {
         let quality = Quality {
             tolerance: TOLERANCE,
@@ -64,20 +66,14 @@ pub(super) fn free_run(
         };
         posed.model.course(run, theta, &initial[j], &quality, stop)
     };
-    let runs = posed.runs.par_iter().enumerate();
-    let courses: Vec<Course> = runs.map(course).collect();
+    let courses = runs.par_iter().enumerate().map(course);
+    let courses: Vec<Course> = courses.collect();
     if !courses.iter().all(|course| course.is_whole) {
         return None;
     }
     // With the samples as mesh, the states there are those of the simulation for any scheme.
     let scales = scales(posed, &courses, theta);
-    let problem = discretised(
-        posed,
-        posed.runs.clone(),
-        scales,
-        &posed.bounds,
-        Scheme::Trapezoid,
-    );
+    let problem = discretised(posed, runs, scales, &posed.bounds, Scheme::Trapezoid);
     let paths = courses.iter().map(|own| (&own.time[..], &own.states[..]));
     let z = problem.variables_along(paths, theta);
     Some((problem, z))

@@ -3,7 +3,7 @@
 use crate::innovations;
 use crate::posed::{Posed, Stands};
 use crate::result::{Fit, RunFit};
-use crate::search::begin::begin;
+use crate::search::begin::flown;
 use crate::search::starts::{Start, given};
 use pilotage_collocation::Collocation;
 use pilotage_sqp::Problem;
@@ -12,8 +12,10 @@ use pilotage_sqp::Problem;
 /// guesses.
 #[derive(Debug, Clone)]
 pub struct Evaluation {
-    /// The objective.
+    /// The objective; infinite if a simulation ends early.
     pub objective: f64,
+    /// The first run whose simulation ends early, and the time \[s\].
+    pub end: Option<(usize, f64)>,
     /// Its derivative with respect to each sought parameter, in the coordinates of the search, by central differences
     /// that stay in the range.
     pub gradient: Vec<(String, f64)>,
@@ -31,7 +33,10 @@ pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
     let start = given(posed);
     let at = |start: &Start| match posed.filter {
         Some(_) => innovations::value(posed, start),
-        None => objective(posed, &begin(posed, start, &|| false)),
+        None => match flown(posed, start) {
+            (at, None) => objective(posed, &at),
+            (_, Some(_)) => f64::INFINITY,
+        },
     };
     let mut gradient = Vec::new();
     for (unknown, stands) in &posed.unknowns {
@@ -53,10 +58,11 @@ pub fn evaluate(posed: &Posed<'_>) -> Evaluation {
             gradient.push((name, (moved(up) - moved(down)) / (up - down)));
         }
     }
-    let at_start = begin(posed, &start, &|| false);
+    let (at_start, end) = flown(posed, &start);
     let runs = Fit::runs(posed, &at_start.0, &at_start.1);
     Evaluation {
         objective: at(&start),
+        end,
         gradient,
         runs,
         at: at_start,

@@ -9,6 +9,7 @@
 //! | `apart` | optima of the same objective with other parameters |
 //! | `behind` | when a solve is given up for the best so far |
 //! | `solve` | the SQP from one point |
+//! | `settled` | times that are sought, and the boundaries of the mesh that stand for them |
 //! | `tumbles` | other initial states of each run at the best parameters |
 //! | `kinks` | optima at which an SQP stalls |
 //! | `plateau` | parameters without effect at an optimum |
@@ -33,6 +34,7 @@ mod race;
 mod raised;
 mod refine;
 mod search;
+mod settled;
 mod solve;
 mod tumbles;
 mod unfinished;

@@ -98,6 +98,7 @@ fn tried(
         follows: false,
         is_fitted: true,
         is_raised: false,
+        is_kept: false,
     };
     let from = at_point(posed, &point, None, &|| watch.is_over());
     let see = |iteration: &_| watch.see(number, 0, iteration);

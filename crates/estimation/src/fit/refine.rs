@@ -97,6 +97,7 @@ fn simulated(posed: &Posed<'_>, solved: &Solved, watch: &Watch<'_, '_>) -> (Coll
         follows: false,
         is_fitted: false,
         is_raised: false,
+        is_kept: false,
     };
     let scheme = posed.file.options.scheme.unwrap_or(STIFF_SCHEME);
     at_point(posed, &point, Some(scheme), &|| watch.is_over())

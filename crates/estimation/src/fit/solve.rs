@@ -1,7 +1,9 @@
 //! The SQP from one point, restarted with other scales if it makes no progress.
 
 use super::kinks::is_optimum;
+use super::settled::settled;
 use crate::posed::Posed;
+use crate::posed::switches::Switches;
 use crate::search::solved::Solved;
 use pilotage_collocation::{Collocation, Run, Scales};
 use pilotage_sqp::{Iteration, SqpOptions, Status, Work};
@@ -59,8 +61,22 @@ pub fn solve(
     best
 }
 
-/// Solves from a point.
+/// Solves from a point. Times that are sought agree with their boundaries at the end, if it converges.
 pub(super) fn once(
+    posed: &Posed<'_>,
+    from: (Collocation, Vec<f64>),
+    limit: usize,
+    see: &SeeIterates<'_>,
+) -> Solved {
+    let are_sought = posed.switches.as_ref().is_some_and(Switches::are_sought);
+    match are_sought {
+        true => settled(posed, from, |from| held(posed, from, limit, see)),
+        false => held(posed, from, limit, see),
+    }
+}
+
+/// Solves from a point, with boundaries where they are.
+fn held(
     posed: &Posed<'_>,
     (problem, z): (Collocation, Vec<f64>),
     limit: usize,

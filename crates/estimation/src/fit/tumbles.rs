@@ -431,7 +431,9 @@ impl OneRun {
         };
         let stop = || watch.is_over();
         let course = match &kept.followed {
-            Some(followed) => followed.simulate(j, kept.theta, initial, &quality, &stop),
+            Some(followed) => {
+                followed.simulate(kept.posed, (j, initial), kept.theta, &quality, &stop)
+            }
             None => (kept.posed.model).course(run, kept.theta, initial, &quality, &stop),
         };
         let path = (&course.time[..], &course.states[..]);

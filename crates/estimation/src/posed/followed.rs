@@ -4,9 +4,11 @@
 //! measured states follow their recordings, and the others are simulated as driven by these: every loop through a
 //! measured state is open.
 
+use crate::posed::Posed;
 use crate::posed::data::filled;
 use pilotage_collocation::{Course, Differentiated, Quality, Run, Stop};
 use pilotage_expression::System;
+use std::borrow::Cow;
 
 /// A system in which some states are replaced by inputs.
 #[derive(Debug)]
@@ -58,13 +60,21 @@ impl Followed {
     /// Simulates a run with these parameters from these initial states.
     pub fn simulate(
         &self,
-        run: usize,
+        posed: &Posed<'_>,
+        (j, initial): (usize, &[f64]),
         theta: &[f64],
-        initial: &[f64],
         quality: &Quality,
         stop: &Stop<'_>,
     ) -> Course {
-        let run = &self.runs[run];
+        let mut run = Cow::Borrowed(&self.runs[j]);
+        if posed.switches.is_some() {
+            let placed = posed.run_at(j, theta, initial);
+            let own = run.to_mut();
+            own.steps = placed.steps.clone();
+            let rows = own.inputs.iter_mut().zip(&placed.inputs);
+            rows.for_each(|(own, placed)| own[..placed.len()].copy_from_slice(placed));
+        }
+        let run = &*run;
         let mut course = self.model.course(run, theta, initial, quality, stop);
         let first = self.model.n_inputs() - self.states.len();
         let mut inputs = vec![0.0; self.model.n_inputs()];

@@ -11,6 +11,7 @@ pub(crate) mod interval;
 pub(crate) mod names;
 pub(crate) mod ranges;
 pub(crate) mod stability;
+pub(crate) mod switches;
 pub mod unknowns;
 
 use crate::posed::assembly::Assembly;
@@ -18,6 +19,7 @@ pub use crate::posed::assembly::made::{Names, Quantities, Stands, State};
 use crate::posed::data::{RunData, check_times};
 use crate::posed::followed::{Followed, Recorded};
 use crate::posed::names::Named;
+use crate::posed::switches::Switches;
 use crate::posed::unknowns::{Parameters, Unknown};
 use crate::problem::error::ProblemError;
 use crate::problem::file::{Initial, Limits, ProblemFile};
@@ -29,6 +31,7 @@ use pilotage_cosim::description::InstanceDescription;
 use pilotage_expression::{Function, Graph, Operation, System};
 use pilotage_filter::Filter;
 use pilotage_linear::eigenvalues;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Maximum number of mesh intervals of all runs together.
@@ -75,6 +78,8 @@ pub struct Posed<'f> {
     pub data: Vec<RunData<'f>>,
     /// What is added to the times of each run to have those of its file \[s\].
     pub origins: Vec<f64>,
+    /// Conditions on time, which are inputs of the equations; None if there is none, or noise drives the system.
+    pub(crate) switches: Option<Switches>,
     /// Parameters that a pattern such as `instance.*` asks for, and on which nothing measured depends: they keep their values.
     pub left_out: Vec<String>,
 }
@@ -122,6 +127,15 @@ impl<'f> Posed<'f> {
             let inputs = (0..model.inputs.len()).map(|k| system.input(k));
             has_kinks(&system.graph, &states.chain(inputs).collect::<Vec<_>>())
         })
+    }
+
+    /// A run with its inputs for this θ and these initial states: conditions on time change where they say.
+    pub(crate) fn run_at(&self, j: usize, theta: &[f64], initial: &[f64]) -> Cow<'_, Run> {
+        let run = &self.runs[j];
+        match &self.switches {
+            Some(switches) => Cow::Owned(switches.placed(&self.model.system, run, theta, initial)),
+            None => Cow::Borrowed(run),
+        }
     }
 
     /// Indices of an unknown among the parameters of a [start](crate::search::starts::Start).
@@ -253,6 +267,11 @@ impl<'f> Posed<'f> {
         }
         all.check_dependence()?;
         let mut made = all;
+        let given = std::mem::take(&mut made.given);
+        let switches = match made.noises.is_empty() {
+            true => made.replace_conditions(joint.model.states.len(), |input| given[input]),
+            false => None,
+        };
         let origins = begin_near_zero(&made.system, &mut made.runs);
         let recorded = made.followed.iter();
         let recorded = recorded.map(|(state, k)| (*state, &made.quantities.recorded[*k][..]));
@@ -275,6 +294,7 @@ impl<'f> Posed<'f> {
             free,
             data,
             origins,
+            switches,
             left_out,
         })
     }
@@ -327,6 +347,9 @@ pub(crate) fn variables(
     all.extend_from_slice(x);
     all.extend_from_slice(&run.inputs[sample]);
     all.extend_from_slice(theta);
+    if let Some(switches) = &posed.switches {
+        switches.fill(&posed.model.system, &mut all);
+    }
     all
 }
 

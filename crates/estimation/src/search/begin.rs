@@ -3,6 +3,7 @@
 use crate::posed::followed::Followed;
 use crate::posed::{MOST_INTERVALS, Posed, Stands, poles_at, variables};
 use crate::problem::file::{Mesh, Options};
+use crate::search::diverged::tame;
 use crate::search::solved::STIFF_SCHEME;
 use crate::search::starts::{Start, starts};
 use pilotage_collocation::{Bound, Collocation, Course, Quality, Run, Scales, Scheme, Stop};
@@ -42,6 +43,8 @@ pub(crate) struct Point<'p> {
     pub is_fitted: bool,
     /// Whether they are those of a fit of the order below.
     pub is_raised: bool,
+    /// Whether states are kept that diverge: they are the answer, and no beginning of a search.
+    pub is_kept: bool,
 }
 
 /// The nonlinear program of a start on a mesh that suits a simulation from there, and its variables. If stopped, the
@@ -70,6 +73,17 @@ pub(crate) fn begin_whole(
     let point = point(posed, start, (0..posed.runs.len()).collect());
     let (problem, z, is_whole) = along(posed, &point, posed.file.options.scheme, stop);
     is_whole.then_some((problem, z))
+}
+
+/// The same along a simulation that is an answer by itself, so that nothing in it is replaced, and the run and the time \[s\]
+/// at which it ends early, if it does.
+pub fn flown(posed: &Posed<'_>, start: &Start) -> ((Collocation, Vec<f64>), Option<(usize, f64)>) {
+    let mut point = point(posed, start, (0..posed.runs.len()).collect());
+    point.is_kept = true;
+    let scheme = posed.file.options.scheme;
+    let (problem, z, is_whole) = along(posed, &point, scheme, &|| false);
+    let end = (!is_whole).then(|| early_end(posed, start, &|| false));
+    ((problem, z), end.flatten())
 }
 
 /// The run whose simulation from a start ends early, and the time that it reaches \[s\]: it diverges, or takes more steps
@@ -106,6 +120,7 @@ fn point<'p>(posed: &Posed<'_>, start: &'p Start, runs: Vec<usize>) -> Point<'p>
         follows: start.follows,
         is_fitted: start.is_fitted,
         is_raised: start.is_raised,
+        is_kept: false,
     }
 }
 
@@ -136,9 +151,10 @@ fn along(
             let samples = posed.runs[*j].time.len();
             let quality = Quality {
                 tolerance: if is_dense { GUESS } else { TOLERANCE },
-                ..quality(posed, samples, sizes(posed, initial))
+                magnitudes: sizes(posed, initial),
+                most_steps: STEPS_PER_NODE * (samples + most_nodes(posed)),
             };
-            let mut course = followed.simulate(*j, point.theta, initial, &quality, stop);
+            let mut course = followed.simulate(posed, (*j, initial), point.theta, &quality, stop);
             course.thin(MOST_NODES);
             course
         });
@@ -151,12 +167,16 @@ fn along(
     };
     let seen = courses.as_ref().unwrap_or(&paths);
     let scheme = scheme.unwrap_or_else(|| suited(seen));
-    let pairs = point.runs.iter().zip(seen);
-    let runs = pairs.map(|(j, own)| meshed(&posed.runs[*j], own, &posed.file.options));
+    let pairs = point.runs.iter().zip(&point.initial).zip(seen);
+    let runs = pairs.map(|((j, initial), own)| {
+        let run = posed.run_at(*j, point.theta, initial).into_owned();
+        meshed(run, own, &posed.file.options)
+    });
     let runs: Vec<Run> = runs.collect();
     let mut is_whole = true;
-    for own in &mut paths {
-        let is_wild = tame(posed, own);
+    for ((j, initial), own) in point.runs.iter().zip(&point.initial).zip(&mut paths) {
+        let sizes = sizes(posed, initial);
+        let is_wild = !point.is_kept && tame(posed, (*j, own), &sizes, point.theta);
         is_whole &= own.is_whole && !is_wild;
     }
     let mut scales = scales(posed, &paths, point.theta);
@@ -182,7 +202,12 @@ fn suited(courses: &[Course]) -> Scheme {
 fn courses(posed: &Posed<'_>, point: &Point<'_>, stop: &Stop<'_>) -> Vec<Course> {
     let most = most_nodes(posed);
     let simulated = |(j, initial): (&usize, &Vec<f64>)| {
-        let mut course = course(posed, &posed.runs[*j], point.theta, initial, stop);
+        let run = &*posed.run_at(*j, point.theta, initial);
+        let steps = match point.is_kept {
+            true => usize::MAX,
+            false => STEPS_PER_NODE * (run.time.len() + most),
+        };
+        let mut course = course(posed, (run, initial), point.theta, steps, stop);
         course.thin(most);
         course
     };
@@ -192,9 +217,19 @@ fn courses(posed: &Posed<'_>, point: &Point<'_>, stop: &Stop<'_>) -> Vec<Course>
 
 /// Simulation of a run. If the problem does not state the size of a state, it is assumed to be of the order of one
 /// unless it turns out to be smaller.
-fn course(posed: &Posed<'_>, run: &Run, theta: &[f64], initial: &[f64], stop: &Stop<'_>) -> Course {
+fn course(
+    posed: &Posed<'_>,
+    (run, initial): (&Run, &[f64]),
+    theta: &[f64],
+    most_steps: usize,
+    stop: &Stop<'_>,
+) -> Course {
     let simulated = |magnitudes: &[f64]| {
-        let quality = quality(posed, run.time.len(), magnitudes.to_vec());
+        let quality = Quality {
+            tolerance: TOLERANCE,
+            magnitudes: magnitudes.to_vec(),
+            most_steps,
+        };
         posed.model.course(run, theta, initial, &quality, stop)
     };
     let assumed = sizes(posed, initial);
@@ -209,14 +244,6 @@ fn course(posed: &Posed<'_>, run: &Run, theta: &[f64], initial: &[f64], stop: &S
     match own == assumed {
         true => course,
         false => simulated(&own),
-    }
-}
-
-fn quality(posed: &Posed<'_>, samples: usize, magnitudes: Vec<f64>) -> Quality {
-    Quality {
-        tolerance: TOLERANCE,
-        magnitudes,
-        most_steps: STEPS_PER_NODE * (samples + most_nodes(posed)),
     }
 }
 
@@ -242,24 +269,6 @@ fn sizes(posed: &Posed<'_>, initial: &[f64]) -> Vec<f64> {
     pairs
         .map(|(state, x)| state.nominal.unwrap_or(1.0).max(x.abs()))
         .collect()
-}
-
-/// The states that diverge.
-fn wild(posed: &Posed<'_>, course: &Course) -> Vec<usize> {
-    const FARTHEST: f64 = 1e6;
-    let (sizes, seen) = (sizes(posed, &course.states[0]), course.sizes());
-    let is_wild = |k: &usize| seen[*k] > FARTHEST * sizes[*k];
-    (0..sizes.len()).filter(is_wild).collect()
-}
-
-/// Replaces states that diverge by their initial values. Returns whether there are any.
-fn tame(posed: &Posed<'_>, course: &mut Course) -> bool {
-    let initial = course.states[0].clone();
-    let wild = wild(posed, course);
-    for k in &wild {
-        course.states.iter_mut().for_each(|x| x[*k] = initial[*k]);
-    }
-    !wild.is_empty()
 }
 
 /// Magnitudes of states and parameters.
@@ -358,13 +367,13 @@ fn bounds(posed: &Posed<'_>, courses: &[Course], point: &Point<'_>) -> Vec<Bound
 
 /// A run on the requested mesh. If the mesh is adaptive, nodes are added to the samples where the simulation needs
 /// them.
-fn meshed(run: &Run, course: &Course, options: &Options) -> Run {
-    let mut run = run.clone();
+fn meshed(mut run: Run, course: &Course, options: &Options) -> Run {
     match options.mesh {
         Mesh::Step(step) => run.mesh = spread(&run, step),
         Mesh::Tolerance(_) => run.mesh = course.mesh(),
         Mesh::Samples => {}
     }
+    run.mesh = run.steps.on(&run.mesh);
     run
 }
 

@@ -2,6 +2,7 @@
 
 pub(crate) mod active;
 pub mod begin;
+mod diverged;
 pub(crate) mod likelihood;
 pub(crate) mod observed;
 pub mod solved;

@@ -6,7 +6,7 @@ use crate::posed::{Open, Posed};
 use crate::problem::error::ProblemError;
 use crate::problem::file::{Calibration, Noise, Per, ProblemFile, RunLine, Set, Sought};
 use crate::result::{Fit, Found, RunFit};
-use crate::search::begin::begin;
+use crate::search::begin::flown;
 use crate::search::starts::given;
 use pilotage_cosim::description::Spanned;
 use pilotage_language::file::Formula;
@@ -98,7 +98,7 @@ fn averaged(file: &ProblemFile, fit: &Fit, run: &RunLine) -> Vec<String> {
 
 /// Simulates runs without unknowns.
 fn simulated(posed: &Posed<'_>) -> Vec<Judged> {
-    let (problem, z) = begin(posed, &given(posed), &|| false);
+    let ((problem, z), _) = flown(posed, &given(posed));
     let judged = |run: RunFit| Judged {
         run,
         initial: Vec::new(),

@@ -39,13 +39,14 @@ pub unsafe fn fmi2NewDiscreteStates<E: Equations>(
         // SAFETY: the importer passes NULL or a pointer to the information.
         let info = unsafe { place(info, "fmi2EventInfo") }?;
         let changed = c.instance.handle_event()?;
+        let next = c.instance.next_event();
         *info = EventInfo {
             new_discrete_states_needed: FALSE,
             terminate_simulation: FALSE,
             nominals_of_continuous_states_changed: FALSE,
             values_of_continuous_states_changed: changed.into(),
-            next_event_time_defined: FALSE,
-            next_event_time: 0.0,
+            next_event_time_defined: next.is_some().into(),
+            next_event_time: next.unwrap_or(0.0),
         };
         Ok(())
     };

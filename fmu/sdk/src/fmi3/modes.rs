@@ -75,8 +75,13 @@ pub unsafe fn fmi3UpdateDiscreteStates<E: Equations>(
             )
         };
         *values_changed = c.instance.handle_event()?;
-        flags.into_iter().for_each(|flag| *flag = false);
-        *next_event = 0.0;
+        let next = c.instance.next_event();
+        let [.., has_next] = flags.map(|flag| {
+            *flag = false;
+            flag
+        });
+        *has_next = next.is_some();
+        *next_event = next.unwrap_or(0.0);
         Ok(())
     };
     // SAFETY: the importer passes NULL or its instance.

@@ -1,14 +1,18 @@
 //! A running model: values, states, steps, events, derivatives.
 
 mod derivatives;
+mod fault;
+mod flow;
 mod step;
+mod time_events;
 
-pub use step::{Reached, StepError, StepFault};
+pub use fault::{StepError, StepFault};
+pub use step::Reached;
 
 use crate::lti::Transition;
 use crate::variable::{Role, ValueError, Variable};
 use crate::{At, Equations, Table};
-use pilotage_ode::{DormandPrince, Solver};
+use pilotage_ode::{Method, Solver, SolverOptions};
 
 /// Default relative tolerance of the integrator.
 pub const DEFAULT_TOLERANCE: f64 = 1e-9;
@@ -70,6 +74,10 @@ pub struct Snapshot {
     pub tolerance: f64,
     /// Whether the simulation has left its start values, so that parameters no longer change them.
     pub has_started: bool,
+    /// Whether the equations were stiff in the last step, so that the next one begins with the implicit method.
+    pub is_stiff: bool,
+    /// Time at which events were last handled \[s\]: conditions on time that change there have changed.
+    pub handled: f64,
 }
 
 /// A running model.
@@ -81,8 +89,7 @@ pub struct Simulation<E> {
     /// Number of outputs that the equations compute.
     n_computed: usize,
     now: Snapshot,
-    /// Not Radau, to keep the exported library small.
-    solver: Solver<DormandPrince>,
+    solver: Solver,
     /// Typical magnitudes of the states and modes.
     nominals: Vec<f64>,
     /// The exact step of a linear model with its key (step, then parameters), and the previous one: a master that
@@ -128,9 +135,14 @@ impl<E: Equations> Simulation<E> {
         let table = equations.table();
         let now = at_start(&table);
         let nominals = table.nominals_of_x();
-        let method = DormandPrince::new(nominals.len());
+        let options = SolverOptions {
+            relative: now.tolerance,
+            absolute: nominals.clone(),
+            method: Method::Automatic,
+            longest_step: f64::INFINITY,
+        };
         Self {
-            solver: Solver::with(method, table.n_indicators(), now.tolerance, &nominals),
+            solver: Solver::new(table.n_indicators(), options),
             nominals,
             transitions: [None, None],
             space: Space {
@@ -175,6 +187,8 @@ impl<E: Equations> Simulation<E> {
         self.now.positive.copy_from_slice(&snapshot.positive);
         self.now.tolerance = snapshot.tolerance;
         self.now.has_started = snapshot.has_started;
+        self.now.is_stiff = snapshot.is_stiff;
+        self.now.handled = snapshot.handled;
     }
 
     /// Restores all start values and the default tolerance.
@@ -362,7 +376,11 @@ impl<E: Equations> Simulation<E> {
     /// If the number of values is wrong.
     pub fn derivatives(&self, slopes: &mut [f64]) {
         assert_eq!(slopes.len(), self.table.n_states(), "number of states");
-        self.equations.derivative(self.at(), slopes);
+        let at = At {
+            time: self.sided_time(),
+            ..self.at()
+        };
+        self.equations.derivative(at, slopes);
     }
 
     /// Writes the event indicators.
@@ -423,6 +441,8 @@ fn at_start(table: &Table) -> Snapshot {
         positive: vec![true; table.n_indicators()],
         tolerance: DEFAULT_TOLERANCE,
         has_started: false,
+        is_stiff: false,
+        handled: f64::MIN,
         values,
     }
 }

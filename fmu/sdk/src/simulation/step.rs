@@ -1,10 +1,12 @@
 //! Steps of co-simulation, and events.
 
-use super::{Simulation, Space};
-use crate::lti::{Transition, TransitionError};
-use crate::{At, Equations, Table};
-use pilotage_ode::{Advance, DormandPrince, IntegrationError, Solver, System};
-use std::convert::Infallible;
+use super::Simulation;
+use super::fault::{StepError, StepFault, not_finite};
+use super::flow::Flow;
+use super::time_events::Window;
+use crate::lti::Transition;
+use crate::{At, Equations};
+use pilotage_ode::{Advance, Solver};
 
 /// Maximum number of integrator steps within one step.
 const MAX_STEPS: usize = 1_000_000;
@@ -12,83 +14,12 @@ const MAX_STEPS: usize = 1_000_000;
 /// Maximum number of events within one step; more of them occur faster than time passes.
 const MAX_EVENTS: usize = 1000;
 
+/// Rate of the fastest mode times the length of a step from which on the next step begins with the implicit method: an explicit
+/// one would take about a third as many steps, just to be stable.
+const STIFF: f64 = 100.0;
+
 /// Maximum number of calls of the event handler at one instant.
 const MAX_ITERATIONS: usize = 100;
-
-/// Why a step failed.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum StepFault {
-    /// The exact step of a linear model cannot be computed.
-    #[error(transparent)]
-    Linear(#[from] TransitionError),
-    /// The integration was aborted.
-    #[error(
-        "{0} (times count from the beginning of the communication step; a solution that grows without bound \
-         and a tolerance that is too strict end so as well)"
-    )]
-    Integration(#[from] IntegrationError<Infallible>),
-    /// The integration was aborted where an expression is not finite.
-    #[error("at {time} s: {cause}; the integration ends there")]
-    Trouble {
-        /// Time \[s\].
-        time: f64,
-        /// The expression and its position.
-        cause: String,
-    },
-    /// The integration takes too long.
-    #[error(
-        "{limit} steps of the integrator were not enough for {step} s, only for {time} s; take a shorter \
-         step or slower coefficients; a jump that pushes back from both sides, such as dry friction by sign(v), \
-         needs a width, as in sat(v / 0.01, 1)"
-    )]
-    TooManySteps {
-        /// Time reached, from the start of the step \[s\].
-        time: f64,
-        /// The step \[s\].
-        step: f64,
-        /// The limit.
-        limit: usize,
-    },
-    /// A state is no longer finite.
-    #[error("state {state} is {value} after {step} s; the model or what drives it is unstable")]
-    NotFinite {
-        /// The state's name.
-        state: String,
-        /// Its value.
-        value: f64,
-        /// The step \[s\].
-        step: f64,
-    },
-    /// Events occur ever faster.
-    #[error(
-        "{limit} events within {step} s; the model's events follow each other without end, as those of \
-         a bouncing ball do that never comes to rest"
-    )]
-    TooManyEvents {
-        /// The limit.
-        limit: usize,
-        /// The step \[s\].
-        step: f64,
-    },
-    /// The event iteration does not end.
-    #[error("the event at {time} s changes the states again and again ({limit} times)")]
-    EndlessEvent {
-        /// Time \[s\].
-        time: f64,
-        /// The limit.
-        limit: usize,
-    },
-}
-
-/// A step that ended early. The simulation keeps the state that it reached.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{fault}")]
-pub struct StepError {
-    /// Reason.
-    pub fault: StepFault,
-    /// Time reached \[s\]: 0 if nothing has changed.
-    pub reached: f64,
-}
 
 /// Result of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -171,6 +102,7 @@ impl<E: Equations> Simulation<E> {
     /// If the handler keeps changing the states.
     pub fn handle_event(&mut self) -> Result<bool, StepFault> {
         let mut changed = false;
+        self.now.handled = self.now.time;
         for _ in 0..MAX_ITERATIONS {
             self.space.next.copy_from_slice(&self.now.states);
             let Self {
@@ -230,6 +162,7 @@ impl<E: Equations> Simulation<E> {
             *value += slope * elapsed;
         }
         self.now.time += elapsed;
+        self.now.handled = self.now.time;
     }
 
     /// Exact step of a linear model.
@@ -308,23 +241,48 @@ impl<E: Equations> Simulation<E> {
         }
     }
 
-    /// Integrates to the end of the step `h` or to the first event; returns whether there is one.
-    ///
-    /// The first trial step is the whole rest: a call depends on its arguments only, so that equal calls give identical
-    /// bits, and an FMU state need not store the memory of the solver.
+    /// Integrates to the end of the step `h` or to the first event; returns whether there is one. Times at which
+    /// conditions on time change are stops on the way.
     fn integrate_to_event(&mut self, h: f64, elapsed: &mut f64) -> Result<bool, StepFault> {
+        while *elapsed < h {
+            let window = self.window(*elapsed, h);
+            let end = (window.stop - self.now.time).clamp(*elapsed, h);
+            let end = if window.stop.is_finite() { end } else { h };
+            if self.integrate_smoothly((end, h), window, elapsed)? {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Integrates to `end` or to the first event, without a stop on the way, in a step of length `h`.
+    ///
+    /// The first trial step is the whole rest, and the method is the one with which the last step ended: a call depends on its
+    /// arguments and the state only, so that equal calls give identical bits.
+    fn integrate_smoothly(
+        &mut self,
+        (end, h): (f64, f64),
+        window: Window,
+        elapsed: &mut f64,
+    ) -> Result<bool, StepFault> {
         let (from, relative) = (*elapsed, self.now.tolerance);
-        self.with_flow(|flow, x, solver| {
+        let was_stiff = self.now.is_stiff;
+        let (result, is_stiff) = self.with_flow(|flow, x, solver| {
+            flow.window = window;
             let absolute = flow.nominals.iter().map(|nominal| relative * nominal);
             solver.set_tolerances(relative, absolute);
             solver.restart(from, x, true);
-            solver.try_first(h - from);
+            solver.begin_with(was_stiff);
+            solver.try_first(end - from);
             solver.remember(flow.positive);
-            let result = run(solver, flow, h);
+            let result = run(solver, flow, end);
             x.copy_from_slice(solver.state());
             *elapsed = solver.time();
-            result
-        })
+            let fastest = solver.fastest_rate();
+            (result, fastest.is_some_and(|rate| rate * h > STIFF))
+        });
+        self.now.is_stiff = is_stiff;
+        result
     }
 
     /// Handles an event within a step, with the inputs at its time.
@@ -344,7 +302,7 @@ impl<E: Equations> Simulation<E> {
     /// Calls `f` with the equations of a step, the states and the solver.
     fn with_flow<R>(
         &mut self,
-        f: impl FnOnce(&mut Flow<'_, E>, &mut [f64], &mut Solver<DormandPrince>) -> R,
+        f: impl FnOnce(&mut Flow<'_, E>, &mut [f64], &mut Solver) -> R,
     ) -> R {
         let Self {
             equations,
@@ -365,6 +323,7 @@ impl<E: Equations> Simulation<E> {
             p: &now.values[table.parameters()],
             positive: &now.positive,
             space,
+            window: Window::default(),
         };
         f(&mut flow, &mut now.states, solver)
     }
@@ -372,7 +331,7 @@ impl<E: Equations> Simulation<E> {
 
 /// Advances to the end of the step or to the first event; returns whether there is one.
 fn run<E: Equations>(
-    solver: &mut Solver<DormandPrince>,
+    solver: &mut Solver,
     flow: &mut Flow<'_, E>,
     h: f64,
 ) -> Result<bool, StepFault> {
@@ -387,79 +346,4 @@ fn run<E: Equations>(
         step: h,
         limit: MAX_STEPS,
     })
-}
-
-/// The equations within a step, with time counted from its start.
-struct Flow<'s, E> {
-    equations: &'s E,
-    /// Number of continuous states.
-    n_states: usize,
-    /// Typical magnitudes of the states and modes.
-    nominals: &'s [f64],
-    /// Time at the start of the step \[s\].
-    start: f64,
-    held: &'s [f64],
-    slopes: &'s [f64],
-    p: &'s [f64],
-    positive: &'s [bool],
-    space: &'s mut Space,
-}
-
-impl<E: Equations> Flow<'_, E> {
-    /// Evaluates the inputs at a time of the integration; returns the arguments of the equations.
-    fn at<'a>(&'a mut self, time: f64, x: &'a [f64]) -> At<'a, f64> {
-        let along = self.held.iter().zip(self.slopes);
-        for (input, (held, slope)) in self.space.inputs.iter_mut().zip(along) {
-            *input = held + slope * time;
-        }
-        At {
-            time: self.start + time,
-            x,
-            u: &self.space.inputs,
-            p: self.p,
-        }
-    }
-
-    /// Whether the sign of an indicator at the start differs from the stored one; 0 has no sign.
-    fn has_jumped(&mut self, x: &[f64]) -> bool {
-        let mut indicators = std::mem::take(&mut self.space.indicators);
-        let equations = self.equations;
-        equations.indicators(self.at(0.0, x), &mut indicators);
-        let mut pairs = indicators.iter().zip(self.positive);
-        let has_jumped = pairs.any(|(z, positive)| *z != 0.0 && (*z > 0.0) != *positive);
-        self.space.indicators = indicators;
-        has_jumped
-    }
-}
-
-impl<E: Equations> System for Flow<'_, E> {
-    type Error = Infallible;
-
-    fn derivatives(&mut self, time: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, Infallible> {
-        // Modes are constant between events.
-        let (dx, modes) = dx.split_at_mut(self.n_states);
-        modes.fill(0.0);
-        let equations = self.equations;
-        equations.derivative(self.at(time, x), dx);
-        if dx.iter().any(|rate| !rate.is_finite()) {
-            let cause = equations.trouble(self.at(time, x));
-            self.space.trouble = cause.map(|cause| (self.start + time, cause));
-        }
-        Ok(true)
-    }
-
-    fn indicators(&mut self, time: f64, x: &[f64], z: &mut [f64]) -> Result<bool, Infallible> {
-        let equations = self.equations;
-        equations.indicators(self.at(time, x), z);
-        Ok(true)
-    }
-}
-
-fn not_finite(table: &Table, state: usize, value: f64, step: f64) -> StepFault {
-    let index = table.x().nth(state).unwrap_or_default();
-    StepFault::NotFinite {
-        state: table.variables()[index].name.clone(),
-        value,
-        step,
-    }
 }

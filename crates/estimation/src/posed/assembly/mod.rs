@@ -50,6 +50,8 @@ pub struct Made {
     /// States that are measured directly, each with the number of its measured signal.
     pub followed: Vec<(usize, usize)>,
     pub noises: Vec<DrivingNoise>,
+    /// Whether each input is constant in each run between changes.
+    pub given: Vec<bool>,
 }
 
 /// State of the assembly. The variables of its graph are time, states, inputs and shared parameters.
@@ -226,6 +228,7 @@ impl<'a> Assembly<'a> {
                 inputs: rows.inputs,
                 measured: measured.collect(),
                 initial,
+                steps: pilotage_collocation::Steps::default(),
             }
         };
         let runs = rows.into_iter().zip(known).enumerate();
@@ -246,7 +249,10 @@ impl<'a> Assembly<'a> {
         let outputs = outputs.chain(self.bounded.iter().map(|(node, _)| *node));
         let outputs = outputs.collect();
         let unknowns = self.parameters.unknowns.iter().cloned();
+        let sources = self.sources.iter();
+        let given = sources.map(|(_, source)| matches!(source, Source::Given(_)));
         Made {
+            given: given.collect(),
             measured,
             noises: Vec::new(),
             followed: self.measured_states(&states),

@@ -1,7 +1,7 @@
 //! What each code means.
 
 /// Code and meaning of each diagnostic, of which a test makes the table of docs/problems.md (`tests/it/codes.rs`).
-pub const CODES: [(&str, &str); 41] = [
+pub const CODES: [(&str, &str); 43] = [
     (
         "not-converged",
         "the solver ended before its tolerance; with a violation, equations or constraints are not satisfied where it ended, and a simulation with the parameters does not satisfy them either: there is no objective, and there are no residuals",

@@ -85,10 +85,13 @@ impl Window {
             let own = all[j][samples.clone()].iter();
             own.map(|y| y / spread).collect()
         });
+        let ends = [time[0], time[time.len() - 1]];
+        let steps = whole.steps.cut(ends[0], ends[1]);
         Self {
             recorded: recorded.collect(),
             run: Run {
-                mesh: vec![time[0], time[time.len() - 1]],
+                mesh: steps.on(&ends),
+                steps,
                 inputs: whole.inputs[samples].to_vec(),
                 measured: Vec::new(),
                 initial: whole.initial.clone(),
