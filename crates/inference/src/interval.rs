@@ -100,9 +100,10 @@ impl Interval {
 }
 
 impl Interval {
-    /// The interval of an estimate with this value, classified as held if its deviation is only rounding error.
+    /// The interval of an estimate with this value, classified as held if its width is only rounding error: none has the width 0.
     pub fn or_held(self, value: f64) -> Self {
-        let is_held = self.class == Class::Finite && self.sd <= ROUNDING * value.abs();
+        let is_exact = self.class == Class::Finite && self.sd <= ROUNDING * value.abs();
+        let is_held = is_exact || self.high - self.low <= ROUNDING * value.abs();
         match is_held {
             true => Self {
                 sd: f64::NAN,

@@ -8,7 +8,13 @@ use pilotage_collocation::{Collocation, Run};
 use pilotage_sqp::Status;
 
 /// Maximum number of moves of the boundaries.
-const MOST: usize = 60;
+const MOST: usize = 100;
+
+/// Iterations of a solve while times are far from their boundaries.
+const STRIDE: usize = 2;
+
+/// Distance of a time from its boundary, relative to the run, from which on a solve goes on to its end.
+const CLOSE: f64 = 1e-3;
 
 /// Smallest part of a move.
 const LEAST: f64 = 1e-4;
@@ -41,52 +47,62 @@ impl Place {
     }
 }
 
-/// Solves from a point, and again with moved boundaries until the sought times agree with them. Without convergence, the last
-/// solve.
+/// Solves from a point with at most `limit` iterations, and again with moved boundaries until the sought times agree with them. As
+/// long as they move far a solve ends after a few iterations, since what it knows of a time holds near its boundary alone.
 pub(super) fn settled(
     posed: &Posed<'_>,
     from: (Collocation, Vec<f64>),
-    mut solve: impl FnMut((Collocation, Vec<f64>)) -> Solved,
+    limit: usize,
+    mut solve: impl FnMut((Collocation, Vec<f64>), usize) -> Solved,
 ) -> Solved {
     let Some(switches) = &posed.switches else {
-        return solve(from);
+        return solve(from, limit);
     };
     let start = crate::search::solved::initial(&from.0, &from.1);
     let mut place = Place {
         theta: from.0.physical_theta(&from.1),
         initial: start,
     };
-    let mut solved = solve(from);
+    let mut solved = solve(from, STRIDE.min(limit));
     let (mut part, mut last): (f64, Vec<f64>) = (1.0, Vec::new());
     for _ in 0..MOST {
         let end = Place::of(&solved);
-        let offsets = offsets(switches, &solved.problem.runs, &end);
-        if solved.solution.status != Status::Converged || Switches::agree(&offsets) {
+        let runs = &solved.problem.runs;
+        let offsets = offsets(switches, runs, &end);
+        let used = solved.solution.work.iterations;
+        let status = solved.solution.status;
+        let does_go_on = match status {
+            Status::Converged => !Switches::agree(&offsets),
+            Status::IterationLimit => used < limit,
+            _ => false,
+        };
+        if !does_go_on {
             return solved;
         }
         let own: Vec<f64> = offsets.iter().map(|(offset, _)| *offset).collect();
         // Times that come back were moved too far: beyond a sample the objective has a kink.
         let product: f64 = own.iter().zip(&last).map(|(a, b)| a * b).sum();
-        part = if product < 0.0 {
-            0.5 * part
-        } else {
-            (1.5 * part).min(1.0)
+        part = match product < 0.0 {
+            true => 0.5 * part,
+            false => (1.5 * part).min(1.0),
         };
-        last = own;
         // No time leaves its run, where nothing depends on it.
-        let (mut next, mut way) = (place.towards(&end, part), part);
-        while way > LEAST && !are_inside(switches, &solved.problem.runs, &next) {
-            way *= 0.5;
-            next = place.towards(&end, way);
+        let mut next = place.towards(&end, part);
+        while !are_inside(switches, runs, &next) {
+            part *= 0.5;
+            if part < LEAST {
+                solved.solution.status = Status::NoProgress;
+                return solved;
+            }
+            next = place.towards(&end, part);
         }
-        if way <= LEAST {
-            break;
-        }
+        let farthest = own.iter().fold(0.0, |most: f64, own| most.max(own.abs()));
+        let stride = if farthest > CLOSE { STRIDE } else { limit };
         let from = moved((posed, switches), &solved, &next);
         let before = solved.solution.work;
-        solved = solve(from);
+        solved = solve(from, stride.min(limit - used.min(limit)).max(1));
         solved.solution.work += before;
-        place = next;
+        (place, last) = (next, own);
     }
     solved.solution.status = Status::NoProgress;
     solved

@@ -70,7 +70,9 @@ pub(super) fn once(
 ) -> Solved {
     let are_sought = posed.switches.as_ref().is_some_and(Switches::are_sought);
     match are_sought {
-        true => settled(posed, from, |from| held(posed, from, limit, see)),
+        true => settled(posed, from, limit, |from, limit| {
+            held(posed, from, limit, see)
+        }),
         false => held(posed, from, limit, see),
     }
 }

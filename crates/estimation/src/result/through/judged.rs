@@ -47,7 +47,7 @@ struct Sums {
     rows: usize,
 }
 
-/// None if the runs do not tell: the inputs move the response by no more than its noise, or the runs are too short.
+/// None if the model explains all, or the runs do not tell: the inputs move the response by no more than its noise, or the runs are too short.
 pub fn judged(posed: &Posed<'_>, drivers: usize) -> Option<Response> {
     let spreads = spreads(posed);
     if spreads.iter().any(|own| *own <= 0.0 || !own.is_finite()) {
@@ -65,7 +65,9 @@ pub fn judged(posed: &Posed<'_>, drivers: usize) -> Option<Response> {
     let now = left(&as_it_is)?;
     let rows = Sums::of(&as_it_is, drivers, 0.0).rows;
     let noise = rows as f64 * noise(posed, &spreads);
-    let moved = left(&at(0.0)?)? - noise;
+    // Without the inputs.
+    let (still, _) = Sums::of(&as_it_is, drivers, 0.0).with(&vec![Some(-1.0); drivers])?;
+    let moved = still - noise;
     if moved < noise {
         return None;
     }
@@ -76,6 +78,9 @@ pub fn judged(posed: &Posed<'_>, drivers: usize) -> Option<Response> {
         best = other.filter(|other| other.1 < best.1).unwrap_or(best);
     }
     let (base, _, all) = best;
+    if 1.0 - explained(now) <= super::SEEN {
+        return None;
+    }
     let (later, squares, changes) = best_delay(&all, drivers)?;
     Some(Response {
         factors: (0..drivers).map(|k| base + changes[2 * k]).collect(),

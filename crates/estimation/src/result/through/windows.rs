@@ -5,6 +5,7 @@ use crate::posed::{Posed, poles_at};
 use crate::search::begin::initial;
 use nalgebra::{DMatrix, DVector};
 use pilotage_collocation::{Quality, Run};
+use rayon::prelude::*;
 
 /// Number of pieces of a run, and growth of an unstable vehicle within one (the exponent).
 const PIECES: f64 = 4.0;
@@ -16,12 +17,14 @@ const FEWEST: usize = 4;
 /// Largest number of samples of all pieces: more tell little more.
 const MOST: usize = 20_000;
 /// Error tolerance of the simulations, and step of the differences, relative to the sizes of states.
-const TOLERANCE: f64 = 1e-9;
+const TOLERANCE: f64 = 1e-7;
 const STEP: f64 = 1e-3;
 /// Initial states, relative to their sizes, that have less than this part of the largest effect keep their values.
 const RANK: f64 = 1e-3;
-/// Steps towards the best initial states; one is enough for a linear vehicle.
+/// Steps towards the best initial states, and the size relative to that of the states at which there is none; one is enough for a
+/// linear vehicle.
 const STEPS: usize = 3;
+const SMALL: f64 = 1e-3;
 
 /// A piece of a run.
 pub struct Window {
@@ -53,7 +56,7 @@ pub fn windows(
     let poles = poles_at(posed, 0, &initial(posed, &[], 0), &[]);
     let growth = poles.iter().map(|pole| pole.re).fold(0.0, f64::max);
     let least = FEWEST * (posed.states.len() + 2 * drivers + 1);
-    let mut all = Vec::new();
+    let mut all: Vec<(usize, Window)> = Vec::new();
     let mut samples = 0;
     for (j, run) in posed.runs.iter().enumerate() {
         let (first, last) = (run.time[0], run.time[run.time.len() - 1]);
@@ -69,10 +72,15 @@ pub fn windows(
             samples += to - from;
             let mut own = Window::new(posed, j, from..to, spreads);
             own.longest = DELAYS * length;
-            own.simulate(posed, j, &vec![[factor, 0.0]; drivers])?;
-            all.push(own);
+            all.push((j, own));
         }
     }
+    let lines = vec![[factor, 0.0]; drivers];
+    let simulated = all.into_par_iter().map(|(j, mut own)| {
+        own.simulate(posed, j, &lines)?;
+        Some(own)
+    });
+    let all: Vec<Window> = simulated.collect::<Option<_>>()?;
     (!all.is_empty()).then_some(all)
 }
 
@@ -104,47 +112,57 @@ impl Window {
         }
     }
 
-    /// Finds the best initial states, and the response from there with its derivatives.
+    /// Finds the best initial states, and the response from there with its derivatives. Those with respect to the states are those
+    /// of the first ones for a linear vehicle.
     fn simulate(&mut self, posed: &Posed<'_>, j: usize, lines: &[[f64; 2]]) -> Option<()> {
         let spreads = spreads(posed);
         let mut x = initial(posed, &[], j);
+        let sizes: Vec<f64> = (posed.states.iter().zip(&x))
+            .map(|(state, x)| state.nominal.unwrap_or(1.0).max(x.abs()))
+            .collect();
+        let at = (&sizes[..], &spreads[..]);
         for step in 0..=STEPS {
-            let sizes: Vec<f64> = (posed.states.iter().zip(&x))
-                .map(|(state, x)| state.nominal.unwrap_or(1.0).max(x.abs()))
-                .collect();
-            let run =
-                |x: &[f64], lines: &[[f64; 2]]| self.outputs(posed, x, lines, (&sizes, &spreads));
-            let response = run(&x, lines)?;
-            let slope = |moved: Vec<Vec<f64>>, by: f64| -> Vec<Vec<f64>> {
-                let pairs = moved.iter().zip(&response);
-                pairs
-                    .map(|(a, b)| a.iter().zip(b).map(|(a, b)| (a - b) / by).collect())
-                    .collect()
+            self.response = self.outputs(posed, &x, lines, at)?;
+            let mut better = if step == 0 {
+                None
+            } else {
+                Some(self.better()?)
             };
-            let mut states = Vec::new();
-            for k in 0..x.len() {
-                let mut moved = x.clone();
-                let by = STEP * sizes[k];
-                moved[k] += by;
-                states.push(slope(run(&moved, lines)?, STEP));
+            if better.as_ref().is_none_or(|own| own.amax() >= SMALL) {
+                let slope = |k: usize| {
+                    let mut moved = x.clone();
+                    moved[k] += STEP * sizes[k];
+                    Some(self.slope(&self.outputs(posed, &moved, lines, at)?))
+                };
+                self.states = (0..x.len()).map(slope).collect::<Option<_>>()?;
+                better = Some(self.better()?);
             }
-            if step == STEPS {
-                let mut inputs = Vec::new();
-                for (driver, which) in (0..lines.len()).flat_map(|k| [(k, 0), (k, 1)]) {
-                    let mut moved = lines.to_vec();
-                    moved[driver][which] += STEP;
-                    inputs.push(slope(run(&x, &moved)?, STEP));
-                }
-                (self.inputs, self.states, self.response) = (inputs, states, response);
-                return Some(());
+            let better = better?;
+            if step == STEPS || better.amax() < SMALL {
+                break;
             }
-            (self.states, self.response) = (states, response);
-            let better = self.better()?;
             for (k, by) in better.iter().enumerate() {
                 x[k] += by * sizes[k];
             }
         }
-        None
+        let which = (0..lines.len()).flat_map(|k| [(k, 0), (k, 1)]);
+        let slope = |(driver, which): (usize, usize)| {
+            let mut moved = lines.to_vec();
+            moved[driver][which] += STEP;
+            Some(self.slope(&self.outputs(posed, &x, &moved, at)?))
+        };
+        self.inputs = which.map(slope).collect::<Option<_>>()?;
+        Some(())
+    }
+
+    /// Difference quotients of a response.
+    fn slope(&self, moved: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let pairs = moved.iter().zip(&self.response);
+        let of = |(a, b): (&Vec<f64>, &Vec<f64>)| {
+            let pairs = a.iter().zip(b);
+            pairs.map(|(a, b)| (a - b) / STEP).collect()
+        };
+        pairs.map(of).collect()
     }
 
     /// The measured signals at the samples, over their spreads, with lines `a u + b` in place of the driven inputs.
