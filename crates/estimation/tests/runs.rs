@@ -493,7 +493,7 @@ fn a_system_that_grows_is_told_though_it_has_no_wires() {
         &format!("{problem}[stability]\nclosed_loop = true\n"),
         &folder,
     );
-    assert_eq!(kept.status, Status::Converged);
+    assert_eq!(kept.status, pilotage_sqp::Status::Converged);
     assert!(!kept.is_answer());
     assert_eq!(codes(&kept), ["nothing-explained", "loop-on-bound"]);
 }
