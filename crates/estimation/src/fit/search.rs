@@ -3,7 +3,7 @@
 //! Where an output saturates nothing tells how much further it wishes to go, so that a search may get stuck there. It begins
 //! without limits, and goes on with them from what that finds.
 
-use super::race::{Raced, best_of, has_answer, raced};
+use super::race::{Raced, best_of, has_answer, has_converged, raced};
 use super::raised::Begin;
 use super::solve::solve;
 use super::tumbles::Tumbles;
@@ -63,9 +63,13 @@ pub(super) fn saturated<'a, 'o>(
     let mut found = search(free, watch);
     let limit = posed.file.options.max_iterations;
     let watch = &found.watch;
+    let has_any = has_answer(&found.raced.solved);
     let solved = std::mem::take(&mut found.raced.solved).into_par_iter();
     let solved = solved.enumerate().map(|(k, own)| {
         let before = own?;
+        if has_any && !has_converged(&before) {
+            return Some(before);
+        }
         let see = |iteration: &_| watch.see(k, 0, iteration);
         let mut own = solve(posed, carried(posed, &before), limit, &see);
         own.solution.work += before.solution.work;
