@@ -11,6 +11,7 @@ pub mod events;
 pub mod left_over;
 pub mod loops;
 mod opened;
+pub(crate) mod other;
 pub(crate) mod outliers;
 pub mod paths;
 mod recordings;

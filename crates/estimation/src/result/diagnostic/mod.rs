@@ -13,6 +13,7 @@ pub use codes::CODES;
 use crate::posed::stability::CLOSED_LOOP;
 use crate::result::changed::Changed;
 use crate::result::events::Event;
+use crate::result::other::Other;
 use pilotage_inference::spectrum::{Contradiction, Starved};
 use pilotage_sqp::Status;
 
@@ -140,14 +141,7 @@ pub enum Diagnostic {
         objective: f64,
     },
     /// Other parameters give an objective of which the data do not tell which is better.
-    OtherOptimum {
-        /// Its objective.
-        objective: f64,
-        /// The parameters that differ: name, value there, value here.
-        values: Vec<(String, f64, f64)>,
-        /// Number of such optima, of which this is the first.
-        count: usize,
-    },
+    OtherOptimum(Other),
     /// The last refinement of the mesh still changed the parameters, by this fraction of their size.
     MeshMoves(f64),
     /// Only one of this many starts led to the result.
@@ -366,7 +360,7 @@ impl Diagnostic {
             Self::Simulated { .. } => "simulation",
             Self::Cut { .. } => "cut",
             Self::LowerStart { .. } => "lower-start",
-            Self::OtherOptimum { .. } => "other-optimum",
+            Self::OtherOptimum(_) => "other-optimum",
             Self::Alone(_) => "alone",
             Self::PoorFit { .. } => "poor-fit",
             Self::Changes(_) => "changes",
