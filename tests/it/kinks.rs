@@ -1,6 +1,6 @@
 //! Fits of equations with kinks, whose optima have no derivative on a mesh.
 
-use crate::command::Folder;
+use crate::command::{Folder, example};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -89,4 +89,44 @@ fn a_dead_zone_is_found_where_its_sum_of_squares_is_least() {
         let beside = objective(zone + 0.5 * a * by_zone, tau + 0.5 * b * by_tau);
         assert!(beside > least, "{a} {b}: {beside} {least}");
     }
+}
+
+/// A limit that nothing reaches has no effect, and no search leaves such a plateau. The fit looks beyond it.
+#[test]
+fn a_limit_is_found_from_where_it_has_no_effect() {
+    let text = std::fs::read_to_string(example("problems/rate_limited/problem.toml")).unwrap();
+    let folder = Folder::new();
+    for run in ["run1.csv", "run2.csv", "run3.csv"] {
+        let rows =
+            std::fs::read_to_string(example(&format!("problems/rate_limited/{run}"))).unwrap();
+        folder.write(run, rows);
+    }
+    let fitted = |start: &str| -> Value {
+        let begin = text.replace("start = 0.6, min = 0.1, max = 20", start);
+        assert!(begin != text || start.starts_with("start = 0.6"));
+        folder.write("problem.toml", begin);
+        let words = [
+            "fit",
+            "problem.toml",
+            "--json",
+            "--force",
+            "--random-starts",
+            "0",
+        ];
+        folder.pilotage(&words).json()
+    };
+    let [near, far] = [
+        "start = 0.6, min = 0.1, max = 20",
+        "start = 15, min = 0.1, max = 20",
+    ]
+    .map(fitted);
+    let rate = |own: &Value| own["parameters"]["pilot.rate"]["value"].as_f64().unwrap();
+    assert!(
+        (rate(&near) / rate(&far) - 1.0).abs() < 1e-3,
+        "{} {}",
+        rate(&near),
+        rate(&far)
+    );
+    let objective = |own: &Value| own["objective"].as_f64().unwrap();
+    assert!((objective(&near) / objective(&far) - 1.0).abs() < 1e-5);
 }

@@ -229,3 +229,50 @@ fn all_starts_of_the_shipped_flights_end_at_their_optimum() {
     };
     assert!(starts.iter().all(|start| is_there(&start)), "{starts:?}");
 }
+
+/// The truth of tests/python/learning.py. A gain that is taken as constant is said to change, where it does.
+#[test]
+fn a_gain_that_grows_is_found_with_its_time() {
+    let folder = Folder::new();
+    let fit = fitted(&folder, "learning", &[]);
+    for (name, truth) in [
+        ("first", 0.12),
+        ("last", 0.24),
+        ("rate", 0.3),
+        ("middle", 45.0),
+    ] {
+        let own = &fit["parameters"][name];
+        let [value, sd] = ["value", "sd"].map(|key| own[key].as_f64().unwrap());
+        assert!(
+            (value - truth).abs() < 4.0 * sd && sd < 0.05 * truth,
+            "{name}: {own}"
+        );
+    }
+    let text = std::fs::read_to_string(example("problems/learning/problem.toml")).unwrap();
+    let own = |line: &&str| {
+        ["first", "last", "rate", "middle", "\"pilot.gain\""]
+            .iter()
+            .all(|name| !line.starts_with(name))
+    };
+    let constant: Vec<&str> = text.lines().filter(own).collect();
+    let constant = constant
+        .join("\n")
+        .replace("[parameters]", "[parameters]\n\"pilot.gain\" = {}");
+    folder.write("constant.toml", constant);
+    for run in ["run1.csv", "run2.csv"] {
+        let rows = std::fs::read_to_string(example(&format!("problems/learning/{run}"))).unwrap();
+        folder.write(run, rows);
+    }
+    let json = folder
+        .pilotage(&["fit", "constant.toml", "--json", "--force"])
+        .json();
+    let doubts = json["doubts"].as_array().unwrap();
+    let change = doubts.iter().find(|own| own["code"] == "changes").unwrap();
+    let words = change["words"].as_str().unwrap();
+    assert!(
+        words.starts_with(
+            "`pilot.gain` is not constant in the runs (p < 1e-6): about 0.12 before 45 s"
+        ),
+        "{words}"
+    );
+}

@@ -11,12 +11,10 @@ use crate::autoregression::Autoregression;
 use crate::data::Run;
 use crate::elimination::basis;
 use crate::inference::Inference;
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use crate::residuals::autocorrelation;
+use crate::supremum::{Block, OPEN, largest_draws, probability};
+use nalgebra::{DMatrix, RowDVector};
 use pilotage_linear::svd::svd;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
-use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Residuals for each unknown from which on changes are looked for.
 const ROWS: usize = 10;
@@ -25,14 +23,18 @@ const MARGIN: f64 = 0.15;
 /// Most and fewest times that are tried, and the multiplications that they may take.
 const TIMES: [usize; 2] = [8, 29];
 const WORK: f64 = 1e9;
-/// Number of draws of the largest statistic.
-const DRAWS: usize = 400;
-/// Quantile of the draws from which the tail follows.
-const TAIL: f64 = 0.9;
-/// Eigenvalues of a normalised covariance below this are directions without a score.
-const OPEN: f64 = 1e-6;
-/// Parts of a run over which the size of its residuals is smoothed.
+/// Most legs of a run beside which the noise is estimated, and rows of a leg for each parameter.
+const LEGS: usize = 3;
+const LEG: usize = 15;
+/// Independent values for each direction from which on there is a test.
+const VALUES: usize = 5;
+/// Parts of a run whose scores are compared.
 const PARTS: usize = 10;
+
+/// Level at which a change is significant.
+pub const LEVEL: f64 = 0.01;
+/// What a time of its own explains more by chance, in a run whose parameters change.
+const MORE: f64 = 10.0;
 
 /// How a parameter changes along a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,6 +66,10 @@ pub struct Change {
     pub parameter: usize,
     /// Its value before and afterwards, minus the estimate: of one Gauss–Newton step.
     pub values: [f64; 2],
+    /// Where runs change at times of their own: each of those in which that is significant by itself, with its course.
+    pub each: Vec<(usize, Course)>,
+    /// `SᵀG⁻¹S`: about the number of parameters if they are constant.
+    pub statistic: f64,
     /// Probability of such a change or a larger one, at any time and in any run, if all parameters are constant.
     pub p: f64,
 }
@@ -80,6 +86,8 @@ struct Scores {
     /// `JᵀJ`, and `JᵀD` of all courses: how much constants follow a change.
     information: DMatrix<f64>,
     moved: DMatrix<f64>,
+    /// Number of independent values that its residuals count as.
+    values: f64,
 }
 
 impl Scores {
@@ -89,6 +97,7 @@ impl Scores {
         self.covariance += &other.covariance;
         self.information += &other.information;
         self.moved += &other.moved;
+        self.values += other.values;
         let pairs = self.squares.iter_mut().zip(&other.squares);
         pairs.for_each(|(own, other)| *own += other);
         self
@@ -109,19 +118,46 @@ impl Inference<'_> {
         let all = runs[1..].iter().fold(runs[0].clone(), Scores::with);
         let alone = runs.iter().enumerate().filter(|_| count > 1);
         let alone = alone.map(|(j, own)| (Some(j), own));
-        let tests = [(None, &all)].into_iter().chain(alone);
-        let found = tests.filter_map(|(run, own)| test.change(run, own));
-        let best = found.min_by(|a, b| a.p.total_cmp(&b.p))?;
+        let looks = 2.0 * count as f64;
+        let alone = alone.filter_map(|(run, own)| test.change(run, own));
         // Half of the false alarms for changes of all runs, half for those of any one.
-        let looks = match (count, best.run) {
-            (1, _) => 1.0,
-            (_, None) => 2.0,
-            (_, Some(_)) => 2.0 * count as f64,
-        };
-        Some(Change {
-            p: (looks * best.p).min(1.0),
-            ..best
-        })
+        let alone: Vec<Change> = alone.map(|own| own.among(looks)).collect();
+        let all = test.change(None, &all);
+        let all = all.map(|own| own.among(if count > 1 { 2.0 } else { 1.0 }));
+        let largest = alone
+            .iter()
+            .max_by(|a, b| a.statistic.total_cmp(&b.statistic));
+        match (all, largest.cloned()) {
+            // One run explains more where the others are constant.
+            (Some(all), Some(one)) if one.statistic > all.statistic || all.p > one.p.max(LEVEL) => {
+                Some(one.with(&alone, 0.0))
+            }
+            (Some(all), _) => Some(all.with(&alone, MORE * count as f64)),
+            (None, one) => one,
+        }
+    }
+}
+
+impl Change {
+    /// Among so many looks.
+    fn among(self, looks: f64) -> Self {
+        Self {
+            p: (looks * self.p).min(1.0),
+            ..self
+        }
+    }
+
+    /// With the changes of single runs, if they explain so much more together.
+    fn with(self, alone: &[Self], more: f64) -> Self {
+        let significant = alone.iter().filter(|own| own.p < LEVEL);
+        let each = significant.filter_map(|own| Some((own.run?, own.course)));
+        let each: Vec<(usize, Course)> = each.collect();
+        let total: f64 = alone.iter().map(|own| own.statistic).sum();
+        let is_apart = each.len() > 1 && total > self.statistic + more;
+        Self {
+            each: if is_apart { each } else { Vec::new() },
+            ..self
+        }
     }
 }
 
@@ -130,6 +166,8 @@ struct Test<'i> {
     of: &'i Inference<'i>,
     processes: Vec<Autoregression>,
     courses: Vec<Course>,
+    /// The variance of scores over that of the model.
+    excess: f64,
 }
 
 impl<'i> Test<'i> {
@@ -144,11 +182,65 @@ impl<'i> Test<'i> {
         let length = length.fold(0.0, f64::max);
         let time = |k: usize| MARGIN + (1.0 - 2.0 * MARGIN) * k as f64 / (count - 1) as f64;
         let steps = (0..count).map(|k| Course::Step(length * time(k)));
-        Some(Self {
+        let legs: Vec<DMatrix<f64>> = (0..of.data.runs.len()).map(|j| legs(of, j)).collect();
+        let none: Vec<_> = legs
+            .iter()
+            .map(|own| DMatrix::zeros(own.nrows(), 0))
+            .collect();
+        let effects: Vec<_> = legs
+            .iter()
+            .zip(&none)
+            .map(|(own, none)| [own, none])
+            .collect();
+        let mut test = Self {
             of,
-            processes: of.coloured(),
+            processes: of.coloured_beside(&effects),
             courses: steps.chain([Course::Drift]).collect(),
-        })
+            excess: 1.0,
+        };
+        test.excess = test.excess();
+        Some(test)
+    }
+
+    /// By how much the variance of scores exceeds that of the model of the noise, where a human's noise grows with what is done and
+    /// so with the sensitivities: that of the differences of successive parts of each run, from which a change vanishes but once.
+    fn excess(&self) -> f64 {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (j, run) in self.of.data.runs.iter().enumerate() {
+            let own = &self.of.all.runs[j];
+            let [first, length] = span(run);
+            let part = |t: usize| (PARTS as f64 * (run.time[t] - first) / length) as usize;
+            for k in 1..PARTS {
+                let sign = |t: usize| f64::from(part(t) == k) - f64::from(part(t) + 1 == k);
+                let rows = self.seen(j, |t| sign(t) * own.projected.row(t));
+                let score = rows.tr_mul(&run.residuals);
+                let coloured = self.of.coloured_rows(j, &rows, &self.processes);
+                for (score, column) in score.iter().zip(coloured.column_iter()) {
+                    let variance = column.norm_squared();
+                    if variance > 0.0 {
+                        sum += score * score / variance;
+                        count += 1.0;
+                    }
+                }
+            }
+        }
+        if count > 0.0 {
+            (sum / count).max(1.0)
+        } else {
+            1.0
+        }
+    }
+
+    /// Rows of a run; 0 for the terms of noise levels and for priors.
+    fn seen(&self, j: usize, row: impl Fn(usize) -> RowDVector<f64>) -> DMatrix<f64> {
+        let (run, own) = (&self.of.data.runs[j], &self.of.all.runs[j]);
+        let mut rows = DMatrix::zeros(own.shared.nrows(), own.shared.ncols());
+        let signals = run.signals.iter().enumerate();
+        let signals = signals.filter(|(k, _)| !self.of.data.levels.contains(k));
+        for t in signals.flat_map(|(_, own)| own.clone()) {
+            rows.set_row(t, &row(t));
+        }
+        rows
     }
 
     /// The change that explains most of these scores.
@@ -158,16 +250,27 @@ impl<'i> Test<'i> {
         let blocks: Vec<Block> = (0..self.courses.len()).map(block).collect();
         let rank = blocks.iter().map(|own| own.root.nrows()).max();
         let rank = rank.filter(|rank| *rank > 0 && own.is_finite())?;
+        let left = own.values - rank as f64;
+        if left < (VALUES * rank) as f64 {
+            return None;
+        }
         let statistics = blocks.iter().zip(own.scores.column_iter());
-        let statistics = statistics.map(|(block, score)| block.statistic(&score.into_owned()));
+        let statistics =
+            statistics.map(|(block, score)| block.statistic(&score.into_owned()) / self.excess);
         let (best, most) = (statistics.enumerate()).max_by(|a, b| a.1.total_cmp(&b.1))?;
         let (parameter, values) = self.largest(own, best)?;
         Some(Change {
             run,
             course: self.courses[best],
+            each: Vec::new(),
+            statistic: most,
             parameter,
             values,
-            p: probability(most, rank, &largest_draws(&own.covariance, &blocks, d)?),
+            p: probability(
+                most,
+                (rank, left),
+                &largest_draws(&own.covariance, &blocks, d)?,
+            ),
         })
     }
 
@@ -175,15 +278,9 @@ impl<'i> Test<'i> {
     fn effect(&self, j: usize, course: Course) -> DMatrix<f64> {
         let (run, own) = (&self.of.data.runs[j], &self.of.all.runs[j]);
         let [first, length] = span(run);
-        let mut effect = DMatrix::zeros(own.shared.nrows(), own.shared.ncols());
-        let signals = run.signals.iter().enumerate();
-        for (_, rows) in signals.filter(|(k, _)| !self.of.data.levels.contains(k)) {
-            for t in rows.clone() {
-                let part = course.at(run.time[t] - first, length);
-                effect.set_row(t, &(part * own.shared.row(t)));
-            }
-        }
-        effect
+        self.seen(j, |t| {
+            course.at(run.time[t] - first, length) * own.shared.row(t)
+        })
     }
 
     fn scores(&self, j: usize) -> Scores {
@@ -200,9 +297,7 @@ impl<'i> Test<'i> {
             let inside = constant * constant.tr_mul(&rows);
             rows -= inside;
         }
-        let sizes = sizes(self.of, j);
-        let sized = DMatrix::from_fn(rows.nrows(), rows.ncols(), |t, k| sizes[t] * rows[(t, k)]);
-        let coloured = self.of.coloured_rows(j, &sized, &self.processes);
+        let coloured = self.of.coloured_rows(j, &rows, &self.processes);
         let scores = rows.tr_mul(&run.residuals);
         let square = |k: usize| {
             let rows = rows.columns(k * d, d);
@@ -214,6 +309,7 @@ impl<'i> Test<'i> {
             squares: (0..self.courses.len()).map(square).collect(),
             information: own.information(),
             moved,
+            values: independent(self.of, j, &legs(self.of, j)),
         }
     }
 
@@ -258,101 +354,38 @@ fn span(run: &Run) -> [f64; 2] {
     [first, (last - first).max(f64::MIN_POSITIVE)]
 }
 
-/// The size of a run's residuals around each row, relative to that of all runs: the noise of a human grows with the activity.
-fn sizes(of: &Inference<'_>, j: usize) -> DVector<f64> {
-    let run = &of.data.runs[j];
-    let mut sizes = DVector::from_element(run.residuals.len(), 1.0);
-    for (k, rows) in run.signals.iter().enumerate() {
-        let all = of.data.runs.iter().map(|run| {
-            let own = run.signals[k].clone();
-            (own.len(), run.residuals.rows_range(own).norm_squared())
-        });
-        let (count, squares) = all.fold((0, 0.0), |sum, own| (sum.0 + own.0, sum.1 + own.1));
-        let mean = squares / count.max(1) as f64;
-        let half = rows.len() / PARTS;
-        if mean <= 0.0 || half == 0 {
-            continue;
-        }
-        for t in rows.clone() {
-            let near = t.saturating_sub(half).max(rows.start)..(t + half + 1).min(rows.end);
-            let own = run.residuals.rows_range(near.clone()).norm_squared() / near.len() as f64;
-            sizes[t] = (own / mean).sqrt();
-        }
-    }
-    sizes
-}
-
-/// Scales with which a covariance has a unit diagonal.
-fn unit(covariance: &DMatrix<f64>) -> DVector<f64> {
-    let root = |own: f64| if own > 0.0 { 1.0 / own.sqrt() } else { 0.0 };
-    covariance.diagonal().map(root)
-}
-
-fn scaled(covariance: &DMatrix<f64>, scale: &DVector<f64>) -> DMatrix<f64> {
-    let n = scale.len();
-    DMatrix::from_fn(n, n, |i, j| scale[i] * covariance[(i, j)] * scale[j])
-}
-
-/// The inverse square root of a covariance in the directions that have a score.
-struct Block {
-    root: DMatrix<f64>,
-}
-
-impl Block {
-    fn new(covariance: &DMatrix<f64>) -> Self {
-        let scale = unit(covariance);
-        let eigen = SymmetricEigen::new(scaled(covariance, &scale));
-        let known = (0..scale.len()).filter(|k| eigen.eigenvalues[*k] > OPEN);
-        let row = |k: usize| {
-            let own = eigen.eigenvectors.column(k).component_mul(&scale);
-            (own / eigen.eigenvalues[k].sqrt()).transpose()
-        };
-        let rows: Vec<_> = known.map(row).collect();
-        Self {
-            root: match rows.is_empty() {
-                true => DMatrix::zeros(0, scale.len()),
-                false => DMatrix::from_rows(&rows),
-            },
-        }
-    }
-
-    fn statistic(&self, score: &DVector<f64>) -> f64 {
-        (&self.root * score).norm_squared()
-    }
-}
-
-/// The largest statistic of each draw, in increasing order.
-fn largest_draws(covariance: &DMatrix<f64>, blocks: &[Block], d: usize) -> Option<Vec<f64>> {
-    let (n, scale) = (covariance.nrows(), unit(covariance));
-    // Times close to each other have nearly the same score.
-    let widened = scaled(covariance, &scale) + OPEN * 0.01 * DMatrix::identity(n, n);
-    let mut root = widened.cholesky()?.l();
-    for (mut row, scale) in root.row_iter_mut().zip(scale.iter()) {
-        row *= if *scale > 0.0 { 1.0 / scale } else { 0.0 };
-    }
-    let mut random = ChaCha8Rng::seed_from_u64(0);
-    let mut gauss = || -> f64 { StandardNormal.sample(&mut random) };
-    let drawn = root * DMatrix::from_fn(n, DRAWS, |_, _| gauss());
-    let largest = drawn.column_iter().map(|draw| {
-        let own = |(k, block): (usize, &Block)| block.statistic(&draw.rows(k * d, d).into());
-        blocks.iter().enumerate().map(own).fold(0.0, f64::max)
-    });
-    let mut all: Vec<f64> = largest.collect();
-    all.sort_by(f64::total_cmp);
-    Some(all)
-}
-
-/// Probability of a largest statistic beyond this one: beyond the draws it falls like that of as many independent χ² as give their
-/// quantile.
-fn probability(statistic: f64, rank: usize, draws: &[f64]) -> f64 {
-    let at = draws[(TAIL * draws.len() as f64) as usize];
-    if statistic <= at {
-        let below = draws.partition_point(|own| *own < statistic);
-        return 1.0 - below as f64 / draws.len() as f64;
-    }
-    let Ok(law) = ChiSquared::new(rank as f64) else {
-        return f64::NAN;
+/// Orthonormal columns of what a run's own unknowns can follow, and parameters of its own in each of some legs. Beside them the noise
+/// is estimated: beside constant parameters alone a large change would pass for noise, and hide itself.
+fn legs(of: &Inference<'_>, j: usize) -> DMatrix<f64> {
+    let (run, own) = (&of.data.runs[j], &of.all.runs[j]);
+    let [first, length] = span(run);
+    let (n, d) = own.shared.shape();
+    let count = (n / (LEG * d.max(1))).clamp(1, LEGS);
+    let leg = |t: usize| {
+        let part = count as f64 * (run.time[t] - first) / length;
+        (part as usize).min(count - 1)
     };
-    let looks = TAIL.ln() / (-law.sf(at)).ln_1p();
-    -(looks * (-law.sf(statistic)).ln_1p()).exp_m1()
+    let width = own.basis.ncols();
+    let all = DMatrix::from_fn(n, width + count * d, |t, k| match k.checked_sub(width) {
+        None => own.basis[(t, k)],
+        Some(k) if leg(t) == k / d => own.shared[(t, k % d)],
+        Some(_) => 0.0,
+    });
+    basis(&all)
+}
+
+/// Number of independent values of the same variance as a run's residuals: `n/(1 + 2 Σ r²)` with their autocorrelations r (Bartlett,
+/// *On the theoretical specification and sampling properties of autocorrelated time-series*, J. R. Stat. Soc. Suppl. 8, 1946).
+fn independent(of: &Inference<'_>, j: usize, legs: &DMatrix<f64>) -> f64 {
+    let run = &of.data.runs[j];
+    let residuals = &run.residuals - legs * legs.tr_mul(&run.residuals);
+    let signals = run.signals.iter().enumerate();
+    let own = signals.filter(|(k, _)| !of.data.levels.contains(k));
+    let count = own.map(|(_, rows)| {
+        let values = residuals.rows_range(rows.clone());
+        let r = autocorrelation(values.as_slice(), rows.len() / 4);
+        let squares = r.iter().skip(1).map(|r| r * r).sum::<f64>();
+        rows.len() as f64 / (1.0 + 2.0 * squares)
+    });
+    count.sum()
 }

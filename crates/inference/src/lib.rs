@@ -33,7 +33,7 @@
 //! | `spread` | intervals of functions of the parameters |
 //! | [`outliers`] | samples and runs that stand out |
 //! | [`residuals`], [`crossed`] | residual tests, alone and against the inputs |
-//! | [`change`] | whether the parameters are constant along the runs |
+//! | [`change`], `supremum` | whether the parameters are constant along the runs |
 //! | [`choice`], [`homogeneity`] | choice between models; whether groups of data have the same parameters |
 //! | [`spectrum`] | frequency responses of loops driven by sums of sines, without a model |
 //! | [`statistics`] | rms and range of values with gaps |
@@ -63,6 +63,7 @@ pub mod spectrum;
 mod spread;
 pub mod statistics;
 mod stepped;
+mod supremum;
 pub mod timing;
 
 pub use autoregression::Autoregression;

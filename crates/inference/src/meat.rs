@@ -27,20 +27,31 @@ impl Inference<'_> {
     /// An autoregressive process for each signal, in standard deviations times the square root of the weight, as
     /// residuals are.
     pub fn coloured(&self) -> Processes {
+        let all: Vec<_> = self
+            .all
+            .runs
+            .iter()
+            .map(|own| [&own.basis, &own.shared])
+            .collect();
+        self.coloured_beside(&all)
+    }
+
+    /// The same beside other effects of each run's own unknowns and of shared ones.
+    pub(crate) fn coloured_beside(&self, effects: &[[&DMatrix<f64>; 2]]) -> Processes {
         let of_signal = |k: usize| {
-            let runs = self.data.runs.iter().zip(&self.all.runs);
-            let segments = runs.filter_map(|(run, own)| {
+            let runs = self.data.runs.iter().zip(effects);
+            let segments = runs.filter_map(|(run, [own, shared])| {
                 let range = run.signals[k].clone();
                 let part = |matrix: &DMatrix<f64>| part_of(matrix, &range);
                 let residuals =
                     DMatrix::from_columns(&[run.residuals.rows(range.start, range.len())]);
-                let columns = [part(&own.basis), part(&own.shared), residuals];
+                let columns = [part(own), part(shared), residuals];
                 let columns: Vec<DVector<f64>> = columns
                     .iter()
                     .flat_map(|all| all.column_iter().map(|own| own.into_owned()))
                     .collect();
                 (!range.is_empty()).then(|| Segment {
-                    own: own.basis.ncols(),
+                    own: own.ncols(),
                     time: run.time[range].to_vec(),
                     rows: DMatrix::from_columns(&columns),
                 })

@@ -105,6 +105,12 @@ pub enum Fault {
         name: String,
         role: &'static str,
     },
+    #[error("{what} follows from parameters, numbers and `time`; `{name}` is {role}")]
+    NotOfTime {
+        what: &'static str,
+        name: String,
+        role: &'static str,
+    },
 
     // Delays and tables.
     #[error("the order of a delay is a whole number from 1 to {limit}; found `{found}`")]

@@ -111,7 +111,7 @@ impl Expressions {
                 }
             }
         }
-        let scope = Scope::of(file).map_err(reworded)?;
+        let scope = Scope::of(file).map_err(|error| reworded(error, false))?;
         for (k, (local, constant)) in file.locals.iter().zip(&self.constants).enumerate() {
             if let (Some(what), Some(formula)) = (constant, &local.value) {
                 let over_time: &[bool] = if self.over_time[k] {
@@ -120,7 +120,7 @@ impl Expressions {
                     &[]
                 };
                 let checked = scope.check_constant_but(what, formula, None, over_time);
-                checked.map_err(reworded)?;
+                checked.map_err(|error| reworded(error, self.over_time[k]))?;
             }
         }
         let tables = Tables::default();
@@ -134,7 +134,7 @@ impl Expressions {
 }
 
 /// Rewords mistakes for files without a model: all signals are inputs here, and there are no states.
-fn reworded(error: ModelFileError) -> ModelFileError {
+fn reworded(error: ModelFileError, may_take_time: bool) -> ModelFileError {
     let ModelFileError::At {
         file,
         position,
@@ -145,15 +145,17 @@ fn reworded(error: ModelFileError) -> ModelFileError {
     };
     let fault = match *fault {
         Fault::Circle(names) => Fault::TiedCircle(names),
-        Fault::NotConstant { what, name, role } => Fault::NotConstant {
-            what,
-            name,
-            role: match role {
+        Fault::NotConstant { what, name, role } => {
+            let role = match role {
                 "an input" => "a signal, which changes in time",
                 "a local" => "tied to the time",
                 other => other,
-            },
-        },
+            };
+            match may_take_time {
+                true => Fault::NotOfTime { what, name, role },
+                false => Fault::NotConstant { what, name, role },
+            }
+        }
         other => other,
     };
     ModelFileError::At {

@@ -35,12 +35,14 @@ pub(super) fn are_apart(posed: &Posed<'_>, a: &Solved, b: &Solved) -> bool {
 }
 
 /// The converged starts at other optima than that of start `best`, of which the data do not tell which is right; one for each
-/// optimum. The data are those of the result.
+/// optimum. The data are those of the result. `objective` is that of a simulation with other parameters, if it can be had: where
+/// it does not rise between two, they lie in one valley.
 pub(super) fn others(
     posed: &Posed<'_>,
     (fit, best): (&Fit, usize),
     thetas: &[Option<Vec<f64>>],
     data: &Data,
+    objective: &dyn Fn(&[f64]) -> Option<f64>,
 ) -> Vec<usize> {
     let Some(here) = &thetas[best] else {
         return Vec::new();
@@ -57,17 +59,23 @@ pub(super) fn others(
     let near = (REGION * noise).max(fit.resolution);
     let is_as_good =
         |own: &StartEnd| own.status == Status::Converged && (own.objective - least).abs() <= near;
+    let rises = |own: &[f64]| {
+        let middle: Vec<f64> = own
+            .iter()
+            .zip(here)
+            .map(|(a, b)| f64::midpoint(*a, *b))
+            .collect();
+        let pair = objective(&middle).zip(fit.simulated_objective);
+        pair.is_none_or(|(between, here)| between - here > near)
+    };
     let mut found: Vec<usize> = Vec::new();
     for (k, own) in thetas.iter().enumerate() {
         let Some(own) = own.as_ref().filter(|_| is_as_good(&fit.starts[k])) else {
             continue;
         };
         let known = found.iter().filter_map(|k| thetas[*k].as_ref());
-        if [here]
-            .into_iter()
-            .chain(known)
-            .all(|other| differ(other, own, &sd))
-        {
+        let mut others = [here].into_iter().chain(known);
+        if others.all(|other| differ(other, own, &sd)) && rises(own) {
             found.push(k);
         }
     }

@@ -36,6 +36,18 @@ pub(super) fn simulated(
     })
 }
 
+/// The objective of a simulation from the initial states of a solution with other shared parameters. None if it fails.
+pub(super) fn with(
+    posed: &Posed<'_>,
+    solved: &Solved,
+    theta: &[f64],
+    watch: &Watch<'_, '_>,
+) -> Option<f64> {
+    let at = (&solved.problem, &solved.solution.iterate.z[..]);
+    let found = simulation(posed, at, theta, &|| watch.is_over())?;
+    Some(objective(posed, &found)).filter(|own| own.is_finite())
+}
+
 /// Simulates the runs with these parameters from the initial states in these variables. Returns a nonlinear program
 /// with the samples as mesh, and its variables. None if a simulation fails.
 pub(super) fn simulation(

@@ -161,7 +161,8 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         if let Ok(own) = known {
             let inference = Inference::new(&own.data).ok();
             found.change = inference.and_then(|own| changed(posed, &found, &last.theta(), &own));
-            found.others = apart::others(posed, (&found, best), &thetas, &own.data);
+            let other = |theta: &[f64]| check::with(posed, &last, theta, &watch);
+            found.others = apart::others(posed, (&found, best), &thetas, &own.data, &other);
         }
         found.uncertainty = known.and_then(|own| {
             let looped = looped.as_ref();

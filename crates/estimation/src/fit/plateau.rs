@@ -1,8 +1,7 @@
 //! Parameters without effect at an optimum, as a limit on the rate where nothing moves so fast: no search leaves such a plateau, and
 //! the optimum may lie beyond it. Other values across the range are simulated, and the best of those that have an effect is solved.
 
-use super::check::free_run;
-use super::evaluate::objective;
+use super::check;
 use super::race::has_converged;
 use super::solve::solve;
 use super::watch::Watch;
@@ -71,20 +70,13 @@ fn tried(
     number: usize,
     watch: &Watch<'_, '_>,
 ) -> Option<Solved> {
-    let (problem, z) = (&solved.problem, &solved.solution.iterate.z);
-    let (theta, initial) = (solved.theta(), solved.initial());
-    let magnitudes = |j: usize| problem.magnitudes(z, j);
+    let theta = solved.theta();
     let with = |value: f64| {
         let mut theta = theta.clone();
         theta[k] = value;
         theta
     };
-    let simulated = |value: f64| {
-        let at = free_run(posed, &with(value), (&initial, &magnitudes), &|| {
-            watch.is_over()
-        })?;
-        Some(objective(posed, &at)).filter(|own| own.is_finite())
-    };
+    let simulated = |value: f64| check::with(posed, solved, &with(value), watch);
     let here = simulated(theta[k])?;
     let known = values(unknown).filter_map(|value| Some((value, simulated(value)?)));
     let has_effect = |own: &(f64, f64)| (own.1 - here).abs() > EFFECT * here.abs();
@@ -94,7 +86,7 @@ fn tried(
     let point = Point {
         theta: &with(best.0),
         runs: (0..posed.runs.len()).collect(),
-        initial,
+        initial: solved.initial(),
         follows: false,
         is_fitted: true,
         is_raised: false,

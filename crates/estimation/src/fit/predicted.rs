@@ -78,7 +78,7 @@ pub(super) fn predicted(
             .iter()
             .map(|own| Some(own.unknowns()[..posed.shared].to_vec()));
         let thetas: Vec<Option<Vec<f64>>> = thetas.collect();
-        found.others = apart::others(posed, (&found, 0), &thetas, &linear.data);
+        found.others = apart::others(posed, (&found, 0), &thetas, &linear.data, &|_| None);
         found.uncertainty = uncertainty(
             posed,
             (&last, &found, &linear),

@@ -6,6 +6,7 @@ use crate::problem::file::Mesh;
 use crate::result::Beside;
 use crate::result::diagnostic::Diagnostic;
 use crate::result::explained::little_explained;
+use crate::result::other::Other;
 use crate::result::outliers::{
     of_copies, of_ends, of_frozen, of_repeats, of_runs, of_samples, of_times, still,
 };
@@ -98,7 +99,8 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     all.extend(undetermined(solved, fit));
     // A stick at its stops is not linear, and its describing function differs.
     // Nor is a pilot with kinks: a dead zone, a rate limit.
-    if fit.saturated.is_empty() && !posed.has_kinks_in(PILOT) {
+    // Neither is one that changes.
+    if fit.saturated.is_empty() && !posed.has_kinks_in(PILOT) && !is_varying(posed) {
         all.extend(fit.describing.contradicted().map(Diagnostic::Contradicted));
     }
     all.extend(of_inputs(fit));
@@ -131,7 +133,7 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     all.extend(flown::mixed(heads).into_iter().map(Diagnostic::Mixed));
     all.extend(of_lower(fit));
     all.extend(of_starts(fit));
-    all.extend(of_others(fit));
+    all.extend(Other::of(fit).map(Diagnostic::OtherOptimum));
     for (instance, part) in &posed.joint.parts {
         let notes = part.fmu.iter().flat_map(|fmu| fmu.notes.iter().cloned());
         let instance = instance.clone();
@@ -165,6 +167,18 @@ fn undetermined(solved: &Solved, fit: &Fit) -> Option<Diagnostic> {
     let names: Vec<String> = names.map(|(own, _)| format!("`{}`", own.name)).collect();
     (curvature.is_some() || !names.is_empty())
         .then_some(Diagnostic::Undetermined { names, curvature })
+}
+
+/// Whether a parameter is tied to the time, or changes in a run.
+fn is_varying(posed: &Posed<'_>) -> bool {
+    let depends = posed
+        .model
+        .system
+        .graph
+        .dependants(|variable| variable == 0);
+    let mut tied = posed.quantities.tied.iter();
+    tied.any(|(_, node)| depends[node.index()])
+        || posed.data.iter().any(|run| run.changes().next().is_some())
 }
 
 /// Inputs that are driven along lines by columns that jump.
@@ -298,32 +312,6 @@ fn of_lower(fit: &Fit) -> Option<Diagnostic> {
 fn of_starts(fit: &Fit) -> Option<Diagnostic> {
     let starts = fit.starts.len();
     (fit.agreeing() == 1 && starts > 2).then_some(Diagnostic::Alone(starts))
-}
-
-/// Another optimum, with the parameters that are others there and that the data determine here.
-fn of_others(fit: &Fit) -> Option<Diagnostic> {
-    let first = &fit.starts[*fit.others.first()?];
-    let known = fit.uncertainty.as_ref().ok();
-    let is_known = |k: usize| {
-        known.is_none_or(|own| own.intervals[k].iter().all(|own| own.class != Class::Flat))
-    };
-    let here = fit
-        .parameters
-        .iter()
-        .enumerate()
-        .filter(|(k, _)| is_known(*k));
-    let here: Vec<(String, f64)> = here.flat_map(|(_, own)| own.named()).collect();
-    let beside = |(name, there): &(String, f64)| {
-        let (_, here) = here.iter().find(|(own, _)| own == name)?;
-        Some((name.clone(), *there, *here))
-    };
-    let values = first.parameters.iter().filter_map(beside);
-    let differ = |(_, there, here): &(String, f64, f64)| (there - here).abs() > 0.01 * here.abs();
-    Some(Diagnostic::OtherOptimum {
-        objective: first.objective,
-        values: values.filter(differ).collect(),
-        count: fit.others.len(),
-    })
 }
 
 fn of_mesh(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {

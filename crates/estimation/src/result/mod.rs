@@ -12,6 +12,7 @@ pub(crate) mod explained;
 pub mod left_over;
 pub mod loops;
 mod opened;
+pub(crate) mod other;
 pub(crate) mod outliers;
 pub mod paths;
 mod recordings;

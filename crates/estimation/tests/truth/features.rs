@@ -141,6 +141,70 @@ fn values_of_runs_and_changes() {
     near(value(&found, "light", 0), 0.6, 1e-6);
 }
 
+/// `x = exp(-∫a dt)` of a rate that goes along a sigmoid, and of one that is linear between knots, of which one is sought.
+#[test]
+fn parameters_tied_to_the_time() {
+    let time = times(61, 0.1);
+    let (p, q, g, m) = (0.2, 0.9, 4.0, 2.5);
+    let sigmoid = map(&time, |t| {
+        let grown = |t: f64| (g * (t - m)).exp().ln_1p();
+        (-(p * t + (q - p) / g * (grown(t) - grown(0.0)))).exp()
+    });
+    let knots = map(&time, |t| {
+        let [before, after] = [t.min(m), (t - m).clamp(0.0, 1.5)];
+        let late = (t - m - 1.5).max(0.0);
+        let ramp = p * after + 0.5 * (q - p) / 1.5 * after * after;
+        (-(p * before + ramp + q * late)).exp()
+    });
+    let own = "[parameters]\np = { start = 0.3 }\nq = { start = 0.7 }\nlate = { start = 2, min = 0, max = 6, unit = \"s\" }\n";
+    let of = |data: &[f64], value: &str, also: &str| {
+        let tied = format!("{own}{also}\"m.a\" = {{ value = \"{value}\" }}\n");
+        fit(
+            &folder(&time, &[&[("y", data)]]),
+            &[&system("relax"), X, &tied, RUN, FINE],
+        )
+    };
+    let found = of(
+        &sigmoid,
+        "p + (q - p) / (1 + exp(-g * (time - late)))",
+        "g = { start = 2, min = 0.1, max = 20, unit = \"1/s\" }\n",
+    );
+    for (name, truth) in [("p", p), ("q", q), ("g", g), ("late", m)] {
+        near(value(&found, name, 0), truth, 1e-5);
+    }
+    // What is tied is told as it begins.
+    near(
+        value(&found, "m.a", 0),
+        p + (q - p) / (1.0 + (g * m).exp()),
+        1e-5,
+    );
+    let found = of(&knots, "p + (q - p) * sat((time - late) / 1.5, 0, 1)", "");
+    for (name, truth) in [("p", p), ("q", q), ("late", m)] {
+        near(value(&found, name, 0), truth, 1e-4);
+    }
+}
+
+#[test]
+fn what_is_constant_cannot_be_tied_to_the_time() {
+    let tied = "[parameters]\np = { start = 0.3 }\n\"m.a\" = { value = \"p + 0.1 * time\" }\n";
+    for (also, expected) in [
+        (
+            "[derived]\ntwice = \"2 * m.a\"\n",
+            "`m.a` is tied to the time",
+        ),
+        (
+            "[initial]\n\"m.x\" = \"m.a\"\n",
+            "`m.a` is tied to the time",
+        ),
+    ] {
+        let text = [&system("relax"), X, tied, also, RUN].concat();
+        let time = times(5, 0.1);
+        let folder = folder(&time, &[&[("y", &time)]]);
+        let error = folder.refused(&text);
+        assert!(error.contains(expected), "{also}: {error}");
+    }
+}
+
 #[test]
 fn initial_states() {
     // ẋ = u - a x with u = 1 + t: x = u/a - 1/a² + c e^(-a t).

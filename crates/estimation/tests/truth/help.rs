@@ -36,6 +36,13 @@ impl Folder {
         fs::write(self.0.path().join(file), text).expect("it is written");
     }
 
+    /// Why a text says no problem.
+    pub fn refused(&self, text: &str) -> String {
+        let file = ProblemFile::parse(text, &self.0.path().join("problem.toml"));
+        let posed = file.and_then(|file| Posed::new(&file, &part::open).map(|_| ()));
+        posed.expect_err("no problem").to_string()
+    }
+
     /// Fits the problem that a text says.
     pub fn fit(&self, text: &str) -> Fit {
         let file = ProblemFile::parse(text, &self.0.path().join("problem.toml"));

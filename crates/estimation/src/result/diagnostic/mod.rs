@@ -16,6 +16,7 @@ use crate::result::events::Event;
 use crate::result::explained::Nothing;
 use crate::result::through::Contradicting;
 use pilotage_inference::sampling::SHORT;
+use crate::result::other::Other;
 use pilotage_inference::spectrum::{Contradiction, Starved};
 use pilotage_sqp::Status;
 
@@ -143,14 +144,7 @@ pub enum Diagnostic {
         objective: f64,
     },
     /// Other parameters give an objective of which the data do not tell which is better.
-    OtherOptimum {
-        /// Its objective.
-        objective: f64,
-        /// The parameters that differ: name, value there, value here.
-        values: Vec<(String, f64, f64)>,
-        /// Number of such optima, of which this is the first.
-        count: usize,
-    },
+    OtherOptimum(Other),
     /// The last refinement of the mesh still changed the parameters, by this fraction of their size.
     MeshMoves(f64),
     /// Only one of this many starts led to the result.
@@ -375,7 +369,7 @@ impl Diagnostic {
             Self::Simulated { .. } => "simulation",
             Self::Cut { .. } => "cut",
             Self::LowerStart { .. } => "lower-start",
-            Self::OtherOptimum { .. } => "other-optimum",
+            Self::OtherOptimum(_) => "other-optimum",
             Self::Alone(_) => "alone",
             Self::PoorFit { .. } => "poor-fit",
             Self::NothingExplained(_) => "nothing-explained",

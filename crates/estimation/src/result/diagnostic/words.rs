@@ -329,11 +329,7 @@ impl fmt::Display for Diagnostic {
                 "of {starts} starts one alone led to this optimum: there may be better ones; raise `starts` (--random-starts)"
             ),
             Self::Changes(change) => change.fmt(f),
-            Self::OtherOptimum {
-                objective,
-                values,
-                count,
-            } => write!(f, "{}", other(*objective, values, *count)),
+            Self::OtherOptimum(other) => other.fmt(f),
             Self::Mixed(words) => write!(f, "{words}"),
             Self::Stepped { input, column } => write!(
                 f,
@@ -380,25 +376,6 @@ impl fmt::Display for Diagnostic {
             Self::Description { instance, note } => write!(f, "the FMU of `{instance}`: {note}"),
         }
     }
-}
-
-/// Another optimum beside the one found.
-fn other(objective: f64, values: &[(String, f64, f64)], count: usize) -> String {
-    let pairs = values.iter();
-    let pairs: Vec<String> = pairs
-        .map(|(name, there, here)| {
-            format!("`{name}` {} (here {})", short(*there, 4), short(*here, 4))
-        })
-        .collect();
-    let more = match count {
-        1 => String::new(),
-        more => format!(", and there are {} more", more - 1),
-    };
-    format!(
-        "another optimum fits as well (objective {objective:.6e}): {}{more}; intervals are those of the one found alone: give an \
-         order or a range that excludes the others ([[constraint]] with at = \"parameters\", `max`), a prior, or fix one",
-        pairs.join(", ")
-    )
 }
 
 /// A unit after a number.

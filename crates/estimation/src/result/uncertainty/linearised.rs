@@ -36,6 +36,7 @@ pub(crate) fn linearised(
             time: &problem.runs[j].time,
             outputs: &outputs[j],
             sensitivity: own,
+            factor: posed.factor,
         };
         let mut rows = Rows::default();
         let of_signals = terms.iter().flat_map(|terms| place.add(*terms, &mut rows));
@@ -78,7 +79,7 @@ pub(super) fn residuals(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> 
             let rows = values(
                 &problem.runs[j].measured[term],
                 &outputs[j][term],
-                noises[term],
+                (noises[term], posed.factor),
             );
             let rows: Vec<Row> = rows.map(|(_, row)| row).collect();
             all.extend(rows.iter().map(|row| row.location));
@@ -140,13 +141,15 @@ fn terms(posed: &Posed<'_>) -> Vec<Terms> {
     signals.collect()
 }
 
-/// The samples at which a term has a value, and its row there.
+/// The samples at which a term has a value, and its row there. Weights of a nonlinear program contain the factor of its
+/// objective.
 fn values<'a>(
     own: &'a Recording,
     outputs: &'a [f64],
-    noise: Noise,
+    (noise, factor): (Noise, f64),
 ) -> impl Iterator<Item = (usize, Row)> + 'a {
-    there(own, outputs).map(move |(k, z)| (k, Row::new(noise, z, own.weight)))
+    let weight = own.weight / factor;
+    there(own, outputs).map(move |(k, z)| (k, Row::new(noise, z, weight)))
 }
 
 /// The samples at which a term has a value, and its residual.
@@ -173,7 +176,7 @@ fn noises(
         let runs = runs.iter().zip(outputs);
         let residuals = runs.flat_map(|(run, outputs)| {
             let own = &run.measured[term];
-            there(own, &outputs[term]).map(|(_, z)| (z, own.weight))
+            there(own, &outputs[term]).map(|(_, z)| (z, own.weight / posed.factor))
         });
         match posed.runs[0].measured[term].loss {
             Loss::Square | Loss::Linear => Noise::Normal,
@@ -211,6 +214,7 @@ struct Place<'a> {
     time: &'a [f64],
     outputs: &'a [Vec<f64>],
     sensitivity: &'a Sensitivity,
+    factor: f64,
 }
 
 /// Derivatives with respect to `[θ; own unknowns]`, and residuals.
@@ -226,7 +230,7 @@ impl Place<'_> {
         values(
             &self.recordings[term],
             &self.outputs[term],
-            self.noises[term],
+            (self.noises[term], self.factor),
         )
         .collect()
     }
