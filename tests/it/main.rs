@@ -69,6 +69,7 @@ mod strangers;
 mod system_examples;
 mod systems;
 mod threads;
+mod time_conditions;
 mod times;
 mod tools;
 mod trials;

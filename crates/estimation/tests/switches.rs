@@ -208,3 +208,35 @@ fn a_pulse_between_samples_is_evaluated_and_fitted() {
         }
     }
 }
+
+/// With noise in the loop that is almost none, predictions are those of the solution.
+#[test]
+fn a_filter_meets_a_pulse_between_samples() {
+    let of = |t: f64| solution([0.25, 50.0, 61.23, 0.02], t);
+    let rows = (0..11).map(|n| format!("{},{}\n", 10 * n, of(10.0 * f64::from(n))));
+    let run = ["time [s],x\n".to_owned() + &rows.collect::<String>()];
+    let rest = "[parameters]\nq = { start = 1e-12, min = 1e-14 }\n[process_noise]\n\"m.x\" = { density = \"q\" }\n\
+                [fit]\nobjective = \"prediction-error\"\n";
+    let model = (
+        "if(time > begin, if(time < begin + 0.02, 50, 0), 0)",
+        "begin = 61.23",
+    );
+    let found = posed(model, rest, &run, evaluate);
+    for residual in found.runs[0].recorded[0]
+        .iter()
+        .zip(&found.runs[0].predicted[0])
+    {
+        let (recorded, predicted) = residual;
+        assert!(
+            recorded.is_nan() || (recorded - predicted).abs() < 1e-6,
+            "{residual:?}"
+        );
+    }
+    // Each sample has its logarithm, and no residual.
+    let logarithms = 11.0 * 1e-4_f64.ln();
+    assert!(
+        (found.objective - logarithms).abs() < 0.1,
+        "{}",
+        found.objective
+    );
+}

@@ -72,11 +72,11 @@ impl Solver {
     }
 
     /// To be called after [`Self::restart`]: forgets all that is known of the stiffness, and begins with the implicit method or
-    /// the explicit one. Equal calls from here on give equal bits.
-    pub fn begin_with(&mut self, is_implicit: bool) {
+    /// the explicit one, which stays until this many steps have looked stiff. Equal calls from here on give equal bits.
+    pub fn begin_with(&mut self, is_implicit: bool, patience: u32) {
         let n = self.state().len();
         self.scheme.implicit = is_implicit.then(|| Radau::new(n));
-        self.scheme.explicit.forget();
+        self.scheme.explicit.forget(patience);
         self.scheme.is_stiff = false;
     }
 

@@ -73,7 +73,12 @@ pub struct DormandPrince {
     /// Number of recent steps that looked stiff, and number of steps since then that did not.
     stiff: u32,
     relaxed: u32,
+    /// Number of steps that must have looked stiff for the problem to count as such.
+    patience: u32,
 }
+
+/// As in the code DOPRI5 of Hairer & Wanner.
+const PATIENCE: u32 = 15;
 
 impl DormandPrince {
     /// The method for `n` states.
@@ -82,12 +87,14 @@ impl DormandPrince {
             inner: std::array::from_fn(|_| vec![0.0; n]),
             stiff: 0,
             relaxed: 0,
+            patience: PATIENCE,
         }
     }
 
-    /// Forgets which steps looked stiff.
-    pub(super) fn forget(&mut self) {
+    /// Forgets which steps looked stiff. This many must do so before the problem counts as stiff, and 15 at least.
+    pub(super) fn forget(&mut self, patience: u32) {
         (self.stiff, self.relaxed) = (0, 0);
+        self.patience = patience.max(PATIENCE);
     }
 
     /// The slopes of all stages.
@@ -172,7 +179,7 @@ impl DormandPrince {
                 self.stiff = 0;
             }
         }
-        self.stiff >= 15
+        self.stiff >= self.patience
     }
 }
 

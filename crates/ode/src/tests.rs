@@ -264,3 +264,41 @@ fn work_of_the_explicit_method() {
     let counts = (work.steps, work.rejections, work.evaluations);
     insta::assert_snapshot!(format!("{counts:?}"), @"(330, 27, 2144)");
 }
+
+/// A solution that begins with a method forgets what was before: it has the bits of a new one.
+#[test]
+fn a_method_to_begin_with_forgets_the_past() {
+    let mut problem = Problem {
+        f: van_der_pol(1e3),
+        z: no_events,
+    };
+    let mut advance = |solver: &mut Solver, is_implicit: bool, patience: u32| {
+        solver.restart(0.0, &[2.0, 0.0], true);
+        solver.begin_with(is_implicit, patience);
+        solver.try_first(1.0);
+        while solver.time() < 1.0 {
+            solver.advance(&mut problem, 1.0).unwrap();
+        }
+        (solver.is_implicit(), solver.state().to_vec())
+    };
+    let made = || solver(&[2.0, 0.0], 0, 1e-6, Method::Automatic);
+    let mut used = made();
+    for (is_implicit, patience) in [
+        (false, 15),
+        (true, 15),
+        (false, 15),
+        (false, 100_000),
+        (true, 0),
+    ] {
+        let fresh = advance(&mut made(), is_implicit, patience);
+        assert_eq!(advance(&mut used, is_implicit, patience), fresh);
+        // It is found to be stiff unless it must have looked so for longer.
+        assert_eq!(fresh.0, patience < 100_000);
+        let rate = used.fastest_rate();
+        // The fast eigenvalue there is 1e3 (1 - x²).
+        assert!(
+            rate.is_none_or(|rate| (2.9e3..6e3).contains(&rate)),
+            "{rate:?}"
+        );
+    }
+}

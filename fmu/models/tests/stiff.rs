@@ -112,3 +112,30 @@ fn conditions_on_time_are_met_in_stiff_models() {
         assert!((states(&own)[0] - (2.0 + u)).abs() < 1e-6, "{h}");
     }
 }
+
+/// Heat in a rod of many cells, in steps that are short for it: matrices of that size would cost more than explicit steps do.
+#[test]
+fn many_states_are_stepped_explicitly_while_that_is_less_work() {
+    const CELLS: usize = 100;
+    let mut text = String::new();
+    for k in 0..CELLS {
+        let [left, right] = [k.checked_sub(1), Some(k + 1).filter(|k| *k < CELLS)]
+            .map(|own| own.map_or("0".to_owned(), |own| format!("t{own}")));
+        text += &format!(
+            "t{k} = {{ start = {}, der = \"100 * ({left} - 2 * t{k} + {right}) - 1e-9 * t{k}^2\" }}\n",
+            (std::f64::consts::PI * (k + 1) as f64 / (CELLS + 1) as f64).sin()
+        );
+    }
+    let mut own = Simulation::new(model(&text));
+    own.step(1.0).expect("a step");
+    assert!(!own.snapshot().is_stiff);
+    // A sine decays by an eigenvalue of the second difference.
+    let rate = 400.0
+        * (std::f64::consts::PI / (2.0 * (CELLS + 1) as f64))
+            .sin()
+            .powi(2);
+    let start = (std::f64::consts::PI * 50.0 / 101.0).sin();
+    assert!((states(&own)[49] - start * (-rate).exp()).abs() < 1e-7);
+    own.step(1000.0).expect("a step");
+    assert!(own.snapshot().is_stiff);
+}

@@ -11,6 +11,7 @@ pub(crate) mod interval;
 pub(crate) mod names;
 pub(crate) mod ranges;
 pub(crate) mod stability;
+mod stops;
 pub(crate) mod switches;
 pub mod unknowns;
 
@@ -270,7 +271,10 @@ impl<'f> Posed<'f> {
         let given = std::mem::take(&mut made.given);
         let switches = match made.noises.is_empty() {
             true => made.replace_conditions(joint.model.states.len(), |input| given[input]),
-            false => None,
+            false => {
+                made.add_stops(|input| given[input]);
+                None
+            }
         };
         let origins = begin_near_zero(&made.system, &mut made.runs);
         let recorded = made.followed.iter();
