@@ -1,8 +1,16 @@
 //! Outliers in a set of runs: samples that differ from their neighbours, and runs with a far worse fit.
 
+mod tail;
+
 use crate::statistics::{range, rms};
 use std::ops::Range;
 
+/// Neighbouring changes in its direction are below this part of a jump: else it is a movement. So are those of outliers that are
+/// more than a few.
+const ALONE: f64 = 0.3;
+/// A jump of residuals keeps this part of its size for as long as this number of samples, in which noise that has a memory forgets.
+const STAYS_AWAY: f64 = 0.5;
+const LONG: usize = 30;
 /// A break exceeds the usual change between neighbouring samples by this factor.
 const BREAK: f64 = 10.0;
 /// Number of samples before and after a break that define the usual change.
@@ -129,6 +137,39 @@ impl Values {
     }
 }
 
+impl Values {
+    /// Whether a change is one from one sample to the next, and no part of a movement.
+    fn is_alone(&self, known: &[usize], at: usize, size: f64) -> bool {
+        let change = |i: usize| self.values[known[i + 1]] - self.values[known[i]];
+        let beside = [
+            at.checked_sub(1),
+            Some(at + 1).filter(|i| i + 1 < known.len()),
+        ];
+        let mut beside = beside.into_iter().flatten().map(change);
+        beside.all(|own| own * size.signum() < ALONE * size.abs())
+    }
+
+    /// Whether samples that break away and return are few, or do so from one sample to the next. Recorded values are not looked
+    /// at: few of them are outliers at all.
+    fn is_sudden(&self, known: &[usize], group: &[(usize, f64)], last: usize, kind: Kind) -> bool {
+        let is_alone = |(at, size): (usize, f64)| self.is_alone(known, at, size);
+        let few = group[last].0 - group[0].0 <= FEW;
+        kind == Kind::Recorded || few || (is_alone(group[0]) && is_alone(group[last]))
+    }
+
+    /// Whether the values stay away after a jump from one sample to the next.
+    fn stays(&self, known: &[usize], at: usize, size: f64) -> bool {
+        let level = |all: Range<usize>| median(all.map(|i| self.values[known[i]]));
+        let before = level((at + 1).saturating_sub(NEARBY)..at + 1);
+        let after = (at + 1 + LONG).min(known.len());
+        let after = level(after - NEARBY.min(after - at - 1)..after);
+        let is_away = before.zip(after).is_some_and(|(before, after)| {
+            (after - before) * size.signum() > STAYS_AWAY * size.abs()
+        });
+        is_away && self.is_alone(known, at, size)
+    }
+}
+
 impl Breaks {
     /// Finds the breaks of these runs. A break is a change between samples that is far beyond the changes nearby and
     /// beyond a part of the spread of all values.
@@ -138,10 +179,13 @@ impl Breaks {
             Kind::Residuals => (LARGE, FEWER),
             Kind::Recorded => (LARGE_RECORDED, FEWER_RECORDED),
         };
-        let least = part * spread(runs);
+        let mut least = part * spread(runs);
+        if kind == Kind::Residuals {
+            least = least.max(tail::end(runs));
+        }
         let usual = noise(runs) * 2.0_f64.sqrt();
         for (run, own) in runs.iter().enumerate() {
-            found.of_run((run, own), (least, usual), fewer);
+            found.of_run((run, own), (least, usual), fewer, kind);
         }
         if kind == Kind::Recorded {
             (found.outliers).retain(|(_, samples)| samples.len() <= FEW_RECORDED);
@@ -152,7 +196,13 @@ impl Breaks {
     /// Adds the breaks of one run. If they are more than one in `fewer` samples, they are motion but for samples that are away
     /// from the same level before and after them. `least` is the smallest break, `usual` the typical change between samples of
     /// all runs.
-    fn of_run(&mut self, (run, own): (usize, &Values), (least, usual): (f64, f64), fewer: usize) {
+    fn of_run(
+        &mut self,
+        (run, own): (usize, &Values),
+        (least, usual): (f64, f64),
+        fewer: usize,
+        kind: Kind,
+    ) {
         let finite = |k: &usize| own.values[*k].is_finite();
         let known: Vec<usize> = (0..own.values.len()).filter(finite).collect();
         let least = least.max(STEPS * own.resolution);
@@ -176,6 +226,7 @@ impl Breaks {
             let group = &breaks[next..];
             let group = &group[..group.partition_point(|(k, _)| *k <= at + soon)];
             match returns(group) {
+                Some(last) if !own.is_sudden(&known, group, last, kind) => next += last + 1,
                 // From the first sample after the break to the last one before the return.
                 Some(last) => {
                     let samples = &known[at + 1..=group[last].0];
@@ -190,6 +241,7 @@ impl Breaks {
                     self.outliers.push((run, known[at + 1..].to_vec()));
                     next += 1;
                 }
+                None if kind == Kind::Residuals && !own.stays(&known, at, size) => next += 1,
                 None => {
                     self.jumps.push((run, known[at + 1], size));
                     next += 1;
@@ -478,250 +530,4 @@ pub fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use rand_chacha::ChaCha8Rng;
-    use rand_chacha::rand_core::SeedableRng;
-    use rand_distr::{Distribution, StandardNormal};
-
-    /// White normal noise of unit standard deviation.
-    fn white(seed: u64, count: usize) -> Values {
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        Values {
-            time: (0..count).map(|k| 0.1 * k as f64).collect(),
-            values: StandardNormal
-                .sample_iter(&mut random)
-                .take(count)
-                .collect(),
-            resolution: 0.0,
-            modelled: Vec::new(),
-        }
-    }
-
-    #[test]
-    fn white_noise_has_no_breaks() {
-        let runs: Vec<Values> = (0..200).map(|seed| white(seed, 300)).collect();
-        assert_eq!(Breaks::of(&runs, Kind::Residuals), Breaks::default());
-    }
-
-    #[test]
-    fn samples_that_come_back_are_outliers_and_others_a_jump() {
-        let mut runs = [white(1, 300), white(2, 300), white(3, 300)];
-        runs[0].values[100] += 30.0;
-        runs[0].values[101] -= 40.0;
-        runs[1].values[299] += 30.0;
-        runs[2].values[200..].iter_mut().for_each(|z| *z += 30.0);
-        let found = Breaks::of(&runs, Kind::Residuals);
-        assert_eq!(found.outliers, [(0, vec![100, 101]), (1, vec![299])]);
-        let (run, sample, size) = found.jump().unwrap();
-        assert_eq!((run, sample), (2, 200));
-        assert!((size - 30.0).abs() < 5.0, "{size}");
-    }
-
-    /// One change is too small for a break, so that the outlier before a larger one has one break alone.
-    #[test]
-    fn an_outlier_with_one_break_does_not_hide_those_after_it() {
-        let mut run = white(1, 300);
-        run.values[98..=102].copy_from_slice(&[0.0, 0.0, -13.0, 9.0, 0.0]);
-        for (k, by) in [(120, 60.0), (160, -50.0), (250, 90.0)] {
-            run.values[k] += by;
-        }
-        let found = Breaks::of(std::slice::from_ref(&run), Kind::Residuals);
-        let samples: Vec<usize> = found.samples().map(|(_, k)| k).collect();
-        assert_eq!(samples, [100, 120, 160, 250]);
-        assert!(found.jumps.is_empty());
-    }
-
-    /// If the model jumps, the recording does not have to follow.
-    #[test]
-    fn a_break_of_the_model_is_not_one_of_the_recording() {
-        let mut run = white(5, 300);
-        run.modelled = (0..300).map(|k| 0.1 * f64::from(k)).collect();
-        for k in 100..300 {
-            run.values[k] -= 30.0;
-        }
-        let found = |run: &Values| Breaks::of(std::slice::from_ref(run), Kind::Residuals);
-        assert_eq!(found(&run).jump().map(|(_, sample, _)| sample), Some(100));
-        run.modelled[100..].iter_mut().for_each(|h| *h += 30.0);
-        assert_eq!(found(&run), Breaks::default());
-    }
-
-    /// A sine of which `kept` samples from the 100th on repeat a value, in steps of `resolution`.
-    fn sine(kept: usize, resolution: f64) -> Vec<f64> {
-        let at = |k: usize| {
-            let k = if (100..100 + kept).contains(&k) {
-                100
-            } else {
-                k
-            };
-            let value = 10.0 * (0.02 * k as f64).sin();
-            (value / resolution).round() * resolution
-        };
-        (0..300).map(at).collect()
-    }
-
-    #[test]
-    fn a_recording_that_stands_still_and_catches_up_is_frozen() {
-        let found = [Frozen {
-            samples: 100..130,
-            next: Some(130),
-            is_end: false,
-        }];
-        assert_eq!(frozen(&sine(30, 1e-6)), found);
-        assert_eq!(frozen(&sine(30, 0.05)), found);
-        // Missing samples within.
-        let mut values = sine(30, 1e-6);
-        values[110] = f64::NAN;
-        assert_eq!(frozen(&values), found);
-        values[130] = f64::NAN;
-        assert_eq!(frozen(&values)[0].next, Some(131));
-        // Noise changes it at each sample.
-        let noise = white(3, 300).values;
-        let noisy = |k: usize| {
-            let own = if (100..130).contains(&k) { 100 } else { k };
-            sine(30, 1e-6)[own] + 0.05 * noise[own]
-        };
-        assert_eq!(frozen(&(0..300).map(noisy).collect::<Vec<_>>()), found);
-    }
-
-    #[test]
-    fn a_recording_that_stands_still_at_an_end_is_frozen() {
-        let moving = sine(0, 1e-6);
-        let dead = |samples: Range<usize>| {
-            let kept = samples.start;
-            let of = |k: usize| if samples.contains(&k) { kept } else { k };
-            frozen(&(0..300).map(|k| moving[of(k)]).collect::<Vec<_>>())
-        };
-        let ends = |samples: Range<usize>, next: Option<usize>| {
-            [Frozen {
-                samples,
-                next,
-                is_end: true,
-            }]
-        };
-        assert_eq!(dead(260..300), ends(260..300, None));
-        assert_eq!(dead(0..40), ends(0..40, Some(40)));
-        assert_eq!(frozen(&[2.0; 300]), ends(0..300, None));
-        // It comes to rest, as no sensor does.
-        let decays = |k: usize| (f64::exp(-0.1 * k as f64) * 1e4).round() / 1e4;
-        assert_eq!(frozen(&(0..300).map(decays).collect::<Vec<_>>()), []);
-    }
-
-    /// A ball on the ground between its flights: the ground is no sensor that stood still.
-    #[test]
-    fn an_end_of_the_range_that_is_reached_again_is_a_stop() {
-        let bounded = |k: usize| (10.0 * (0.05 * k as f64).sin()).max(-6.0);
-        assert_eq!(frozen(&(0..600).map(bounded).collect::<Vec<_>>()), []);
-    }
-
-    /// A position at 2 Hz, recorded at 20 Hz, is no row of outliers.
-    #[test]
-    fn what_a_slow_sensor_repeats_is_not_fresh() {
-        let seldom: Vec<f64> = (0..300).map(|k| sine(0, 1e-6)[k / 10 * 10]).collect();
-        let expected: Vec<bool> = (0..300).map(|k| k % 10 == 0).collect();
-        assert_eq!(fresh(&seldom), expected);
-        // One stretch at rest, and a missing sample.
-        let mut rests = sine(30, 1e-6);
-        rests[7] = f64::NAN;
-        assert_eq!(fresh(&rests), [true; 300]);
-        assert_eq!(fresh(&[]), []);
-    }
-
-    #[test]
-    fn a_slow_sensor_is_told_from_coarse_steps_and_slow_motion() {
-        let held = |rows: usize| -> Vec<f64> {
-            let moving = sine(0, 1e-6);
-            (0..300).map(|k| moving[k / rows * rows]).collect()
-        };
-        assert_eq!(rows_per_value(&held(10)), Some(10));
-        assert_eq!(rows_per_value(&held(4)), Some(4));
-        for others in [
-            held(1),
-            held(2),
-            sine(0, 0.5),
-            sine(0, 0.1),
-            sine(30, 1e-6),
-            vec![1.0; 300],
-        ] {
-            assert_eq!(rows_per_value(&others), None);
-        }
-        assert_eq!(rows_per_value(&[]), None);
-        // With 10 samples of 0.1 s and a slope of 1/s: 0, 0.1 .. 0.9.
-        let time: Vec<f64> = (0..300).map(|k| 0.1 * f64::from(k)).collect();
-        let stairs: Vec<f64> = (0..300).map(|k| f64::from(k / 10)).collect();
-        let error = error_of_repeats(&time, &stairs);
-        assert!((error - 0.285_f64.sqrt()).abs() < 1e-9, "{error}");
-        assert_eq!(error_of_repeats(&[], &[]), 0.0);
-    }
-
-    /// A sine of 200 samples, in steps of 0.001, that is cut at 0.8, and one that is not; a response that comes to rest at an
-    /// end of its range.
-    #[test]
-    fn cut_recordings_are_clipped_and_resting_ones_are_not() {
-        let sine = |limit: f64| -> Vec<f64> {
-            let at = |k: usize| (0.05 * k as f64).sin().clamp(-limit, limit);
-            (0..200)
-                .map(|k| (1000.0 * at(k)).round() / 1000.0)
-                .collect()
-        };
-        let (part, end) = clipped(&sine(0.8), None).unwrap();
-        // asin(0.8) = 0.927: of a half wave, 0.410 is beyond, and of 200 samples 3.2 half waves are there.
-        assert!((0.35..0.45).contains(&part) && end == 0.8, "{part} {end}");
-        assert_eq!(clipped(&sine(1.0), None), None);
-        let resting: Vec<f64> = (0..400)
-            .map(|k| (if k < 200 { k } else { 400 - k }) as f64)
-            .map(|k| ((1.0 - (-0.05 * k).exp()) * 1000.0).round() / 1000.0)
-            .collect();
-        assert_eq!(clipped(&resting, None), None);
-        assert_eq!(clipped(&[], None), None);
-        // In steps of its resolution: only a model tells a stop of the vehicle from the end of what is measured.
-        let ramps = |limit: f64| -> Vec<f64> {
-            let at = |k: usize| f64::min(limit, (k % 120).min(120 - k % 120).min(40) as f64);
-            (0..480).map(at).collect()
-        };
-        let (cut, whole) = (ramps(25.0), ramps(50.0));
-        assert!(clipped(&cut, Some(&whole)).is_some());
-        assert_eq!(clipped(&whole, Some(&whole)), None);
-    }
-
-    #[test]
-    fn what_rests_or_is_recorded_seldom_or_coarsely_is_not_frozen() {
-        assert_eq!(frozen(&sine(0, 1e-6)), []);
-        // Two samples more than usual; in steps of 1 it stays for long at its crests.
-        assert_eq!(frozen(&sine(3, 1e-6)), []);
-        assert_eq!(frozen(&sine(0, 1.0)), []);
-        // Each tenth sample is new.
-        let seldom: Vec<f64> = (0..300).map(|k| sine(0, 1e-6)[k / 10 * 10]).collect();
-        assert_eq!(frozen(&seldom), []);
-        // At rest, then moving: nothing is made up for.
-        let rests: Vec<f64> = (0..300)
-            .map(|k| sine(0, 1e-6)[usize::max(k, 150) - 150])
-            .collect();
-        assert_eq!(frozen(&rests), []);
-        let pauses: Vec<f64> = (0..300)
-            .map(|k| sine(0, 1e-6)[if k < 80 { k } else { usize::max(k, 150) - 70 }])
-            .collect();
-        assert_eq!(frozen(&pauses), []);
-        assert_eq!(frozen(&[1.0; 5]), []);
-        assert_eq!(frozen(&[]), []);
-    }
-
-    /// Changes within the resolution of a recording are not outliers.
-    #[test]
-    fn a_coarse_recording_has_no_outliers() {
-        let mut run = white(4, 300);
-        run.values.iter_mut().for_each(|z| *z = 0.0);
-        run.values[100] = 1.0;
-        let found = |run: &Values| Breaks::of(std::slice::from_ref(run), Kind::Residuals);
-        assert_eq!(found(&run).outliers, [(0, vec![100])]);
-        run.resolution = resolution(&run.values);
-        assert_eq!(found(&run), Breaks::default());
-    }
-
-    #[test]
-    fn a_run_is_a_misfit_in_its_unit_and_by_its_task() {
-        assert_eq!(misfit(&[1.0, 1.2, 7.2, 0.9], &[1.0; 4]), Some((2, 6.0)));
-        assert_eq!(misfit(&[1.0, 1.2, 7.2, 0.9], &[1.0, 1.0, 6.0, 1.0]), None);
-        assert_eq!(misfit(&[1.0, 7.2], &[1.0; 2]), None);
-    }
-}
+mod tests;

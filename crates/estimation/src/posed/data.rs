@@ -130,10 +130,10 @@ impl<'f> RunData<'f> {
             let fault = format!("{file} has no sample after {begin}; a run lasts some time");
             return Err(ProblemError::at(&line.place, fault));
         }
-        let is_out = |(time, _): &(f64, &Change)| *time <= begin || *time >= last;
+        let is_out = |(time, _): &(f64, &Change)| *time < begin || *time >= last;
         if let Some((time, change)) = self.changes().find(is_out) {
             let fault = format!(
-                "a change at {} is not within {file}, from {} to {}",
+                "a change at {} is not within {file}, from {} to before {}",
                 shown(time),
                 shown(begin),
                 shown(last)

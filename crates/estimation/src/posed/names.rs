@@ -53,8 +53,10 @@ pub enum Of {
     Constraint(usize),
     /// A derived quantity.
     Derived(String),
-    /// A value set by a run: the parameter and the expression as written.
+    /// A value set by a run: the parameter or the state, and the expression as written.
     Set(String, String),
+    /// What a run adds to a state: the state and the expression as written.
+    Added(String, String),
 }
 
 impl Named {
@@ -242,6 +244,20 @@ fn add_all(
     for run in &file.runs {
         for set in run.sets() {
             let name = &set.name.value;
+            let is_begin = run.set.iter().any(|own| std::ptr::eq(own, set));
+            if joint.model.states.contains(name) && is_begin {
+                let line = file.initial_line(name).map(|line| &file.initial[line].1);
+                if let Some(Initial::Steady) = line {
+                    let fault = format!(
+                        "`{name}` begins steady in all runs; write it as \"free\" to set it in some"
+                    );
+                    return Err(ProblemError::maybe_at(set.name.place.as_ref(), fault));
+                }
+                let what = Some("an initial state");
+                let unit = joint.unit(name);
+                builder.add(file, Of::set(name, &set.value), unit, &set.value, what)?;
+                continue;
+            }
             if !parameters.names.contains(name) {
                 return Err(no_parameter(&set.name, file, joint, &parameters.names));
             }
@@ -261,6 +277,18 @@ fn add_all(
                 &set.value,
                 Some("a value of a run"),
             )?;
+        }
+        for add in run.added() {
+            let name = &add.name.value;
+            if !joint.model.states.contains(name) {
+                let fault = match parameters.names.contains(name) {
+                    true => format!("`{name}` is no state; `set` changes it"),
+                    false => unknown("state", name, &joint.model.states),
+                };
+                return Err(ProblemError::maybe_at(add.name.place.as_ref(), fault));
+            }
+            let (of, unit) = (Of::added(name, &add.value), joint.unit(name));
+            builder.add(file, of, unit, &add.value, Some("what is added to a state"))?;
         }
     }
     Ok(())
@@ -302,11 +330,17 @@ impl Of {
             Self::Constraint(_) => "the constraint".into(),
             Self::Derived(name) => name.clone(),
             Self::Set(name, _) => format!("the value of `{name}`"),
+            Self::Added(name, _) => format!("what is added to `{name}`"),
         }
     }
 
     /// A value set by a run.
     pub fn set(name: &str, value: &Formula) -> Self {
         Self::Set(name.to_owned(), value.expression.text.clone())
+    }
+
+    /// What a run adds to a state.
+    pub fn added(name: &str, value: &Formula) -> Self {
+        Self::Added(name.to_owned(), value.expression.text.clone())
     }
 }

@@ -380,7 +380,9 @@ pub fn no_parameter(
             format!("`{full}` is driven by a wire; leave one of them out")
         }
         None if joint.model.states.contains(full) => {
-            format!("`{full}` is a state; how it begins stands in [initial]")
+            format!(
+                "`{full}` is a state; how it begins stands in [initial], or in `set` of a run, and a change moves it by `add`"
+            )
         }
         None if joint.signals().contains(full) => {
             format!("`{full}` follows from others; bound it by a [[constraint]]")

@@ -341,6 +341,8 @@ pub struct Change {
     pub place: Place,
     /// The values from that time on.
     pub set: Vec<Set>,
+    /// States, and what is added to each.
+    pub add: Vec<Set>,
 }
 
 impl RunLine {
@@ -350,7 +352,12 @@ impl RunLine {
         self.set.iter().chain(changes)
     }
 
-    /// Whether a parameter is set for the whole run.
+    /// All that is added to states in the run.
+    pub fn added(&self) -> impl Iterator<Item = &Set> {
+        self.changes.iter().flat_map(|change| &change.add)
+    }
+
+    /// Whether a parameter is set for the whole run, or how a state begins.
     pub fn is_set(&self, name: &str) -> bool {
         self.set.iter().any(|set| set.name.value == name)
     }

@@ -102,7 +102,7 @@ fn formulas(file: &ProblemFile) -> Vec<&Formula> {
     all.extend(
         file.runs
             .iter()
-            .flat_map(|run| run.sets())
+            .flat_map(|run| run.sets().chain(run.added()))
             .map(|set| &set.value),
     );
     all

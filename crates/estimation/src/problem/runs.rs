@@ -68,10 +68,15 @@ fn is_alike(a: &RunLine, b: &RunLine) -> bool {
 }
 
 /// The changes in a run, and their times.
-fn changed(run: &RunLine) -> Vec<(f64, Vec<(&str, &str)>)> {
+fn changed(run: &RunLine) -> Vec<(f64, [Vec<(&str, &str)>; 2])> {
     let changes = run.changes.iter();
     changes
-        .map(|change| (change.time, settings(&change.set)))
+        .map(|change| {
+            (
+                change.time,
+                [&change.set, &change.add].map(|own| settings(own)),
+            )
+        })
         .collect()
 }
 

@@ -74,5 +74,7 @@ fn name_of<'p>(posed: &'p Posed<'_>, k: usize) -> &'p String {
 /// Whether a line of `[initial]` applies to a state.
 fn has_line(posed: &Posed<'_>, state: &String) -> bool {
     let mut lines = posed.file.initial.iter();
+    let mut runs = posed.data.iter();
     lines.any(|(line, _)| !matching(&line.value, std::slice::from_ref(state)).is_empty())
+        || runs.any(|run| run.line.is_set(state))
 }

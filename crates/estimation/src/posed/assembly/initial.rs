@@ -67,37 +67,45 @@ impl Assembly<'_> {
             );
             return Err(ProblemError::maybe_at(place, fault));
         }
-        let runs = rows.len();
-        let numbers: Vec<f64> = rows.iter().map(|rows| self.number(node, rows)).collect();
-        if let Some(number) = numbers.iter().find(|number| !number.is_finite()) {
-            let fault = format!(
-                "`{name}` begins at {number} where the search starts; expected a finite number"
-            );
-            return Err(ProblemError::maybe_at(place, fault));
-        }
-        let begin = numbers[0];
-        let all_known = |values: &[f64]| values.iter().copied().map(Some).collect();
-        let (guesses, known, shift) = match declared {
-            None | Some(Initial::Formula(_)) if self.depends_on_sought(node) => {
-                (vec![0.0; runs], vec![Some(0.0); runs], Some(node))
-            }
-            None | Some(Initial::Formula(_)) => {
-                let known = all_known(&numbers);
-                (numbers, known, None)
-            }
+        let is_given = matches!(declared, None | Some(Initial::Formula(_)));
+        let set = self.set_begin(name, is_given.then_some(node));
+        let node = set.filter(|_| is_given).unwrap_or(node);
+        let numbers = self.begins_at(name, node, rows, place)?;
+        let (mut guesses, mut known, mut shift) = match declared {
+            None | Some(Initial::Formula(_)) if self.depends_on_sought(node) => (
+                vec![0.0; rows.len()],
+                vec![Some(0.0); rows.len()],
+                Some(node),
+            ),
+            None | Some(Initial::Formula(_)) => (
+                numbers.clone(),
+                numbers.into_iter().map(Some).collect(),
+                None,
+            ),
             Some(Initial::FirstSample) => {
                 let first = self.samples_at_begin(name, place)?;
-                (numbers, all_known(&first), None)
+                (numbers, first.into_iter().map(Some).collect(), None)
             }
             Some(Initial::Free | Initial::Steady) => {
                 let guesses = self.first_samples(name).unwrap_or(numbers);
-                (guesses, vec![None; runs], None)
+                (guesses, vec![None; rows.len()], None)
             }
         };
-        self.begins.push(match shift {
-            Some(_) => begin,
-            None => known[0].unwrap_or(guesses[0]),
-        });
+        if let Some(set) = set.filter(|_| !is_given) {
+            let own = self.begins_at(name, set, rows, place)?;
+            shift = Some(set).filter(|set| self.depends_on_sought(*set));
+            for j in (0..rows.len()).filter(|j| self.data[*j].line.is_set(name)) {
+                guesses[j] = shift.map_or(own[j], |_| 0.0);
+                known[j] = Some(guesses[j]);
+            }
+        }
+        // What is added on the way is an offset that jumps: the state of the equations goes on as it was.
+        if let Some(added) = self.added_node(name) {
+            let before = shift.unwrap_or_else(|| self.graph.constant(0.0));
+            shift = Some(self.graph.add(before, added));
+        }
+        let begin = shift.map_or(0.0, |shift| self.number(shift, &rows[0]));
+        self.begins.push(begin + known[0].unwrap_or(guesses[0]));
         let about = self.joint.variables.get(name);
         let state = State {
             name: name.to_owned(),
@@ -106,6 +114,34 @@ impl Assembly<'_> {
             shift,
         };
         Ok((state, known))
+    }
+
+    /// How a state begins where runs set it, and this node, or 0, where they do not; none if no run does.
+    fn set_begin(&mut self, name: &str, elsewhere: Option<Node>) -> Option<Node> {
+        let mut values = self.values[1].clone();
+        let zero = self.graph.constant(0.0);
+        values.insert(name.to_owned(), elsewhere.unwrap_or(zero));
+        self.set_node(name, Span::Begin, &values)
+    }
+
+    /// Where a state begins in each run, with unknowns at their start values.
+    fn begins_at(
+        &self,
+        name: &str,
+        node: Node,
+        rows: &[Rows],
+        place: Option<&Place>,
+    ) -> Done<Vec<f64>> {
+        let numbers: Vec<f64> = rows.iter().map(|rows| self.number(node, rows)).collect();
+        match numbers.iter().find(|number| !number.is_finite()) {
+            None => Ok(numbers),
+            Some(number) => {
+                let fault = format!(
+                    "`{name}` begins at {number} where the search starts; expected a finite number"
+                );
+                Err(ProblemError::maybe_at(place, fault))
+            }
+        }
     }
 
     /// The line of `[initial]` that applies to a state: the line with its name, else the last matching pattern.
@@ -171,6 +207,10 @@ impl Assembly<'_> {
         let measured = &self.file.measured[measured];
         let unit = measured.unit(self.joint);
         let sample = |run: &RunData<'_>| {
+            // Its value is not taken.
+            if run.line.is_set(state) {
+                return Ok(0.0);
+            }
             let values = run.column(&measured.column, unit)?;
             run.at_begin(&values).ok_or_else(|| {
                 fault(format!(

@@ -21,6 +21,8 @@ pub(super) enum Key {
     Value(String, Span),
     /// 1 where a parameter set by runs is this expression, or its unset value if none; else 0.
     Case(String, Option<String>, Span),
+    /// What a run has added to a state until now: all numbers, or how often it has added this expression.
+    Added(String, Option<String>),
     /// Whether a run is of this subject.
     Subject(String),
     /// Recorded values of the measured signal of this number.
@@ -131,10 +133,43 @@ impl Assembly<'_> {
                     return Err(ProblemError::maybe_at(set.name.place.as_ref(), fault));
                 }
             }
-            self.find_set(name, Span::Run);
+            if !self.joint.model.states.contains(name) {
+                self.find_set(name, Span::Run);
+            }
             self.find_set(name, Span::Begin);
         }
+        self.find_added();
         Ok(())
+    }
+
+    /// Adds the inputs that jump where runs add to states.
+    fn find_added(&mut self) {
+        let text = |set: &Set| match set.value.number() {
+            Some(_) => None,
+            None => Some(set.value.expression.text.clone()),
+        };
+        for set in self.data.iter().flat_map(|run| run.line.added()) {
+            let key = Key::Added(set.name.value.clone(), text(set));
+            if self.input(&key).is_some() {
+                continue;
+            }
+            let is_own =
+                |other: &&Set| other.name.value == set.name.value && text(other) == text(set);
+            let of_run = |run: &RunData<'_>| {
+                let mut sum = 0.0;
+                let mut line = vec![(f64::NEG_INFINITY, sum)];
+                for (time, change) in run.changes() {
+                    let own = change.add.iter().filter(is_own);
+                    sum += own
+                        .map(|own| own.value.number().unwrap_or(1.0))
+                        .sum::<f64>();
+                    line.push((time, sum));
+                }
+                line
+            };
+            let values = self.data.iter().map(of_run).collect();
+            self.sources.push((key, Source::Given(values)));
+        }
     }
 
     /// Adds the inputs that give a parameter the values set by runs: the numbers, and which expression applies when.
@@ -142,8 +177,8 @@ impl Assembly<'_> {
         let timelines: Vec<Timeline<'_>> = (self.data.iter())
             .map(|run| timeline(run, name, span))
             .collect();
-        let elsewhere = match self.parameters.meanings[name] {
-            Meaning::Number(value) => Some(value),
+        let elsewhere = match self.parameters.meanings.get(name) {
+            Some(Meaning::Number(value)) => Some(*value),
             _ => None,
         };
         let number = |formula: Option<&Formula>| formula.map_or(elsewhere, Formula::number);

@@ -23,7 +23,7 @@ pub struct State {
     pub nominal: Option<f64>,
     /// For each run, a guess of its initial value, used where that is unknown.
     pub guesses: Vec<f64>,
-    /// An offset added to the state if it starts at zero for that reason.
+    /// An offset added to the state: where it begins, if that is sought, and what runs have added to it.
     pub shift: Option<Node>,
 }
 

@@ -87,8 +87,13 @@ impl Assembly<'_> {
         nodes
     }
 
-    /// The node of a parameter set by runs, with other parameters as in `plain`.
-    fn set_node(&mut self, name: &str, span: Span, plain: &HashMap<String, Node>) -> Option<Node> {
+    /// The node of a parameter set by runs, or of how a state begins, with other parameters as in `plain`.
+    pub(super) fn set_node(
+        &mut self,
+        name: &str,
+        span: Span,
+        plain: &HashMap<String, Node>,
+    ) -> Option<Node> {
         let mut sum = self.input_node(&Key::Value(name.to_owned(), span))?;
         let is_case =
             |key: &&Key| matches!(key, Key::Case(own, _, at) if own == name && *at == span);
@@ -107,7 +112,28 @@ impl Assembly<'_> {
         Some(sum)
     }
 
-    /// The sum plus the value where the input is 1.
+    /// What runs have added to a state until now.
+    pub(super) fn added_node(&mut self, state: &str) -> Option<Node> {
+        let keys = self.sources.iter().map(|(key, _)| key);
+        let keys = keys.filter(|key| matches!(key, Key::Added(own, _) if own == state));
+        let keys: Vec<Key> = keys.cloned().collect();
+        let values = self.values[1].clone();
+        let mut sum = None;
+        for key in keys {
+            let amount = match &key {
+                Key::Added(_, Some(text)) => {
+                    let of = Of::Added(state.to_owned(), text.clone());
+                    self.expressions(&[of], None, &values)[0]
+                }
+                _ => self.graph.constant(1.0),
+            };
+            let before = sum.unwrap_or_else(|| self.graph.constant(0.0));
+            sum = Some(self.add_where(before, &key, amount));
+        }
+        sum
+    }
+
+    /// The sum plus the value where the input is 1, or as often as it says.
     fn add_where(&mut self, sum: Node, key: &Key, value: Node) -> Node {
         let is_there = self.input_node(key).expect("it was found");
         let part = self.graph.multiply(is_there, value);

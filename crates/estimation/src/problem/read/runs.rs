@@ -69,17 +69,26 @@ impl Reader<'_> {
         let file = table.required("file", table.string("file")?)?;
         let mut changes: Vec<Change> = Vec::new();
         for change in table.tables("change")? {
-            change.only(&["time", "set"])?;
+            change.only(&["time", "set", "add"])?;
             let time = change.required("time", finite(change, "time")?)?;
             if changes.last().is_some_and(|before| time <= before.time) {
                 let fault = "changes stand in the order of their times; this one is not later than the one before";
                 return Err(at(change, "time", fault));
             }
-            let set = change.required("set", change.table("set")?)?;
+            let values = |key: &str| match change.table(key)? {
+                Some(table) => self.set(table),
+                None => Ok(Vec::new()),
+            };
+            let (set, add) = (values("set")?, values("add")?);
+            if set.is_empty() && add.is_empty() {
+                let fault = "nothing changes; write `set` for parameters and inputs, `add` for states, or both";
+                return Err(at(change, "time", fault));
+            }
             changes.push(Change {
                 time,
                 place: place(change, "time"),
-                set: self.set(set)?,
+                set,
+                add,
             });
         }
         Ok(RunLine {

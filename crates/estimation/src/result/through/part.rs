@@ -88,9 +88,12 @@ fn keep_own(run: &mut RunLine, data: &RunData<'_>, own: &dyn Fn(&str) -> bool) -
     run.set.retain(is_own);
     for change in &mut run.changes {
         change.set.retain(is_own);
+        change.add.retain(is_own);
     }
-    run.changes.retain(|change| !change.set.is_empty());
-    run.sets().all(|set| set.value.number().is_some())
+    run.changes
+        .retain(|change| !(change.set.is_empty() && change.add.is_empty()));
+    let mut all = run.sets().chain(run.added());
+    all.all(|set| set.value.number().is_some())
 }
 
 /// The column of what a wire carries: that of a measured signal at one of its ends, or one of all runs that has the name of an end
