@@ -45,6 +45,64 @@ pub fn stays_large(run: &Run) -> bool {
     is_long(run) && thinned(run).is_none()
 }
 
+/// The problem with a fifth of its sample times, and means of inputs and measurements around them, whatever jumps in between: its
+/// solution is a start for one whose inputs jump at each sample. None if runs are short.
+pub fn rougher(problem: &Collocation) -> Option<Collocation> {
+    let runs = problem.runs.iter().map(rough);
+    Some(problem.with_runs(runs.collect::<Option<Vec<Run>>>()?))
+}
+
+fn rough(run: &Run) -> Option<Run> {
+    let mut times = run.time.clone();
+    times.dedup();
+    if !is_long(run) || times.len() < FEWEST || !run.steps.time.is_empty() {
+        return None;
+    }
+    let time: Vec<f64> = every(times.len()).map(|k| times[k]).collect();
+    // The rows nearer to this time than to its neighbours.
+    let rows = |k: usize| {
+        let middle = |a: usize, b: usize| 0.5 * (time[a] + time[b]);
+        let from = k
+            .checked_sub(1)
+            .map_or(f64::NEG_INFINITY, |before| middle(before, k));
+        let to = (k + 1 < time.len()).then(|| middle(k, k + 1));
+        let first = run.time.partition_point(|t| *t < from);
+        first
+            ..run
+                .time
+                .partition_point(|t| *t < to.unwrap_or(f64::INFINITY))
+    };
+    let mean = |values: &mut dyn Iterator<Item = f64>| {
+        let (sum, count) = values
+            .filter(|own| own.is_finite())
+            .fold((0.0, 0.0), |(sum, count), own| (sum + own, count + 1.0));
+        sum / count
+    };
+    let inputs = |k: usize| -> Vec<f64> {
+        let own = 0..run.inputs[0].len();
+        own.map(|u| mean(&mut run.inputs[rows(k)].iter().map(|row| row[u])))
+            .collect()
+    };
+    let measured = run.measured.iter().map(|own| {
+        let values = (0..time.len()).map(|k| mean(&mut own.values[rows(k)].iter().copied()));
+        let values: Vec<f64> = values.collect();
+        let count = |values: &[f64]| values.iter().filter(|y| y.is_finite()).count();
+        Recording {
+            weight: own.weight * count(&own.values) as f64 / count(&values).max(1) as f64,
+            loss: own.loss,
+            values,
+        }
+    });
+    Some(Run {
+        mesh: time.clone(),
+        inputs: (0..time.len()).map(inputs).collect(),
+        measured: measured.collect(),
+        steps: run.steps.clone(),
+        initial: run.initial.clone(),
+        time,
+    })
+}
+
 fn is_long(run: &Run) -> bool {
     run.mesh.len() > FEWEST && run.time.len() > FEWEST
 }

@@ -102,11 +102,12 @@ pub fn linear(order: usize) -> String {
     for i in 0..order {
         let _ = writeln!(text, "{}", state(order, i));
     }
-    text + &outputs(order)
+    text + OUTPUTS
 }
 
-const HEAD: &str = r#"# The linear pilot of order ORDER in controllable canonical form; theta are the coefficients of stick / error, first
-# those of the denominator, from s^0 up, then those of the numerator.
+const HEAD: &str = r#"# The linear pilot of order ORDER in observable canonical form; theta are the coefficients of stick / error, first
+# those of the denominator, from s^0 up, then those of the numerator. The first state is the stick: where that is about
+# known the equations are about linear in theta, so that a fit takes few steps.
 [model]
 name = "linear"
 description = "Linear pilot of any order: all coefficients of its transfer function are free"
@@ -150,32 +151,30 @@ fn lag(n: usize, i: usize) -> f64 {
     binomial as f64 * (2.0 * n as f64).powi((n - i) as i32)
 }
 
-/// State `x_{i+1}`.
+/// State `x_{i+1}`: the stick, and what is behind it.
 fn state(n: usize, i: usize) -> String {
-    let der = match i + 1 == n {
-        true => (0..n).fold("error".to_owned(), |sum, k| {
-            format!("{sum} - theta{0} * x{0}", k + 1)
-        }),
-        false => format!("x{}", i + 2),
+    let next = match i + 1 == n {
+        true => String::new(),
+        false => format!("x{} + ", i + 2),
     };
-    let unit = format!("m.{}", power("s", n - i));
+    let unit = match i {
+        0 => "1".to_owned(),
+        _ => format!("1/{}", power("s", i)),
+    };
     format!(
-        r#"x{0} = {{ unit = "{unit}", der = "{der}", description = "State x_{0} of the pilot" }}"#,
+        r#"x{} = {{ unit = "{unit}", der = "{next}theta{} * error - theta{} * x1", description = "State x_{} of the pilot" }}"#,
+        i + 1,
+        2 * n - i,
+        n - i,
         i + 1
     )
 }
 
-fn outputs(n: usize) -> String {
-    let terms: Vec<_> = (1..=n).map(|k| format!("theta{} * x{k}", n + k)).collect();
-    format!(
-        r#"
+const OUTPUTS: &str = r#"
 [outputs]
-stick = {{ unit = "1", value = "{}", limit = ["-stick_limit", "stick_limit"], description = "Stick" }}
-error = {{ unit = "m", value = "target - position", description = "Error that the pilot sees, target minus position" }}
-"#,
-        terms.join(" + ")
-    )
-}
+stick = { unit = "1", value = "x1", limit = ["-stick_limit", "stick_limit"], description = "Stick" }
+error = { unit = "m", value = "target - position", description = "Error that the pilot sees, target minus position" }
+"#;
 
 #[cfg(test)]
 mod tests {

@@ -11,7 +11,7 @@ use crate::search::begin::begin;
 use crate::search::solved::SAME;
 use crate::search::solved::Solved;
 use crate::search::starts::Start;
-use pilotage_collocation::{Run, coarser};
+use pilotage_collocation::{Run, coarser, rougher};
 use pilotage_sqp::{Iteration, Status};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
@@ -198,7 +198,8 @@ fn scout(
     let see = |iteration: &_| ahead(&behind, watch, number, iteration);
     let (whole, z) = begin(posed, &start, &|| watch.is_over());
     let is_as_it_is = start.is_raised || is_race && number == 0 && !start.is_fitted;
-    let coarse = if is_as_it_is { None } else { coarser(&whole) };
+    let coarse = || coarser(&whole).or_else(|| rougher(&whole));
+    let coarse = if is_as_it_is { None } else { coarse() };
     let (from, whole) = match coarse {
         Some(coarse) => {
             let z = whole.carried(&z, &coarse);

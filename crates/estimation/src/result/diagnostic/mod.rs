@@ -14,9 +14,9 @@ use crate::posed::stability::CLOSED_LOOP;
 use crate::result::changed::Changed;
 use crate::result::events::Event;
 use crate::result::explained::Nothing;
+use crate::result::other::Other;
 use crate::result::through::Contradicting;
 use pilotage_inference::sampling::SHORT;
-use crate::result::other::Other;
 use pilotage_inference::spectrum::{Contradiction, Starved};
 use pilotage_sqp::Status;
 
