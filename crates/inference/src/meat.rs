@@ -56,7 +56,7 @@ impl Inference<'_> {
                     rows: DMatrix::from_columns(&columns),
                 })
             });
-            let segments: Vec<Segment> = segments.collect();
+            let segments: Vec<Segment> = segments.map(Segment::alone_if_many).collect();
             match segments.is_empty() {
                 true => Autoregression::new(&[]),
                 false => Autoregression::estimated(&segments),
