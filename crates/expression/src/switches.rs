@@ -176,9 +176,9 @@ impl Search<'_> {
         if let Some(varies) = self.varies.get(node.index()) {
             return *varies;
         }
-        let operations = self.graph.operations();
-        for k in self.varies.len()..operations.len() {
-            let mut arguments = self.graph.arguments(operations[k]);
+        let operations = self.graph.operations().iter();
+        for operation in operations.skip(self.varies.len()) {
+            let mut arguments = self.graph.arguments(*operation);
             let varies = arguments.any(|own| self.varies[own.index()]);
             self.varies.push(varies);
         }
