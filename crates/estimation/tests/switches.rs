@@ -159,6 +159,27 @@ fn both_ends_of_a_pulse_are_found() {
     assert_is(&fitted(model, &rest, &runs), 50.274345686209074, &expected);
 }
 
+/// The beginning of one input and the end of another are sought from the same time, where one boundary stands for both.
+#[test]
+fn times_that_begin_together_are_told_apart() {
+    let own = [0.3, 2.0, 4.3217, 2.5];
+    let rows = (0..101).map(|n| {
+        let t = 0.1 * f64::from(n);
+        format!("{t},{}\n", solution(own, t))
+    });
+    let run = ["time [s],x\n".to_owned() + &rows.collect::<String>()];
+    let model = (
+        // With k = 0.25 and -0.05 x the rate is that of the recording.
+        "2 * (if(time > begin, 1, 0) - if(time > end, 1, 0)) - 0.05 * x",
+        "begin = { start = 5.5, unit = \"s\" }\nend = { start = 5.5, unit = \"s\" }",
+    );
+    let rest = "[parameters]\n\"m.begin\" = {}\n\"m.end\" = {}\n";
+    let found = fitted(model, rest, &run);
+    let [begin, end] = ["m.begin", "m.end"].map(|name| found.value(name).expect("a parameter"));
+    assert!((begin - 4.3217).abs() < 1e-5, "{begin}");
+    assert!((end - 6.8217).abs() < 1e-5, "{end}");
+}
+
 #[test]
 fn each_run_has_a_time_of_its_own() {
     let run = |begin, phase| recorded([0.3, 2.0, begin, f64::INFINITY], 41, phase);
