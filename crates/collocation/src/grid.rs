@@ -106,10 +106,20 @@ impl Grid {
         };
         // Times of the points, and whether a point precedes a jump of the inputs at that time.
         let mut point_times: Vec<(f64, bool)> = Vec::new();
-        for part in scheme.elements(&run.mesh) {
-            let start = run.mesh[part.first];
-            let end = run.mesh[part.first + part.intervals];
-            grid.add_element((start, end), part.tableau, run, &mut point_times);
+        // No element contains a jump, however many intervals it spans.
+        let is_inner = |k: &usize| *k > 0 && k + 1 < run.mesh.len();
+        let jumps = run.steps.time.iter().filter_map(|time| {
+            let place = run.mesh.binary_search_by(|own| own.total_cmp(time));
+            place.ok().filter(is_inner)
+        });
+        let mut first = 0;
+        for last in jumps.chain([run.mesh.len() - 1]) {
+            let mesh = &run.mesh[first..=last];
+            for part in scheme.elements(mesh) {
+                let ends = (mesh[part.first], mesh[part.first + part.intervals]);
+                grid.add_element(ends, part.tableau, run, &mut point_times);
+            }
+            first = last;
         }
         grid.observe(run, &mut point_times);
         grid.inputs = vec![0.0; (n_inputs + 1) * grid.points.len()];

@@ -18,6 +18,8 @@ pub struct Switches {
     /// For each time at which one of them may change, or a magnitude or a table of time has a kink: the time, an expression of
     /// steady variables.
     pub times: Vec<Node>,
+    /// For each time the indices of the conditions that may change there.
+    pub changed: Vec<Vec<usize>>,
 }
 
 /// `offset + slope · time`.
@@ -49,7 +51,21 @@ impl Graph {
         for node in own {
             search.see(node, &mut found);
         }
+        self.add_nested(&mut found);
         found
+    }
+
+    /// Adds conditions on conditions to what changes with them.
+    fn add_nested(&self, found: &mut Switches) {
+        for (k, condition) in found.conditions.iter().enumerate() {
+            let needed = self.ancestors(&[*condition]);
+            let has = |own: &usize| needed[found.conditions[*own].index()];
+            for changed in &mut found.changed {
+                if !changed.contains(&k) && changed.iter().any(has) {
+                    changed.push(k);
+                }
+            }
+        }
     }
 }
 
@@ -59,37 +75,48 @@ impl Search<'_> {
         let zero = self.graph.constant(0.0);
         match self.graph.operation(node) {
             Operation::Binary(Operator::Less | Operator::Equal, a, b) => {
+                let own = found.conditions.len();
                 found.conditions.push(node);
                 let difference = self.graph.subtract(b, a);
-                self.cross(difference, zero, found);
+                self.cross((difference, zero), Some(own), found);
             }
             Operation::Unary(Function::Sign, a) => {
+                let own = found.conditions.len();
                 found.conditions.push(node);
-                self.cross(a, zero, found);
+                self.cross((a, zero), Some(own), found);
             }
-            Operation::Unary(Function::Abs, a) => self.cross(a, zero, found),
+            Operation::Unary(Function::Abs, a) => self.cross((a, zero), None, found),
             Operation::Lookup(curve, a) => {
                 let curve = self.graph.curves()[curve as usize].clone();
                 for kink in curve.kinks() {
                     let level = self.graph.constant(kink);
-                    self.cross(a, level, found);
+                    self.cross((a, level), None, found);
                 }
             }
             _ => {}
         }
     }
 
-    /// Adds the times at which an expression crosses a level.
-    fn cross(&mut self, expression: Node, level: Node, found: &mut Switches) {
+    /// Adds the times at which an expression crosses a level, and a condition may change.
+    fn cross(
+        &mut self,
+        (expression, level): (Node, Node),
+        condition: Option<usize>,
+        found: &mut Switches,
+    ) {
         for [offset, slope] in self.lines(expression).unwrap_or_default() {
             if self.graph.is_zero(slope) {
                 continue;
             }
             let rest = self.graph.subtract(level, offset);
             let time = self.graph.divide(rest, slope);
-            if !found.times.contains(&time) {
+            let known = found.times.iter().position(|own| *own == time);
+            let place = known.unwrap_or(found.times.len());
+            if known.is_none() {
                 found.times.push(time);
+                found.changed.push(Vec::new());
             }
+            found.changed[place].extend(condition);
         }
     }
 
@@ -176,9 +203,9 @@ impl Search<'_> {
         if let Some(varies) = self.varies.get(node.index()) {
             return *varies;
         }
-        let operations = self.graph.operations();
-        for k in self.varies.len()..operations.len() {
-            let mut arguments = self.graph.arguments(operations[k]);
+        let operations = self.graph.operations().iter();
+        for operation in operations.skip(self.varies.len()) {
+            let mut arguments = self.graph.arguments(*operation);
             let varies = arguments.any(|own| self.varies[own.index()]);
             self.varies.push(varies);
         }
@@ -198,6 +225,10 @@ mod tests {
         let [time, x, p] = [0, 1, 2].map(|k| graph.variable(k));
         let node = of(&mut graph, [time, x, p]);
         let found = graph.switches(&[node], |variable| variable == 2);
+        // What is asked last depends on all that is asked before.
+        let last = found.conditions.len().checked_sub(1);
+        let mut changed = found.changed.iter().filter(|own| !own.is_empty());
+        assert!(changed.all(|own| last.is_some_and(|last| own.contains(&last))));
         let values = graph.values(&[0.0, 0.0, 3.0]);
         let mut times: Vec<f64> = found.times.iter().map(|own| values[own.index()]).collect();
         times.sort_by(f64::total_cmp);

@@ -1,6 +1,6 @@
 //! Higher-order finite differences: the paper's differentiation matrix D with wide stencils, on any mesh.
 //!
-//! One element spans the whole run, and its nodes are the mesh. Row `i` states that the polynomial through `p + 1`
+//! One element spans the whole run, or the part of it between two times of [`Steps`](crate::Steps), and its nodes are the mesh. Row `i` states that the polynomial through `p + 1`
 //! nodes around node `i` has the derivative `f` there (weights: Fornberg, *Generation of finite difference formulas on
 //! arbitrarily spaced grids*, Math. Comp. 51, 1988).
 //!

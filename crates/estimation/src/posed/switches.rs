@@ -32,14 +32,16 @@ pub struct Switches {
     conditions: usize,
     /// For each time whether it depends on what is sought.
     sought: Vec<bool>,
+    /// For each time the conditions that may change there.
+    changed: Vec<Vec<usize>>,
     /// Index of the first of the inputs that stand for conditions.
     first: usize,
     /// Inputs on which conditions depend, constant in each run or jumping at changes.
     steady: Vec<usize>,
 }
 
-/// Times at which conditions change in a run, increasing; with the number of the time if it is sought.
-type Stops = Vec<(f64, Option<usize>)>;
+/// Times at which conditions change in a run, increasing; with the numbers of those that are sought.
+type Stops = Vec<(f64, Vec<usize>)>;
 
 impl Made {
     /// Replaces the conditions on time in the equations by inputs. `is_constant` tells inputs that are constant in each run
@@ -109,6 +111,7 @@ impl Made {
             tape,
             conditions,
             sought,
+            changed: found.changed,
             first,
             steady,
         })
@@ -249,24 +252,25 @@ impl Switches {
             .filter(is_jump)
             .map(|k| (k + 1, run.time[k + 1]))
             .collect();
-        let mut stops: Stops = ends.iter().map(|(_, time)| (*time, None)).collect();
+        let mut stops: Stops = ends.iter().map(|(_, time)| (*time, Vec::new())).collect();
         ends.insert(0, (0, begin));
         for (k, (row, from)) in ends.iter().enumerate() {
             let to = ends.get(k + 1).map_or(end, |(_, time)| *time);
             let values = self.tape.evaluate(&point(*from, *row));
             for (number, time) in values[self.conditions..].iter().enumerate() {
                 if from + least < *time && *time < to - least {
-                    stops.push((*time, self.sought[number].then_some(number)));
+                    stops.push((
+                        *time,
+                        self.sought[number].then_some(number).into_iter().collect(),
+                    ));
                 }
             }
         }
         stops.sort_by(|a, b| a.0.total_cmp(&b.0));
         stops.dedup_by(|b, a| {
             let is_same = b.0 - a.0 <= least;
-            // A sought time keeps its boundary.
-            let takes = is_same && a.1.is_none() && b.1.is_some();
-            if takes {
-                std::mem::swap(a, b);
+            if is_same {
+                a.1.append(&mut b.1);
             }
             is_same
         });
@@ -291,18 +295,31 @@ impl Switches {
         let next = |k: usize| stops.get(k).map_or(end, |(time, _)| *time);
         let mut before = truth(run.time[0], next(0));
         steps.values.push(self.row(&before, &before, None));
-        for (k, (time, number)) in stops.iter().enumerate() {
+        for (k, (time, numbers)) in stops.iter().enumerate() {
             let after = truth(*time, next(k + 1));
-            steps.time.push(*time);
-            if let Some(number) = number {
-                let sample = run.time.partition_point(|own| *own <= time + least);
+            let mut begin = *time;
+            // One jump for each sought time, by the conditions that change there; the others have changed before.
+            let is_own = |condition: &usize| {
+                numbers
+                    .iter()
+                    .any(|own| self.changed[*own].contains(condition))
+            };
+            let others = (0..self.conditions).filter(|own| !is_own(own));
+            others.for_each(|own| before[own] = after[own]);
+            for number in numbers {
+                let sample = run.time.partition_point(|own| *own <= begin + least);
                 let sample = run.time.get(sample).copied().unwrap_or(end);
                 let rounding = 1e3 * f64::EPSILON * time.abs();
-                let length = (SHORT * (sample.min(next(k + 1)) - time)).max(rounding);
-                let jump = Some((*number, *time, time + length - time));
-                steps.values.push(self.row(&after, &before, jump));
-                steps.time.push(time + length);
+                let length = (SHORT * (sample.min(next(k + 1)) - begin)).max(rounding);
+                let mut during = before.clone();
+                (self.changed[*number].iter()).for_each(|own| during[*own] = after[*own]);
+                let to = begin + length;
+                steps.time.push(begin);
+                let jump = Some((*number, *time, to - begin));
+                steps.values.push(self.row(&during, &before, jump));
+                (begin, before) = (to, during);
             }
+            steps.time.push(begin);
             steps.values.push(self.row(&after, &after, None));
             before = after;
         }

@@ -75,9 +75,12 @@ pub(crate) fn begin_whole(
     is_whole.then_some((problem, z))
 }
 
+/// A nonlinear program, and its variables along a simulation.
+pub type Flown = (Collocation, Vec<f64>);
+
 /// The same along a simulation that is an answer by itself, so that nothing in it is replaced, and the run and the time \[s\]
 /// at which it ends early, if it does.
-pub fn flown(posed: &Posed<'_>, start: &Start) -> ((Collocation, Vec<f64>), Option<(usize, f64)>) {
+pub fn flown(posed: &Posed<'_>, start: &Start) -> (Flown, Option<(usize, f64)>) {
     let mut point = point(posed, start, (0..posed.runs.len()).collect());
     point.is_kept = true;
     let scheme = posed.file.options.scheme;
