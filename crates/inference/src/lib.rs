@@ -27,7 +27,7 @@
 //! | --- | --- |
 //! | [`data`], `row` | input: rows of residuals, priors, active constraints |
 //! | `elimination` | elimination of constraints and of the runs' own unknowns |
-//! | [`inference`], [`Open`] | information, undetermined directions, and what depends on them |
+//! | [`inference`], `open` | information, undetermined directions, and what depends on them |
 //! | [`covariance`], `meat`, `autoregression`, `burg`, `restricted` | the methods |
 //! | [`interval`] | intervals with Student's t |
 //! | `spread` | intervals of functions of the parameters |

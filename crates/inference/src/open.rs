@@ -39,6 +39,6 @@ impl Open {
 
     /// Whether a change along an open direction is more than nothing for a quantity with this standard deviation and this size.
     pub fn is_moved(change: f64, sd: f64, size: f64) -> bool {
-        !(change.abs() <= (DEPENDS * sd).max(ROUNDING * size))
+        change.is_nan() || change.abs() > (DEPENDS * sd).max(ROUNDING * size)
     }
 }

@@ -5,9 +5,10 @@ use super::cut;
 use super::watch::Watch;
 use crate::fit::apart;
 use crate::innovations::{
-    Begin, Likelihood, Optimum, Predicted, linearised, predicted as searched,
+    Begin, Likelihood, Optimum, Predicted, linearised, predicted as searched, timed,
 };
 use crate::posed::Posed;
+use crate::result::changed::changed;
 use crate::result::describing::describing;
 use crate::result::diagnostic::Diagnostic;
 use crate::result::diagnostics::diagnostics;
@@ -18,6 +19,7 @@ use crate::result::{Fit, RunFit, StartEnd};
 use crate::search::active::beyond;
 use crate::search::solved::Refinement;
 use crate::search::solved::Solved;
+use pilotage_inference::Inference;
 use pilotage_sqp::{Iterate, Solution, Status};
 use std::sync::Arc;
 use std::time::Instant;
@@ -74,6 +76,10 @@ pub(super) fn predicted(
     found.cut = cut(&found, watch);
     if found.status == Status::Converged {
         let linear = linearised(posed, best);
+        let data = timed(posed, best, &linear.data);
+        let theta = &best.unknowns()[..posed.shared];
+        let inference = Inference::new(&data).ok();
+        found.change = inference.and_then(|own| changed(posed, &found, theta, &own));
         let thetas = all
             .iter()
             .map(|own| Some(own.unknowns()[..posed.shared].to_vec()));

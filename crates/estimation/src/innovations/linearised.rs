@@ -56,6 +56,30 @@ pub(crate) fn linearised(posed: &Posed<'_>, at: &Predicted<'_>) -> Linearised {
     }
 }
 
+/// The same with the times of the samples \[s\], for what may change along the runs.
+pub(crate) fn timed(posed: &Posed<'_>, at: &Predicted<'_>, data: &Data) -> Data {
+    let all = at.program.likelihood.rows(&at.unknowns());
+    let runs = data.runs.iter().zip(&all).zip(&posed.runs);
+    let run = |((own, rows), of): ((&Run, &RunRows), &pilotage_collocation::Run)| {
+        let mut time = vec![of.time[0]; own.time.len()];
+        // Errors and variances of each signal, as they were added.
+        for (k, range) in own.signals.iter().enumerate() {
+            let signal = k * posed.quantities.predicted.len() / own.signals.len();
+            let innovations = rows.innovations.iter().filter(|own| own.signal == signal);
+            let pairs = time[range.clone()].iter_mut().zip(innovations);
+            pairs.for_each(|(time, innovation)| *time = of.time[innovation.sample]);
+        }
+        Run {
+            time,
+            ..own.clone()
+        }
+    };
+    Data {
+        runs: runs.map(run).collect(),
+        ..data.clone()
+    }
+}
+
 /// Gradients of the constraints with nonzero multipliers, over the shared parameters and those of each run.
 fn active(
     posed: &Posed<'_>,

@@ -27,7 +27,7 @@ pub use again::Optimum;
 pub use ahead::Ahead;
 pub(crate) use ahead::ahead;
 pub use likelihood::Likelihood;
-pub(crate) use linearised::linearised;
+pub(crate) use linearised::{linearised, timed};
 
 use crate::posed::Posed;
 use crate::search::begin::initial;

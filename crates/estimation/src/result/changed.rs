@@ -27,14 +27,14 @@ pub struct Changed {
     pub p: f64,
 }
 
-/// A significant change of a parameter along the runs. Innovations are left out: their rows have no times.
+/// A significant change of a parameter along the runs.
 pub(crate) fn changed(
     posed: &Posed<'_>,
     fit: &Fit,
     theta: &[f64],
     inference: &Inference<'_>,
 ) -> Option<Changed> {
-    if fit.chi2 <= fit.resolution || posed.filter.is_some() {
+    if fit.chi2 <= fit.resolution {
         return None;
     }
     let found = inference.change().filter(|own| own.p < LEVEL)?;

@@ -64,7 +64,7 @@ pub const CODES: [(&str, &str); 43] = [
     ),
     (
         "changes",
-        "a parameter changes along the runs, at the same time in all of them or in one: by a test of constant parameters (sup-LM, at 0.01), by a tenth of its value and four standard deviations of it; let it change by `[[run.change]]`, or fit the parts by themselves ([uncertainty.md](uncertainty.md))",
+        "a parameter changes along the runs, in all at the same time, at times of their own or in one, or drifts: by a test of constant parameters (sup-LM, at 0.01), by a fifth of its value at least; let it change by `[[run.change]]`, or tie it to `time` ([uncertainty.md](uncertainty.md))",
     ),
     (
         "stepped-input",
