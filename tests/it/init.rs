@@ -211,3 +211,73 @@ fn what_has_one_name_is_connected_and_a_target_that_jumps_is_no_line() {
         (1, &"nothing-explained".into())
     );
 }
+
+/// A parameter, a state and an input that are called as start values of states are variables like others, in a model file and in
+/// the FMU of it.
+#[test]
+fn names_that_end_in_start_are_names() {
+    let folder = Folder::new();
+    let model = |name: &str, lines: &str| {
+        folder.write(
+            &format!("{name}.toml"),
+            format!("[model]\nname = \"{name}\"\n{lines}"),
+        );
+    };
+    model(
+        "a",
+        "[parameters]\nx_start = 2\nk = 0.5\n[states]\nx = { start = \"x_start\", der = \"-k * x\" }\n[outputs]\nx = {}\n",
+    );
+    model(
+        "b",
+        "[parameters]\nk = 0.5\n[states]\nx = { start = 2, der = \"-k * x\" }\nx_start = { start = 3, der = \"-k * x_start\" }\n[outputs]\nx = {}\n",
+    );
+    model(
+        "c",
+        "[inputs]\nx_start = {}\n[parameters]\nk = 0.5\n[states]\nx = { start = 2, der = \"x_start - k * x\" }\n[outputs]\nx = {}\n",
+    );
+    // With k = 0.7 and without any input.
+    let row = |k: u32| {
+        let t = 0.1 * f64::from(k);
+        format!("{t},{}\n", 2.0 * (-0.7 * t).exp())
+    };
+    let rows: String = (0..40).map(row).collect();
+    folder.write("run.csv", format!("time,x\n{rows}"));
+    for name in ["a", "b", "c"] {
+        let (file, fmu) = (format!("{name}.toml"), format!("{name}.fmu"));
+        let exported = folder.pilotage(&["export", &file, "-o", &fmu]);
+        assert_eq!(exported.code, 0, "{exported:?}");
+        let valid = folder.pilotage(&["validate", &fmu]);
+        assert_eq!(valid.code, 0, "{valid:?}");
+        for given in [&file, &fmu] {
+            is_taken(&folder, &["run.csv", "--model", given]);
+            let json = folder
+                .pilotage(&["fit", "problem.toml", "--json", "--force"])
+                .json();
+            let sought = json["parameters"].as_object().unwrap();
+            let k = sought["model.k"]["value"].as_f64().unwrap();
+            assert!((k - 0.7).abs() < 1e-5, "{given}: {json}");
+            let expected = if name == "a" { 2 } else { 1 };
+            assert_eq!(sought.len(), expected, "{given}: {json}");
+        }
+        // The start value of the state: 2 at first, and 5.
+        for (set, first) in [("k=0.5", 2.0), ("x.start=5", 5.0)] {
+            let ended = folder.pilotage(&[
+                "cosim",
+                &fmu,
+                "--set",
+                &format!("{name}.{set}"),
+                "--stop-time",
+                "1",
+                "--step",
+                "1",
+                "-o",
+                "o.csv",
+                "--force",
+            ]);
+            assert_eq!(ended.code, 0, "{ended:?}");
+            let series = pilotage::series::Series::read(&folder.path("o.csv")).unwrap();
+            let x = series.column(&format!("{name}.x"));
+            assert!(x.is_some_and(|x| x.values[0] == first), "{set}");
+        }
+    }
+}

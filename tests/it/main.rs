@@ -47,6 +47,7 @@ mod model_examples;
 mod model_library;
 mod mutation;
 mod next;
+mod one_reader;
 mod open_loop;
 mod other_fmus;
 #[path = "../paragraphs.rs"]

@@ -239,16 +239,20 @@ impl Layout {
 }
 
 impl Layout {
-    /// States and the parameters that set their start values, which FMUs of pilotage call `STATE_start`.
+    /// States and the parameters that set their start values, which FMUs of pilotage call `STATE_start`, or `STATE.start` where the
+    /// model has a `STATE_start` of its own.
     pub(crate) fn start_parameters(&self, description: &ModelDescription) -> Vec<(String, String)> {
         let tool = description.generation_tool.as_deref();
         if !tool.is_some_and(|tool| tool.starts_with("pilotage ")) {
             return Vec::new();
         }
         let states = self.states.iter().map(|state| &state.name);
-        let named = states.map(|name| (name.clone(), format!("{name}_start")));
         let is_there = |start: &String| self.parameters.iter().any(|own| own.name == *start);
-        named.filter(|(_, start)| is_there(start)).collect()
+        let named = |name: &String| {
+            let names = [".start", "_start"].map(|end| format!("{name}{end}"));
+            Some((name.clone(), names.into_iter().find(is_there)?))
+        };
+        states.filter_map(named).collect()
     }
 }
 

@@ -149,7 +149,7 @@ pub enum Fault {
     #[error("`{name}` is declared twice: it is {before} already; choose another name")]
     Twice { name: String, before: &'static str },
     #[error(
-        "`{name}` is the name of a variable that comes with `{of}`: its start value, or a state of a delay; choose another one"
+        "`{name}` is the name of a state that comes with a delay in `{of}`; choose another one"
     )]
     Clash { name: String, of: String },
     #[error(

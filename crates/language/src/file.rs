@@ -322,7 +322,7 @@ impl ModelFile {
         at(&self.file, &self.text, byte, fault)
     }
 
-    /// Rejects duplicate names, in the file or in an FMU exported from it.
+    /// Rejects duplicate names.
     fn check_names(&self, reader: &Reader<'_>) -> Result<(), ModelFileError> {
         let mut known: HashMap<&str, &'static str> = HashMap::new();
         for (variable, role) in self.variables() {
@@ -342,14 +342,6 @@ impl ModelFile {
                 None => {
                     known.insert(name, role);
                 }
-            }
-        }
-        for state in &self.states {
-            let start = format!("{}_start", state.name);
-            let clash = self.variables().find(|(own, _)| own.name == start);
-            if let Some((clash, _)) = clash {
-                let (name, of) = (start, state.name.clone());
-                return Err(reader.at(clash.byte, Fault::Clash { name, of }));
             }
         }
         let mut outputs = self.outputs.iter();

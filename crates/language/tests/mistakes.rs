@@ -49,7 +49,6 @@ const MISTAKES: &[(&str, &str)] = &[
     ("gain", "\"my gain\" = 1"),
     ("gain", "time = 1"),
     ("gain", "error = 1"),
-    ("gain", "arm_start = 1"),
     ("gain", "wish_delay_1 = 1"),
     ("arm", "arm = { unit = \"1\" }"),
     ("arm", "arm = { der = \"wish\", start = \"gain * error\" }"),

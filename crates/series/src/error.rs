@@ -166,11 +166,8 @@ pub enum SeriesError {
         /// Line of the row.
         line: usize,
     },
-    /// Time does not increase.
-    #[error(
-        "{file}:{line}: time {time} s does not come after {previous} s, the row before{}",
-        if time == previous { "; leave repeated rows out" } else { "" }
-    )]
+    /// Time decreases.
+    #[error("{file}:{line}: time {time} s does not come after {previous} s, the row before")]
     TimeOrder {
         /// The file.
         file: String,

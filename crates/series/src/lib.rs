@@ -10,7 +10,8 @@
 //! 0.1,10,
 //! ```
 //!
-//! Lines that begin with `#` are comments, an empty cell is a missing sample (NaN), and the first column is time.
+//! Lines that begin with `#` are comments, an empty cell or `NaN` is a missing sample, and the first column is time.
+//! Several rows may have the same time: they are replicates, or the signals jump there, from the first of these rows to the last.
 //!
 //! | module | content |
 //! | --- | --- |
@@ -46,7 +47,7 @@ pub struct Column {
 pub struct Series {
     /// Comment lines of the file, without the leading `#`.
     pub comments: Vec<String>,
-    /// Times \[s\], strictly increasing; only [`Series::read_table`] allows equal successive times.
+    /// Times \[s\], increasing; equal successive ones are replicates, or jumps.
     pub time: Vec<f64>,
     /// Unit of time in the file's header, from which the times were converted; empty if there is none.
     pub time_unit: String,
@@ -80,13 +81,22 @@ impl TextColumn {
 }
 
 impl Series {
-    /// The column of that name.
+    /// The column of that name, else the one with that name in another case.
     pub fn column(&self, name: &str) -> Option<&Column> {
-        self.columns.iter().find(|c| c.name == name)
+        named(&self.columns, name, |own| &own.name)
     }
 
-    /// The column of that name if it has words.
+    /// The same of the columns of words.
     pub fn text(&self, name: &str) -> Option<&TextColumn> {
-        self.texts.iter().find(|own| own.name == name)
+        named(&self.texts, name, |own| &own.name)
     }
+}
+
+/// What has this name, else the only one that has it in another case.
+fn named<'c, T>(all: &'c [T], name: &str, of: impl Fn(&T) -> &str) -> Option<&'c T> {
+    let exact = all.iter().find(|own| of(own) == name);
+    exact.or_else(|| {
+        let mut alike = all.iter().filter(|own| of(own).eq_ignore_ascii_case(name));
+        alike.next().filter(|_| alike.next().is_none())
+    })
 }

@@ -15,9 +15,9 @@ const TIME: &str = "time";
 /// What a file may contain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Form {
-    /// Finite or missing samples at increasing times.
+    /// Finite or missing samples.
     Recording,
-    /// Also results of simulations: repeated times, and numbers that are not finite.
+    /// Also results of simulations: infinite numbers.
     Table,
 }
 
@@ -30,11 +30,10 @@ impl Series {
         Self::read_as(path, Form::Recording, TIME)
     }
 
-    /// Reads a CSV file written by a simulation. Several rows may have the same time: the signals jump there, from the
-    /// first of these rows to the last. A sample may be infinite (`inf`, `-inf`); `NaN` is a missing sample.
+    /// Reads a CSV file written by a simulation, in which a sample may be infinite (`inf`, `-inf`).
     ///
     /// # Errors
-    /// As [`Series::read`], except for repeated times and non-finite samples.
+    /// As [`Series::read`], except for infinite samples.
     pub fn read_table(path: &Path) -> Result<Self, SeriesError> {
         Self::read_as(path, Form::Table, TIME)
     }
@@ -133,7 +132,7 @@ impl Series {
         let number = |column: usize, form: Form| match row[column].trim() {
             "" => Ok(f64::NAN),
             cell => match cell.parse::<f64>() {
-                Ok(value) if value.is_finite() || form == Form::Table => Ok(value),
+                Ok(value) if !value.is_infinite() || form == Form::Table => Ok(value),
                 _ => Err(wrong(column).error(rows.file)),
             },
         };
@@ -142,8 +141,7 @@ impl Series {
             let (file, line) = (file(), rows.line());
             return Err(SeriesError::MissingTime { file, line });
         }
-        let is_after = |previous| time > previous || (form == Form::Table && time == previous);
-        if let Some(&previous) = self.time.last().filter(|&&previous| !is_after(previous)) {
+        if let Some(&previous) = self.time.last().filter(|&&previous| time < previous) {
             return Err(SeriesError::TimeOrder {
                 file: file(),
                 line: rows.line(),
@@ -492,7 +490,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_may_repeat_times_and_hold_what_is_not_finite() {
+    fn times_may_be_repeated_and_tables_hold_what_is_infinite() {
         let text = "time,a\n0,1\n0,inf\n1,-inf\n1,NaN\n";
         let read = |form| Series::parse_as(text.as_bytes(), "f.csv", form, TIME);
         let table = read(Form::Table).unwrap();
@@ -501,7 +499,12 @@ mod tests {
         assert_eq!(a[..3], [1.0, f64::INFINITY, f64::NEG_INFINITY]);
         assert!(a[3].is_nan());
         let error = read(Form::Recording).unwrap_err().to_string();
-        assert!(error.starts_with("f.csv:3: time 0 s does not"), "{error}");
+        assert!(error.starts_with("f.csv:3: column `a`: `inf`"), "{error}");
+        let finite = Series::parse(&b"time,a,A,b\n0,nan,1,2\n0,3,4,5\n"[..], "f.csv").unwrap();
+        let values = |name: &str| finite.column(name).map(|own| own.values[1]);
+        // In another case only where that is the only one.
+        assert_eq!(["a", "A", "B"].map(values), [3.0, 4.0, 5.0].map(Some));
+        assert!(finite.columns[0].values[0].is_nan() && finite.column("c").is_none());
         let error = Series::parse_as(&b"time,a\n0,1\ninf,1\n"[..], "f.csv", Form::Table, TIME);
         let error = error.unwrap_err().to_string();
         assert!(

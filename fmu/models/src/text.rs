@@ -1,7 +1,7 @@
 //! Models from model files: their variables as a table, their equations as tapes.
 
 use pilotage_expression::{Graph, Node, Tape};
-use pilotage_language::{Compiled, ModelFileError, Variable as Declared, parse, read};
+use pilotage_language::{Compiled, ModelFile, ModelFileError, Variable as Declared, parse, read};
 use pilotage_sdk::structure::{Influences, Knowledge};
 use pilotage_sdk::variable::Role;
 use pilotage_sdk::{At, Equations, Scalar, Table, Unit, Variable};
@@ -128,13 +128,13 @@ fn table(compiled: &Compiled, order: &[usize]) -> Table {
             None => Role::State,
         };
         let own = filled(variable(state, role, None), output(&state.name));
-        table = table.state_with(own, *start);
+        table = table.state_from(own, &start_name(file, &state.name), *start);
     }
     for state in &compiled.delays {
         let unit = state.unit.as_deref().and_then(Unit::parse);
         let unit = unit.unwrap_or_else(Unit::none);
         let own = Variable::calculated(&state.name, unit, Role::State, &state.description);
-        table = table.state_with(own, 0.0);
+        table = table.state_from(own, &start_name(file, &state.name), 0.0);
     }
     for k in order {
         let name = &compiled.model.outputs[*k];
@@ -150,6 +150,15 @@ fn table(compiled: &Compiled, order: &[usize]) -> Table {
         table = table.with(own);
     }
     table
+}
+
+/// Name of a state's start value, which is none of the file's variables: these have no dots.
+fn start_name(file: &ModelFile, state: &str) -> String {
+    let usual = format!("{state}_start");
+    match file.variables().any(|(other, _)| other.name == usual) {
+        true => format!("{state}.start"),
+        false => usual,
+    }
 }
 
 fn variable(declared: &Declared, role: Role, start: Option<f64>) -> Variable {

@@ -172,8 +172,14 @@ impl Table {
         self
     }
 
-    /// Adds a state, [`Role::State`] or [`Role::Output`], with all fields of a [`Variable`].
-    pub fn state_with(mut self, variable: Variable, start: f64) -> Self {
+    /// Adds a state, [`Role::State`] or [`Role::Output`], with all fields of a [`Variable`]. `STATE_start` is its start value.
+    pub fn state_with(self, variable: Variable, start: f64) -> Self {
+        let name = format!("{}_start", variable.name);
+        self.state_from(variable, &name, start)
+    }
+
+    /// The same with another name of the start value, for a model that has a variable `STATE_start` of its own.
+    pub fn state_from(mut self, variable: Variable, start_name: &str, start: f64) -> Self {
         let Variable {
             name,
             unit,
@@ -190,13 +196,7 @@ impl Table {
             true => format!("Initial value of {name}"),
             false => format!("Initial {}", lowered(description)),
         };
-        let start = Variable::parameter(
-            &format!("{name}_start"),
-            unit.clone(),
-            Role::Fixed,
-            start,
-            &initial,
-        );
+        let start = Variable::parameter(start_name, unit.clone(), Role::Fixed, start, &initial);
         let (starts, locals) = (self.starts().end, self.locals().end);
         self.insert(self.derivatives().end, rate);
         if variable.role == Role::Output {
@@ -215,9 +215,10 @@ impl Table {
 
     fn insert(&mut self, at: usize, variable: Variable) {
         let name = &variable.name;
-        let plain = name
-            .strip_prefix("der(")
-            .map_or(name.as_str(), |n| n.strip_suffix(')').unwrap_or_default());
+        let plain = match name.strip_prefix("der(") {
+            Some(rest) => rest.strip_suffix(')').unwrap_or_default(),
+            None => name.strip_suffix(".start").unwrap_or(name),
+        };
         assert!(
             is_identifier(plain),
             "variable name \"{name}\" is no identifier"

@@ -61,9 +61,12 @@ fn of_fmu(name: &str, model: &str, description: &ModelDescription) -> Instance {
     );
     let units = description.units_of_variables();
     let is_start = |own: &ScalarVariable| {
-        own.name
-            .strip_suffix("_start")
-            .is_some_and(|state| states.iter().any(|own| own == state))
+        let of = |end: &str| {
+            let state = own.name.strip_suffix(end);
+            state.filter(|state| states.iter().any(|own| own == state))
+        };
+        let has = |name: &str| all.iter().any(|other| other.name == name);
+        of(".start").is_some() || of("_start").is_some_and(|state| !has(&format!("{state}.start")))
     };
     let sought = with(Causality::Parameter).into_iter().filter(|own| {
         matches!(own.variability, Variability::Fixed | Variability::Tunable) && !is_start(own)

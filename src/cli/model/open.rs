@@ -97,11 +97,12 @@ pub fn text(model: &BuiltIn, order: Option<usize>) -> Result<String, Failure> {
 }
 
 /// The name under which a value is set; for a state, that of its start value.
-pub fn settable<'a>(model: &TextModel, name: &'a str) -> Cow<'a, str> {
+pub fn settable<'a>(model: &'a TextModel, name: &'a str) -> Cow<'a, str> {
     let table = model.variables();
-    let mut states = table.states().map(|index| &table.variables()[index].name);
-    match states.any(|state| state == name) {
-        true => format!("{name}_start").into(),
-        false => name.into(),
+    let all = table.variables();
+    let mut states = table.states().map(|index| &all[index].name);
+    match states.position(|state| state == name) {
+        Some(state) => (&all[table.starts().start + state].name).into(),
+        None => name.into(),
     }
 }

@@ -337,7 +337,7 @@ impl<'f> RunData<'f> {
 
 /// Where a column has no samples for much longer than its usual spacing, so that interpolation would invent data. A
 /// column recorded at a lower rate than others has empty cells but no such gap.
-fn gap(rows: &[f64], known: &[f64]) -> Option<[f64; 2]> {
+pub fn gap(rows: &[f64], known: &[f64]) -> Option<[f64; 2]> {
     const MUCH: f64 = 5.0;
     let (first, last) = (*rows.first()?, *rows.last()?);
     if rows.len() == known.len() {

@@ -4,7 +4,7 @@ use super::instance::Instance;
 use crate::trials::ColumnNames;
 use pilotage_estimation::file::{Mesh, Options};
 use pilotage_inference::are_stepped;
-use pilotage_series::Series;
+use pilotage_series::{Column, Series};
 use pilotage_text::document::{key, number, quoted};
 use pilotage_text::printable;
 use std::fmt::Write;
@@ -116,9 +116,14 @@ impl Draft<'_> {
     }
 
     fn is_column(&self, name: &str) -> bool {
-        self.runs
-            .iter()
-            .all(|run| run.series.column(name).is_some())
+        self.column(name).is_some()
+    }
+
+    /// The column of all runs that has this name, as the first one spells it.
+    fn column(&self, name: &str) -> Option<&str> {
+        let columns = self.runs.iter().map(|run| run.series.column(name));
+        let columns: Vec<&Column> = columns.collect::<Option<_>>()?;
+        columns.first().map(|own| own.name.as_str())
     }
 
     fn write_inputs(&self, text: &mut String, wires: &[(String, String)]) {
@@ -131,14 +136,14 @@ impl Draft<'_> {
                     continue;
                 }
                 let full = quoted(&full);
-                let _ = match self.is_column(column) {
-                    true if self.jumps(column) => writeln!(
+                let _ = match self.column(column) {
+                    Some(column) if self.jumps(column) => writeln!(
                         text,
                         "{full} = {{ column = {}, hold = \"zero-order\" }}   # it jumps at samples, and keeps its values between",
                         quoted(column)
                     ),
-                    true => writeln!(text, "{full} = {}", quoted(column)),
-                    false => writeln!(
+                    Some(column) => writeln!(text, "{full} = {}", quoted(column)),
+                    None => writeln!(
                         text,
                         "# {full} = \"COLUMN\"                # no column is called so: it keeps its start value"
                     ),
@@ -157,11 +162,6 @@ impl Draft<'_> {
 
     /// Measured signals: outputs with the names of columns, and the position.
     fn write_measured(&self, text: &mut String) -> Result<(), NothingMeasured> {
-        let first = self.runs.first().into_iter();
-        let columns = first.flat_map(|run| &run.series.columns);
-        let columns: Vec<&str> = (columns.map(|column| column.name.as_str()))
-            .filter(|name| self.is_column(name))
-            .collect();
         let mut measured: Vec<(String, &str)> = Vec::new();
         if let Some(signal) = self.measured {
             let output = signal.rsplit('.').next().unwrap_or(signal);
@@ -169,23 +169,23 @@ impl Draft<'_> {
         }
         for own in self.instances.iter().filter(|own| own.name != "pilot") {
             for signal in &own.outputs {
-                if let Some(column) = columns.iter().find(|column| *column == signal) {
-                    measured.push((format!("{}.{signal}", own.name), column));
-                }
+                let column = self.column(signal);
+                measured.extend(column.map(|column| (format!("{}.{signal}", own.name), column)));
             }
             for axis in ["", "2"] {
-                let quantity = format!("position{axis}");
-                let column = self.names.of(&quantity);
-                let column = columns.iter().find(|own| **own == column);
-                let is_new = |column: &&&str| measured.iter().all(|(_, own)| own != *column);
-                let position = own.position(axis);
-                if let (Some(column), Some(position)) = (column.filter(is_new), position) {
+                let column = self.column(self.names.of(&format!("position{axis}")));
+                let is_new = |column: &&str| measured.iter().all(|(_, own)| own != column);
+                if let (Some(column), Some(position)) = (column.filter(is_new), own.position(axis))
+                {
                     measured.push((format!("{}.{position}", own.name), column));
                 }
             }
         }
         if measured.is_empty() {
-            let columns = columns.into_iter().map(str::to_owned).collect();
+            let first = self.runs.first().into_iter();
+            let columns = first.flat_map(|run| &run.series.columns);
+            let columns = columns.map(|own| own.name.clone());
+            let columns = columns.filter(|name| self.is_column(name)).collect();
             return Err(NothingMeasured { columns });
         }
         for (signal, column) in measured {

@@ -120,13 +120,17 @@ pub enum TrialError {
         /// The limit \[m\].
         limit: f64,
     },
-    /// The target is missing at a sample.
-    #[error("{file}: no target at {time} s; the target must be known at every sample")]
+    /// The target is missing for long.
+    #[error(
+        "{file}: no target from {from} to {to} s, and it is needed all the time; fill it, end the run before or begin it after"
+    )]
     NoTarget {
         /// The file.
         file: String,
-        /// Time of the sample \[s\].
-        time: f64,
+        /// Time of the last sample before \[s\], or of the first row.
+        from: f64,
+        /// Time of the next one \[s\], or of the last row.
+        to: f64,
     },
     /// There are fewer recorded positions than a fit requires.
     #[error("{file}: {found} recorded positions; expected at least {expected}")]

@@ -36,7 +36,7 @@ pub struct Trial {
     pub origin: String,
     /// SHA-256 of the file's bytes, in hexadecimal.
     pub sha256: String,
-    /// Sample times \[s\], strictly increasing.
+    /// Sample times \[s\], increasing; rows with equal times are replicates, or the target jumps there.
     pub time: Vec<f64>,
     /// Unit of the times in the file's header, from which they were converted; empty if there is none.
     pub time_unit: String,

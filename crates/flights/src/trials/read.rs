@@ -1,6 +1,7 @@
 //! Reading a trial from its file.
 
 use super::{ColumnNames, Trial, TrialError};
+use pilotage_estimation::posed::data::{filled, gap};
 use pilotage_inference::sampling::median_step;
 use pilotage_series::{Column, Series};
 use pilotage_text::file;
@@ -86,6 +87,7 @@ impl Trial {
             LENGTH,
             origin,
         )?;
+        let target = whole(&series.time, &target, origin)?;
         let position = required(&series, columns.of("position"), origin)?;
         let position = values(position, "position", LENGTH, origin)?;
         let recorded = |column: &&Column| column.values.iter().any(|value| !value.is_nan());
@@ -93,7 +95,7 @@ impl Trial {
             Some(name) => Some(required(&series, name, origin)?),
             None => {
                 check_text(&series, "stick", origin)?;
-                named(&series, "stick")
+                series.column("stick")
             }
         };
         let mut stick = (stick.filter(recorded))
@@ -123,12 +125,6 @@ impl Trial {
 
     fn check(&self) -> Result<(), TrialError> {
         let file = || self.origin.clone();
-        if let Some(k) = self.target.iter().position(|target| target.is_nan()) {
-            return Err(TrialError::NoTarget {
-                file: file(),
-                time: self.time[k],
-            });
-        }
         let found = self.position.iter().filter(|p| !p.is_nan()).count();
         if found < MIN_SAMPLES {
             return Err(TrialError::TooFew {
@@ -167,6 +163,26 @@ impl Trial {
             }),
             None => Ok(()),
         }
+    }
+}
+
+/// The target at all samples: along lines where few are missing, as a problem takes the columns of inputs.
+fn whole(time: &[f64], target: &[f64], file: &str) -> Result<Vec<f64>, TrialError> {
+    let known = time.iter().zip(target).filter(|(_, own)| own.is_finite());
+    let known: Vec<f64> = known.map(|(time, _)| *time).collect();
+    let ends = [0, time.len() - 1].map(|k| time[k]);
+    let gap = if known.is_empty() {
+        Some(ends)
+    } else {
+        gap(time, &known)
+    };
+    match gap {
+        Some([from, to]) => Err(TrialError::NoTarget {
+            file: file.to_owned(),
+            from,
+            to,
+        }),
+        None => Ok(filled(time, target)),
     }
 }
 
@@ -209,18 +225,9 @@ fn doubtful_times(series: &Series) -> Option<String> {
     })
 }
 
-/// The column with that name, or else with that name in another case.
-fn named<'a>(series: &'a Series, column: &str) -> Option<&'a Column> {
-    let alike = |c: &&Column| c.name.eq_ignore_ascii_case(column);
-    series
-        .column(column)
-        .or_else(|| series.columns.iter().find(alike))
-}
-
 /// Rejects a column of words.
 fn check_text(series: &Series, column: &str, file: &str) -> Result<(), TrialError> {
-    let mut texts = series.texts.iter();
-    match texts.find(|own| own.name.eq_ignore_ascii_case(column)) {
+    match series.text(column) {
         Some(text) => Err(text.error(file).into()),
         None => Ok(()),
     }
@@ -229,7 +236,7 @@ fn check_text(series: &Series, column: &str, file: &str) -> Result<(), TrialErro
 /// The column, or an error if it is missing or has words.
 fn required<'a>(series: &'a Series, column: &str, file: &str) -> Result<&'a Column, TrialError> {
     check_text(series, column, file)?;
-    named(series, column).ok_or_else(|| {
+    series.column(column).ok_or_else(|| {
         let names = || series.columns.iter().map(|c| c.name.as_str());
         TrialError::NoColumn {
             file: file.into(),

@@ -319,7 +319,6 @@ impl<E: Equations> Simulation<E> {
     }
 
     fn calculated(&self, variable: &Variable) -> SetError {
-        let start = format!("{}_start", variable.name);
         let role = match variable.role {
             Role::Output => "an output",
             Role::Local => "a local",
@@ -328,9 +327,14 @@ impl<E: Equations> Simulation<E> {
             Role::Time => "no parameter",
             _ => "a state",
         };
-        let hint = match variable.role == Role::State && self.table.index(&start).is_some() {
-            true => format!("; set {start} before the start, or the states as a whole"),
-            false => String::new(),
+        let index = self.table.index(&variable.name);
+        let state = index.and_then(|index| self.table.state_at(index));
+        let hint = match state.filter(|_| variable.role == Role::State) {
+            Some(state) => {
+                let start = &self.table.variables()[self.table.starts().start + state].name;
+                format!("; set {start} before the start, or the states as a whole")
+            }
+            None => String::new(),
         };
         SetError::Calculated {
             name: variable.label(),

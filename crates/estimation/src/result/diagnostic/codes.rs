@@ -72,9 +72,12 @@ pub const CODES: [(&str, &str); 43] = [
     ),
     (
         "outlier",
-        "residuals of a column deviate from their neighbours, by ten times the usual change nearby, by 0.3 of their spread and by more than the recording's resolution, and come back (new values alone, if most repeat the one before); with Laplace's, Student's and Huber's noise they are expected, and not reported",
+        "residuals of a column deviate from their neighbours, by ten times the usual change nearby, by 0.3 of their spread, by more than the recording's resolution and beyond the tail of all changes (a gap that a tail like theirs has once in a thousand times), and come back (new values alone, if most repeat the one before); with Laplace's, Student's and Huber's noise they are expected, and not reported",
     ),
-    ("jump", "the same without coming back"),
+    (
+        "jump",
+        "the same without coming back for thirty samples, from one sample to the next",
+    ),
     (
         "frozen",
         "a column repeats a value for at least eight times as many samples as usual while the model moves, and then changes at once by five times the usual change: the sensor or the recording stood still; empty these cells. Or one that drives an input along lines does so, and residuals are 1.5 times as large meanwhile: cut the run there",
