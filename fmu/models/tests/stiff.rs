@@ -1,4 +1,4 @@
-//! Stiff model files, in steps of co-simulation, compared with `solve_ivp` of SciPy 1.16 (`method='Radau'`, `rtol=1e-10` or less).
+//! Stiff model files, in steps of co-simulation, compared with `solve_ivp` of SciPy 1.17.1 (`method='Radau'`, `rtol=1e-10` or less).
 //! An explicit method needs more than the million steps that one step of co-simulation may take.
 
 use pilotage_models::TextModel;

@@ -9,7 +9,7 @@
 //! ```
 //!
 //! whose derivative with respect to T is that of the solution where T = s (the saltation matrix: Leine & Nijmeijer, *Dynamics and
-//! Bifurcations of Non-Smooth Mechanical Systems*, section 7.2). Between solves the boundary is moved to T, until both agree. The
+//! Bifurcations of Non-Smooth Mechanical Systems*). Between solves the boundary is moved to T, until both agree. The
 //! jump is an integral over a short interval behind s, so that any scheme has it.
 
 use crate::posed::assembly::Made;
@@ -72,12 +72,7 @@ impl Made {
             .iter()
             .map(|node| depends[node.index()])
             .collect();
-        let needed = system.graph.ancestors(&found.times);
-        let is_used = |k: &usize| {
-            let node = system.graph.known_variable(inputs + k);
-            node.is_some_and(|node| needed[node.index()])
-        };
-        let steady = (0..system.inputs).filter(is_used).collect();
+        let steady = inputs_of(system, &found.times);
         let (first, conditions) = (system.inputs, found.conditions.len());
         let moving = sought.iter().filter(|own| **own).count();
         // Values after and, within jumps, before them; for each sought time the height of the jump's rate, and that times s.
@@ -91,14 +86,10 @@ impl Made {
         let (literal, times) = all.split_at(count);
         let system = &mut self.system;
         let tape = Tape::new(&system.graph, system.variables(), |_| false, &[&all]);
+        let times = times.iter().zip(&sought).filter(|(_, sought)| **sought);
         let switched = Switched {
             conditions: literal,
-            times: times
-                .iter()
-                .zip(&sought)
-                .filter(|own| *own.1)
-                .map(|own| *own.0)
-                .collect(),
+            times: times.map(|(time, _)| *time).collect(),
             first,
         };
         switched.replace(system);
@@ -152,6 +143,16 @@ impl Made {
         self.system.graph = graph;
         self.system.inputs += added;
     }
+}
+
+/// The inputs on which expressions of a system depend.
+fn inputs_of(system: &System, nodes: &[Node]) -> Vec<usize> {
+    let needed = system.graph.ancestors(nodes);
+    let is_used = |k: &usize| {
+        let node = system.graph.known_variable(system.input(*k));
+        node.is_some_and(|node| needed[node.index()])
+    };
+    (0..system.inputs).filter(is_used).collect()
 }
 
 /// Conditions in a system, and the sought times among those of their changes.
