@@ -49,7 +49,7 @@ pub struct Segment {
 
 /// Rows for each column of the unknowns from which on the residuals alone tell the noise: what the unknowns have taken from it is
 /// then a small part.
-const MANY: usize = 100;
+const MANY: usize = 30;
 
 impl Segment {
     /// The residuals alone, without what the unknowns may take from them, if there are many.
