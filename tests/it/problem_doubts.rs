@@ -507,6 +507,9 @@ fn optima_of_the_same_height_are_told() {
         ends.filter(|own| (own - value).abs() < 1e-3).count()
     };
     assert!(ends_with(first) > 0 && ends_with(second) > 0, "{starts:?}");
+    // Those at the other one do not agree with this one.
+    let agreeing = json["starts_agreeing"].as_u64().unwrap();
+    assert_eq!(agreeing, ends_with(first) as u64, "{starts:?}");
     // In this order there is one optimum.
     let ordered = "\"m.a\" = { max = 0.6 }\n\"m.b\" = { start = 2, min = 0.6 }\n\"m.k\" = {}";
     assert_eq!(words(&ended(ordered), "other-optimum"), None);

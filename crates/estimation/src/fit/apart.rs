@@ -34,26 +34,34 @@ pub(super) fn are_apart(posed: &Posed<'_>, a: &Solved, b: &Solved) -> bool {
     sd.is_some_and(|sd| differ(&here, &there, &sd))
 }
 
-/// The converged starts at other optima than that of start `best`, of which the data do not tell which is right; one for each
-/// optimum. The data are those of the result. `objective` is that of a simulation with other parameters, if it can be had: where
-/// it does not rise between two, they lie in one valley.
+/// Starts at other optima.
+#[derive(Default)]
+pub(super) struct Others {
+    /// The first at each.
+    pub first: Vec<usize>,
+    pub all: Vec<usize>,
+}
+
+/// The converged starts at other optima than that of start `best`, of which the data do not tell which is right. The data are
+/// those of the result. `objective` is that of a simulation with other parameters, if it can be had: where it does not rise
+/// between two, they lie in one valley.
 pub(super) fn others(
     posed: &Posed<'_>,
     (fit, best): (&Fit, usize),
     thetas: &[Option<Vec<f64>>],
     data: &Data,
     objective: &dyn Fn(&[f64]) -> Option<f64>,
-) -> Vec<usize> {
+) -> Others {
     let Some(here) = &thetas[best] else {
-        return Vec::new();
+        return Others::default();
     };
     let is_here = |own: &Vec<f64>| own.iter().zip(here).all(|(a, b)| !is_other(*a, *b, SAME));
     if thetas.iter().flatten().all(is_here) {
-        return Vec::new();
+        return Others::default();
     }
     let noise = Inference::new(data).map(|own| own.noise());
     let Some((sd, noise)) = deviations(posed, data).zip(noise.ok()) else {
-        return Vec::new();
+        return Others::default();
     };
     let least = fit.starts[best].objective;
     let near = (REGION * noise).max(fit.resolution);
@@ -68,18 +76,27 @@ pub(super) fn others(
         let pair = objective(&middle).zip(fit.simulated_objective);
         pair.is_none_or(|(between, here)| between - here > near)
     };
-    let mut found: Vec<usize> = Vec::new();
+    let mut found = Others::default();
     for (k, own) in thetas.iter().enumerate() {
         let Some(own) = own.as_ref().filter(|_| is_as_good(&fit.starts[k])) else {
             continue;
         };
-        let known = found.iter().filter_map(|k| thetas[*k].as_ref());
-        let mut others = [here].into_iter().chain(known);
-        if others.all(|other| differ(other, own, &sd)) && rises(own) {
-            found.push(k);
+        let mut known = found.first.iter().filter_map(|k| thetas[*k].as_ref());
+        if differ(here, own, &sd) && rises(own) {
+            let is_new = known.all(|other| differ(other, own, &sd));
+            found.all.push(k);
+            found.first.extend(is_new.then_some(k));
         }
     }
     found
+}
+
+impl Fit {
+    /// Notes which starts ended at other optima.
+    pub(super) fn take_others(&mut self, others: Others) {
+        (others.all.iter()).for_each(|k| self.starts[*k].is_elsewhere = true);
+        self.others = others.first;
+    }
 }
 
 /// Values of the shared parameters with their names, in their units.

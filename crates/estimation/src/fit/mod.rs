@@ -162,7 +162,13 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
             let inference = Inference::new(&own.data).ok();
             found.change = inference.and_then(|own| changed(posed, &found, &last.theta(), &own));
             let other = |theta: &[f64]| check::with(posed, &last, theta, &watch);
-            found.others = apart::others(posed, (&found, best), &thetas, &own.data, &other);
+            found.take_others(apart::others(
+                posed,
+                (&found, best),
+                &thetas,
+                &own.data,
+                &other,
+            ));
         }
         found.uncertainty = known.and_then(|own| {
             let looped = looped.as_ref();
@@ -243,6 +249,7 @@ fn end(posed: &Posed<'_>, solved: Option<&Solved>, watch: &Watch<'_, '_>) -> Sta
                 objective: nearly.map_or(f64::NAN, |f| f / posed.factor),
                 iterations: own.solution.work.iterations,
                 kkt: Some(own.solution.kkt.residual()),
+                is_elsewhere: false,
                 parameters: apart::named(posed, &own.theta()),
             }
         }
@@ -251,6 +258,7 @@ fn end(posed: &Posed<'_>, solved: Option<&Solved>, watch: &Watch<'_, '_>) -> Sta
             objective: f64::NAN,
             iterations: 0,
             kkt: None,
+            is_elsewhere: false,
             parameters: Vec::new(),
         },
     }

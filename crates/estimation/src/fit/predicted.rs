@@ -59,6 +59,7 @@ pub(super) fn predicted(
             objective: own.objective(),
             iterations: own.solution.work.iterations,
             kkt: Some(own.solution.kkt.residual()),
+            is_elsewhere: false,
             parameters: apart::named(posed, &own.unknowns()),
         })
         .collect();
@@ -84,7 +85,13 @@ pub(super) fn predicted(
             .iter()
             .map(|own| Some(own.unknowns()[..posed.shared].to_vec()));
         let thetas: Vec<Option<Vec<f64>>> = thetas.collect();
-        found.others = apart::others(posed, (&found, 0), &thetas, &linear.data, &|_| None);
+        found.take_others(apart::others(
+            posed,
+            (&found, 0),
+            &thetas,
+            &linear.data,
+            &|_| None,
+        ));
         found.uncertainty = uncertainty(
             posed,
             (&last, &found, &linear),

@@ -108,8 +108,8 @@ impl fmt::Display for Changed {
                 return write!(
                     f,
                     "it drifts from about {before} to {after}, and the estimate is between them; let it vary: in [parameters], \
-                     seek two parameters of the problem, say a and b, and tie it to them and the time, as in \"{name}\" = {{ value = \
-                     \"a + (b - a) * time / 60\" }}, or fit the parts by themselves"
+                     seek two parameters of the problem, say a and slope (per second), and tie it to them and the time by \"{name}\" = \
+                     {{ value = \"a + slope * time\" }}, or fit the parts by themselves"
                 );
             }
         }

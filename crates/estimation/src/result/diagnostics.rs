@@ -311,7 +311,8 @@ fn of_lower(fit: &Fit) -> Option<Diagnostic> {
 
 fn of_starts(fit: &Fit) -> Option<Diagnostic> {
     let starts = fit.starts.len();
-    (fit.agreeing() == 1 && starts > 2).then_some(Diagnostic::Alone(starts))
+    (fit.agreeing() == 1 && starts > 2 && fit.others.is_empty())
+        .then_some(Diagnostic::Alone(starts))
 }
 
 fn of_mesh(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {

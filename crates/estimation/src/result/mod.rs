@@ -131,6 +131,8 @@ pub struct StartEnd {
     pub iterations: usize,
     /// Its scaled KKT residual. None if the fit was ended before it began.
     pub kkt: Option<f64>,
+    /// Whether it ended at another optimum than the fit, of which the data do not tell which is better.
+    pub is_elsewhere: bool,
     /// Its shared parameters with their names, in their units. Empty if it did not begin.
     pub parameters: Vec<(String, f64)>,
 }
@@ -419,7 +421,7 @@ impl Fit {
         let converged = self
             .starts
             .iter()
-            .filter(|own| own.status == Status::Converged);
+            .filter(|own| own.status == Status::Converged && !own.is_elsewhere);
         let objectives = converged.map(|own| own.objective);
         let best = objectives.clone().fold(f64::INFINITY, f64::min);
         let size = best.abs().max(self.resolution);
