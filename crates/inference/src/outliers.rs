@@ -153,7 +153,7 @@ impl Values {
     /// at: few of them are outliers at all.
     fn is_sudden(&self, known: &[usize], group: &[(usize, f64)], last: usize, kind: Kind) -> bool {
         let is_alone = |(at, size): (usize, f64)| self.is_alone(known, at, size);
-        let few = group[last].0 - group[0].0 <= FEW;
+        let few = group[last].0 - group[0].0 <= BESIDE;
         kind == Kind::Recorded || few || (is_alone(group[0]) && is_alone(group[last]))
     }
 
