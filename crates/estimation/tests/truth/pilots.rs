@@ -48,7 +48,7 @@ impl Case {
         }
         format!(
             "[system.pilot]\nmodel = \"{}\"\n{order}\n[system.vehicle]\nmodel = \"{}\"\n[connect]\n{wires}[inputs]\n\
-             {inputs}{columns}[parameters]\n{parameters}[[run]]\nfile = \"run.csv\"\n[fit]\nmesh = \"samples\"\n{options}",
+             {inputs}{columns}[parameters]\n{parameters}[[run]]\nfile = \"run.csv\"\n[fit]\nmesh = \"samples\"\nscheme = \"hermite-simpson\"\n{options}",
             self.pilot, self.vehicle
         )
     }

@@ -10,6 +10,7 @@ mod steps;
 
 use pilotage_collocation::Collocation;
 use pilotage_estimation::Posed;
+use pilotage_estimation::file::Limits;
 use pilotage_estimation::search::begin::begin;
 use pilotage_estimation::starts::starts;
 use pilotage_flights::{FlightOptions, Trial, TrialSet, open};
@@ -52,7 +53,9 @@ fn posed<T>(trials: &[Trial], options: &FlightOptions, see: impl FnOnce(&Posed<'
         fit: trials.to_vec(),
         ..TrialSet::default()
     };
-    let file = options.problem(&set).unwrap();
+    let mut file = options.problem(&set).unwrap();
+    // As in the paper.
+    file.options.limits = Limits::Constrain;
     see(&Posed::new(&file, &open).unwrap())
 }
 
