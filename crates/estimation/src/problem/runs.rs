@@ -67,8 +67,11 @@ fn is_alike(a: &RunLine, b: &RunLine) -> bool {
         && changed(a) == changed(b)
 }
 
+/// Names and values.
+type Settings<'r> = Vec<(&'r str, &'r str)>;
+
 /// The changes in a run, and their times.
-fn changed(run: &RunLine) -> Vec<(f64, [Vec<(&str, &str)>; 2])> {
+fn changed(run: &RunLine) -> Vec<(f64, [Settings<'_>; 2])> {
     let changes = run.changes.iter();
     changes
         .map(|change| {
@@ -81,7 +84,7 @@ fn changed(run: &RunLine) -> Vec<(f64, [Vec<(&str, &str)>; 2])> {
 }
 
 /// Names and values that are set, sorted: their order in the file does not matter.
-fn settings(set: &[Set]) -> Vec<(&str, &str)> {
+fn settings(set: &[Set]) -> Settings<'_> {
     let pairs = set
         .iter()
         .map(|own| (own.name.value.as_str(), own.value.expression.text.as_str()));

@@ -73,10 +73,8 @@ impl Alone {
         file.options.mesh = Mesh::Samples;
         file.options.objective = Objective::Response;
         file.runs.retain(|run| run.fits);
-        let runs = file.runs.iter_mut().zip(&posed.data);
-        let are_numbers = runs
-            .map(|(run, data)| keep_own(run, data, &own))
-            .all(|own| own);
+        let mut runs = file.runs.iter_mut().zip(&posed.data);
+        let are_numbers = runs.all(|(run, data)| keep_own(run, data, &own));
         are_numbers.then_some(Self { file, columns })
     }
 }
