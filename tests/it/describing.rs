@@ -167,7 +167,7 @@ fn a_fit_that_is_not_what_was_flown_is_told() {
     let other = folder
         .pilotage(&[&["fit", RUNS[0]], &flags[..]].concat())
         .json();
-    assert_eq!(codes(&other), ["describing-function"]);
+    assert_eq!(codes(&other), ["describing-function", "open-loop"]);
 }
 
 /// Targets that stand still, and two axes that act on each other.

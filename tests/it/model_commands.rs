@@ -518,7 +518,7 @@ fn a_model_of_a_given_order_is_simulated_with_it() {
     assert_eq!(more(&["--record", "linear.x1"]).code, 0);
     assert_eq!(
         folder.read("x.csv").lines().next(),
-        Some("time,linear.x1 [m.s3]")
+        Some("time,linear.x1 [1]")
     );
     let help = more(&["--help"]);
     assert!(

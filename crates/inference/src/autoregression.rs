@@ -13,7 +13,7 @@
 use crate::burg;
 use crate::residuals::is_even;
 use crate::restricted::{LARGEST, Likelihood, golden, of_whitened};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use std::borrow::Cow;
 
 /// Highest order. White noise added to the oscillation of a loop has no finite order, and the criterion may have a
@@ -45,43 +45,6 @@ pub struct Segment {
     /// Time of each row [s].
     pub time: Vec<f64>,
     pub rows: DMatrix<f64>,
-}
-
-/// Rows for each column of the unknowns from which on the residuals alone tell the noise: what the unknowns have taken from it is
-/// then a small part.
-const MANY: usize = 30;
-
-impl Segment {
-    /// The residuals alone, without what the unknowns may take from them, if there are many.
-    pub fn alone_if_many(self) -> Self {
-        const ROUNDING: f64 = 1e-8;
-        let (n, count) = (self.rows.nrows(), self.rows.ncols() - 1);
-        if count == 0 || n < MANY * count {
-            return self;
-        }
-        let mut basis: Vec<DVector<f64>> = Vec::new();
-        let without = |mut column: DVector<f64>, basis: &[DVector<f64>]| {
-            for own in basis.iter().chain(basis) {
-                column.axpy(-own.dot(&column), own, 1.0);
-            }
-            column
-        };
-        for column in self.rows.columns(0, count).column_iter() {
-            let size = column.norm();
-            let rest = without(column.into_owned(), &basis);
-            if rest.norm() > ROUNDING * size {
-                basis.push(rest.normalize());
-            }
-        }
-        let residuals = without(self.rows.column(count).into_owned(), &basis);
-        let degrees = (n - basis.len()) as f64;
-        let residuals = residuals * (n as f64 / degrees).sqrt();
-        Self {
-            own: 0,
-            time: self.time,
-            rows: DMatrix::from_columns(&[residuals]),
-        }
-    }
 }
 
 impl Autoregression {

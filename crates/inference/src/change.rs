@@ -187,11 +187,8 @@ impl<'i> Test<'i> {
             .iter()
             .map(|own| DMatrix::zeros(own.nrows(), 0))
             .collect();
-        let effects: Vec<_> = legs
-            .iter()
-            .zip(&none)
-            .map(|(own, none)| [own, none])
-            .collect();
+        let effects = some(of).into_iter().map(|j| (j, [&legs[j], &none[j]]));
+        let effects: Vec<_> = effects.collect();
         let mut test = Self {
             of,
             processes: of.coloured_beside(&effects),
@@ -352,6 +349,15 @@ fn span(run: &Run) -> [f64; 2] {
         times().fold(f64::NEG_INFINITY, f64::max),
     ];
     [first, (last - first).max(f64::MIN_POSITIVE)]
+}
+
+/// Runs that together tell the noise: all, or some over all of them if these have many residuals.
+fn some(of: &Inference<'_>) -> Vec<usize> {
+    const ENOUGH: usize = 8000;
+    let count = of.data.runs.len();
+    let rows = of.data.residuals();
+    let taken = (ENOUGH * count / rows.max(1)).clamp(count.min(3), count);
+    (0..taken).map(|k| k * count / taken).collect()
 }
 
 /// Orthonormal columns of what a run's own unknowns can follow, and parameters of its own in each of some legs. Beside them the noise

@@ -27,20 +27,16 @@ impl Inference<'_> {
     /// An autoregressive process for each signal, in standard deviations times the square root of the weight, as
     /// residuals are.
     pub fn coloured(&self) -> Processes {
-        let all: Vec<_> = self
-            .all
-            .runs
-            .iter()
-            .map(|own| [&own.basis, &own.shared])
-            .collect();
+        let all = self.all.runs.iter().enumerate();
+        let all: Vec<_> = all.map(|(j, own)| (j, [&own.basis, &own.shared])).collect();
         self.coloured_beside(&all)
     }
 
-    /// The same beside other effects of each run's own unknowns and of shared ones.
-    pub(crate) fn coloured_beside(&self, effects: &[[&DMatrix<f64>; 2]]) -> Processes {
+    /// The same from these runs, beside other effects of each run's own unknowns and of shared ones.
+    pub(crate) fn coloured_beside(&self, effects: &[(usize, [&DMatrix<f64>; 2])]) -> Processes {
         let of_signal = |k: usize| {
-            let runs = self.data.runs.iter().zip(effects);
-            let segments = runs.filter_map(|(run, [own, shared])| {
+            let segments = effects.iter().filter_map(|(j, [own, shared])| {
+                let run = &self.data.runs[*j];
                 let range = run.signals[k].clone();
                 let part = |matrix: &DMatrix<f64>| part_of(matrix, &range);
                 let residuals =
@@ -56,7 +52,7 @@ impl Inference<'_> {
                     rows: DMatrix::from_columns(&columns),
                 })
             });
-            let segments: Vec<Segment> = segments.map(Segment::alone_if_many).collect();
+            let segments: Vec<Segment> = segments.collect();
             match segments.is_empty() {
                 true => Autoregression::new(&[]),
                 false => Autoregression::estimated(&segments),

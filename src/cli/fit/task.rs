@@ -98,7 +98,10 @@ impl Args {
     fn flight_options(&self) -> Result<FlightOptions, Failure> {
         let order = usize::from(self.order);
         let mut fit = FlightOptions::default().fit;
+        let mesh = fit.mesh;
         self.override_options(&mut fit)?;
+        // Where it is refused, the reason is told of the flag.
+        fit.mesh = mesh;
         Ok(FlightOptions {
             order,
             fit,
