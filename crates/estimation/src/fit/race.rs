@@ -189,7 +189,7 @@ fn scout(
     start: Start,
     watch: &Watch<'_, '_>,
 ) -> Scout {
-    let limit = posed.file.options.max_iterations;
+    let limit = posed.most_iterations;
     let limit = match is_race && !start.is_raised {
         true => limit.min(HEAT),
         false => limit,
@@ -268,7 +268,7 @@ impl Scout {
         known: Option<&(f64, Vec<f64>)>,
         watch: &Watch<'_, '_>,
     ) -> Solved {
-        let limit = posed.file.options.max_iterations;
+        let limit = posed.most_iterations;
         let behind = Mutex::new(Behind::new(known.map(|own| own.0)));
         let see = |iteration: &_| ahead(&behind, watch, self.number, iteration);
         let (before, has_converged) = (self.solved.solution.work, self.has_converged());
@@ -301,7 +301,7 @@ impl Scout {
 fn onward(posed: &Posed<'_>, own: Solved, number: usize, watch: &Watch<'_, '_>) -> Solved {
     let Solved { problem, solution } = own;
     let see = |iteration: &_| watch.see(number, 0, iteration);
-    let limit = posed.file.options.max_iterations;
+    let limit = posed.most_iterations;
     let mut own = solve(posed, (problem, solution.iterate.z), limit, &see);
     own.solution.work += solution.work;
     own
@@ -338,7 +338,7 @@ fn go_on(
     open: Vec<usize>,
     watch: &Watch<'_, '_>,
 ) {
-    let limit = posed.file.options.max_iterations;
+    let limit = posed.most_iterations;
     let finish = |k: usize| {
         let own = solved[k].as_ref().filter(|_| !watch.is_over())?;
         let see = |iteration: &_| watch.see(k, 0, iteration);

@@ -27,7 +27,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 /// Places of the pair, relative to the magnitude of the lower order's poles.
-const PAIRS: [f64; 3] = [1.1, 0.075, 7.5];
+const PAIRS: [f64; 5] = [1.1, 0.075, 7.5, 0.3, 40.0];
 
 /// Place of another pair where states begin anywhere, and how many times as far from 0 its zero is: a model that integrates has an
 /// optimum of its own there, to which no pair that cancels leads.

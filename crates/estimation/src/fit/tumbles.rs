@@ -284,7 +284,7 @@ impl<'t> Tumbling<'t> {
             return;
         }
         let see = |iteration: &_| watch.see(self.number, 0, iteration);
-        let limit = HEAT.min(posed.file.options.max_iterations);
+        let limit = HEAT.min(posed.most_iterations);
         let z = better.unwrap_or_else(|| own.solution.iterate.z.clone());
         let mut next = once(posed, (own.problem.clone(), z), limit, &see);
         next.solution.work += work;
@@ -306,7 +306,7 @@ impl<'t> Tumbling<'t> {
         if !has_converged(&own) && !watch.is_over() {
             let see = |iteration: &_| watch.see(self.number, 0, iteration);
             let work = own.solution.work;
-            let limit = posed.file.options.max_iterations;
+            let limit = posed.most_iterations;
             own = solve(posed, (own.problem, own.solution.iterate.z), limit, &see);
             own.solution.work += work;
         }

@@ -41,6 +41,9 @@ pub(crate) const MOST_INTERVALS: usize = 400_000;
 /// Maximum number of samples of all runs together. A fit takes about 5 kB for each, of an algebraic model.
 pub(crate) const MOST_SAMPLES: usize = 1_000_000;
 
+/// Iteration limit of a search that only leads on.
+const LEADING: usize = 100;
+
 /// A problem that is ready to be discretised.
 #[derive(Debug)]
 pub struct Posed<'f> {
@@ -83,6 +86,8 @@ pub struct Posed<'f> {
     pub(crate) switches: Option<Switches>,
     /// Parameters that a pattern such as `instance.*` asks for, and on which nothing measured depends: they keep their values.
     pub left_out: Vec<String>,
+    /// Iteration limit of each start: that of the file; less without the limits of outputs, where a solve only leads on.
+    pub(crate) most_iterations: usize,
 }
 
 /// Whether expressions of these variables are selected between, or have magnitudes.
@@ -215,7 +220,8 @@ impl<'f> Posed<'f> {
             return Self::of(file, joint, None);
         }
         let mut parts = joint.parts.clone();
-        let free = Self::of(file, joint, None)?;
+        let mut free = Self::of(file, joint, None)?;
+        free.most_iterations = free.most_iterations.min(LEADING);
         parts.iter_mut().for_each(|(_, part)| part.saturate());
         let joint = Joint::new(&file.system, parts)?;
         Self::of(file, joint, Some(Box::new(free)))
@@ -300,6 +306,7 @@ impl<'f> Posed<'f> {
             origins,
             switches,
             left_out,
+            most_iterations: file.options.max_iterations,
         })
     }
 }
