@@ -156,7 +156,7 @@ fn trials() {
                 .map(|line| format!("{line}\n"))
                 .collect::<String>()
                 .into(),
-            "a.csv: 7 recorded positions; expected at least 10",
+            "a.csv: recorded positions at 7 different times; expected at least 10",
         ),
         (
             "nothing recorded",
@@ -170,7 +170,7 @@ fn trials() {
                 })
                 .collect::<String>()
                 .into(),
-            "a.csv: 0 recorded positions; expected at least 10",
+            "a.csv: recorded positions at 0 different times; expected at least 10",
         ),
         (
             "stick beyond its stops",

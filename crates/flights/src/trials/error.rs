@@ -133,7 +133,7 @@ pub enum TrialError {
         to: f64,
     },
     /// There are fewer recorded positions than a fit requires.
-    #[error("{file}: {found} recorded positions; expected at least {expected}")]
+    #[error("{file}: recorded positions at {found} different times; expected at least {expected}")]
     TooFew {
         /// The file.
         file: String,

@@ -125,7 +125,11 @@ impl Trial {
 
     fn check(&self) -> Result<(), TrialError> {
         let file = || self.origin.clone();
-        let found = self.position.iter().filter(|p| !p.is_nan()).count();
+        let recorded = self.time.iter().zip(&self.position);
+        let recorded = recorded.filter(|(_, position)| !position.is_nan());
+        let mut times: Vec<f64> = recorded.map(|(time, _)| *time).collect();
+        times.dedup();
+        let found = times.len();
         if found < MIN_SAMPLES {
             return Err(TrialError::TooFew {
                 file: file(),

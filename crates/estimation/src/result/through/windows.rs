@@ -72,7 +72,9 @@ pub fn windows(
             samples += to - from;
             let mut own = Window::new(posed, j, from..to, spreads);
             own.longest = DELAYS * length;
-            all.push((j, own));
+            if own.seen().count() >= least {
+                all.push((j, own));
+            }
         }
     }
     let lines = vec![[factor, 0.0]; drivers];
