@@ -117,7 +117,6 @@ impl Args {
                 Compared::Both => Objective::Response,
             },
             columns: self.columns.names()?,
-            ..FlightOptions::default()
         })
     }
 }
