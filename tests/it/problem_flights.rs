@@ -222,7 +222,7 @@ fn all_starts_of_the_shipped_flights_end_at_their_optimum() {
     let fit = ended.json();
     assert_objective(&fit, 258.505967);
     let starts = fit["starts"].as_array().unwrap();
-    assert_eq!(starts.len(), 3);
+    assert_eq!(starts.len(), 5);
     let is_there = |start: &&Value| {
         let objective = start["objective"].as_f64().unwrap_or(f64::NAN);
         start["status"] == "converged" && (objective / 258.505967 - 1.0).abs() < 1e-6

@@ -278,7 +278,7 @@ fn what_the_solver_does_wrong_is_told() {
         (
             &|i| i.set("x1", 2.0),
             Status::ERROR,
-            "fmi2SetReal: x1 [1] is a state and cannot be set; set x1_start before the start, or \
+            "fmi2SetReal: x1 is a state and cannot be set; set x1_start before the start, or \
              the states as a whole",
         ),
     ];
