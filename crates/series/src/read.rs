@@ -430,17 +430,17 @@ mod tests {
 
     #[test]
     fn lines_are_counted_through_comments_and_blank_lines() {
-        let text = "# one\n\ntime,a\n0,1\n# two\n\n# three\n1,2\n1,3\n";
+        let text = "# one\n\ntime,a\n0,1\n# two\n\n# three\n1,2\n0.5,3\n";
         let error = Series::parse(text.as_bytes(), "f.csv").unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "f.csv:9: time 1 s does not come after 1 s, the row before; leave repeated rows out"
+        assert!(
+            error.to_string().starts_with("f.csv:9: time 0.5 s "),
+            "{error}"
         );
         let text = text.replace('\n', "\r\n");
         let error = Series::parse(text.as_bytes(), "f.csv").unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "f.csv:9: time 1 s does not come after 1 s, the row before; leave repeated rows out"
+        assert!(
+            error.to_string().starts_with("f.csv:9: time 0.5 s "),
+            "{error}"
         );
     }
 
