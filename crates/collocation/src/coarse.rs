@@ -60,38 +60,23 @@ fn rough(run: &Run) -> Option<Run> {
     }
     let time: Vec<f64> = every(times.len()).map(|k| times[k]).collect();
     // The rows nearer to this time than to its neighbours.
+    let middles: Vec<f64> = time
+        .windows(2)
+        .map(|pair| 0.5 * (pair[0] + pair[1]))
+        .collect();
+    let before = |end: Option<&f64>| end.map(|end| run.time.partition_point(|t| t < end));
     let rows = |k: usize| {
-        let middle = |a: usize, b: usize| 0.5 * (time[a] + time[b]);
-        let from = k
-            .checked_sub(1)
-            .map_or(f64::NEG_INFINITY, |before| middle(before, k));
-        let to = (k + 1 < time.len()).then(|| middle(k, k + 1));
-        let first = run.time.partition_point(|t| *t < from);
-        first
-            ..run
-                .time
-                .partition_point(|t| *t < to.unwrap_or(f64::INFINITY))
-    };
-    let mean = |values: &mut dyn Iterator<Item = f64>| {
-        let (sum, count) = values
-            .filter(|own| own.is_finite())
-            .fold((0.0, 0.0), |(sum, count), own| (sum + own, count + 1.0));
-        sum / count
+        let first = before(k.checked_sub(1).map(|k| &middles[k])).unwrap_or(0);
+        first..before(middles.get(k)).unwrap_or(run.time.len())
     };
     let inputs = |k: usize| -> Vec<f64> {
         let own = 0..run.inputs[0].len();
-        own.map(|u| mean(&mut run.inputs[rows(k)].iter().map(|row| row[u])))
+        own.map(|u| mean(run.inputs[rows(k)].iter().map(|row| row[u])))
             .collect()
     };
     let measured = run.measured.iter().map(|own| {
-        let values = (0..time.len()).map(|k| mean(&mut own.values[rows(k)].iter().copied()));
-        let values: Vec<f64> = values.collect();
-        let count = |values: &[f64]| values.iter().filter(|y| y.is_finite()).count();
-        Recording {
-            weight: own.weight * count(&own.values) as f64 / count(&values).max(1) as f64,
-            loss: own.loss,
-            values,
-        }
+        let values = (0..time.len()).map(|k| mean(own.values[rows(k)].iter().copied()));
+        standing_for(own, values.collect())
     });
     Some(Run {
         mesh: time.clone(),
@@ -144,20 +129,33 @@ fn left(run: &Run) -> Vec<usize> {
 /// A recording at these samples, each the mean of the neighbouring measurements, with the weight of all samples. None
 /// if fewer than half of them have a value.
 fn averaged(own: &Recording, rows: &[usize]) -> Option<Recording> {
-    let count = |values: &[f64]| values.iter().filter(|y| y.is_finite()).count();
     let around = |k: &usize| {
         let ends = k.saturating_sub(PARTS / 2)..(k + PARTS / 2 + 1).min(own.values.len());
-        let near = &own.values[ends];
-        let sum: f64 = near.iter().filter(|y| y.is_finite()).sum();
-        sum / count(near) as f64
+        mean(own.values[ends].iter().copied())
     };
     let values: Vec<f64> = rows.iter().map(around).collect();
-    let (all, left) = (count(&own.values), count(&values));
-    (2 * left >= rows.len()).then(|| Recording {
-        weight: own.weight * all as f64 / left as f64,
+    (2 * known(&values) >= rows.len()).then(|| standing_for(own, values))
+}
+
+/// The recording with these means for its values, which have the weight of all.
+fn standing_for(own: &Recording, values: Vec<f64>) -> Recording {
+    let left = known(&values).max(1);
+    Recording {
+        weight: own.weight * known(&own.values) as f64 / left as f64,
         loss: own.loss,
         values,
-    })
+    }
+}
+
+fn known(values: &[f64]) -> usize {
+    values.iter().filter(|y| y.is_finite()).count()
+}
+
+/// Mean of the values that are known; NaN if none is.
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let known = values.filter(|own| own.is_finite());
+    let (sum, count) = known.fold((0.0, 0.0), |(sum, count), own| (sum + own, count + 1.0));
+    sum / count
 }
 
 #[cfg(test)]
@@ -179,6 +177,25 @@ mod tests {
             time,
             steps: Steps::default(),
         }
+    }
+
+    /// Where an input jumps at each sample, no mesh keeps the jumps; means of inputs and values stand for their neighbourhoods.
+    #[test]
+    fn means_stand_for_inputs_that_jump_at_each_sample() {
+        let mut own = run(|k| if k % 2 == 0 { 1.0 } else { 3.0 }, |k| k as f64);
+        own.time = (0..802).map(|k| own.time[k / 2]).collect();
+        own.inputs = (0..802).map(|k| vec![[1.0, 3.0][k % 2]]).collect();
+        own.measured[0].values = (0..802).map(|k| (k / 2) as f64).collect();
+        assert!(stays_large(&own));
+        let rough = rough(&own).expect("a rough mesh");
+        assert_eq!(rough.time.len(), 81);
+        assert!(rough.inputs.iter().all(|row| row == &[2.0]));
+        let middle = 40;
+        assert_eq!(rough.measured[0].values[middle], (5 * middle) as f64);
+        assert_eq!(
+            rough.measured[0].weight,
+            own.measured[0].weight * 802.0 / 81.0
+        );
     }
 
     /// Averaging preserves straight lines; a jump keeps both of its samples; the weight is that of all samples.

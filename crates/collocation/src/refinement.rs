@@ -2,6 +2,7 @@
 //! Using Nonlinear Programming*, 2nd ed. 2010, section 4.7).
 
 use super::mesh::Run;
+use super::node::Differentiated;
 use super::parallel;
 use super::path::Path;
 use super::reference::{Reference, Stop};
@@ -9,6 +10,7 @@ use super::tableau::Scheme;
 use super::{Collocation, solve};
 use pilotage_sqp::{Iteration, Solution, SqpOptions, Status};
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// Relative error of the reference solution.
 const REFERENCE_TOLERANCE: f64 = 1e-10;
@@ -86,9 +88,23 @@ impl Collocation {
     /// # Panics
     /// As [`Self::new`].
     pub fn with_runs(&self, runs: Vec<Run>) -> Self {
-        let (tapes, scales) = (self.model.tapes.clone(), self.model.scales.clone());
-        let constraints = self.constraints.clone();
-        Self::new(tapes, constraints, self.scheme, runs, scales, &self.bounds)
+        self.with_equations(self.model.tapes.clone(), runs)
+    }
+
+    /// The same problem with other equations of the same variables and outputs, and other runs.
+    ///
+    /// # Panics
+    /// As [`Self::new`].
+    pub fn with_equations(&self, equations: Arc<Differentiated>, runs: Vec<Run>) -> Self {
+        let (constraints, scales) = (self.constraints.clone(), self.model.scales.clone());
+        Self::new(
+            equations,
+            constraints,
+            self.scheme,
+            runs,
+            scales,
+            &self.bounds,
+        )
     }
 }
 

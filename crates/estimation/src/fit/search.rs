@@ -10,9 +10,7 @@ use super::tumbles::Tumbles;
 use super::watch::Watch;
 use crate::posed::Posed;
 use crate::result::saturated;
-use crate::search::solved::Solved;
 use crate::search::starts::Start;
-use pilotage_collocation::Collocation;
 use rayon::prelude::*;
 
 /// The solutions from all starts.
@@ -30,24 +28,24 @@ pub(super) fn search<'a, 'o>(posed: &Posed<'_>, watch: Watch<'a, 'o>) -> Searche
     let mut begin = Begin::new(posed, &watch);
     let mut watch = watch.of(begin.count());
     let tumbles = Tumbles::of(posed);
-    let mut raced = match tumbles.as_ref().filter(|_| begin.drawn.is_empty()) {
+    let mut found = match tumbles.as_ref().filter(|_| begin.drawn.is_empty()) {
         Some(tumbles) => tumbles.race(posed, &begin.raised, &watch),
         None => raced(posed, &begin, &watch),
     };
-    if begin.drawn.is_empty() && !has_answer(&raced.solved) && !watch.is_over() {
+    if begin.drawn.is_empty() && !has_answer(&found.solved) && !watch.is_over() {
         begin = Begin::drawn(posed);
         watch = watch.of(begin.count());
-        raced = super::race::raced(posed, &begin, &watch);
+        found = raced(posed, &begin, &watch);
     }
     if !begin.drawn.is_empty()
         && let Some(tumbles) = tumbles
     {
-        let (best, _) = best_of(&raced.solved, &watch);
-        let own = raced.solved[best].take();
-        raced.solved[best] = own.map(|own| tumbles.improved(posed, own, best, &watch));
+        let (best, _) = best_of(&found.solved, &watch);
+        let own = found.solved[best].take();
+        found.solved[best] = own.map(|own| tumbles.improved(posed, own, best, &watch));
     }
     Searched {
-        raced,
+        raced: found,
         starts: begin.starts(),
         watch,
     }
@@ -70,8 +68,12 @@ pub(super) fn saturated<'a, 'o>(
         if has_any && !has_converged(&before) {
             return Some(before);
         }
+        // The same point in the equations that saturate.
+        let free = &before.problem;
+        let problem = free.with_equations(posed.model.clone(), free.runs.clone());
+        let from = (problem, before.solution.iterate.z.clone());
         let see = |iteration: &_| watch.see(k, 0, iteration);
-        let mut own = solve(posed, carried(posed, &before), limit, &see);
+        let mut own = solve(posed, from, limit, &see);
         own.solution.work += before.solution.work;
         Some(own)
     });
@@ -85,30 +87,15 @@ pub(super) fn saturated<'a, 'o>(
     if is_answer || found.watch.is_over() {
         return found;
     }
-    let other = search(posed, found.watch);
-    let first = found.starts.len();
-    let mut raced = found.raced;
-    raced.solved.extend(other.raced.solved);
-    (raced.same).extend(other.raced.same.into_iter().map(|k| first + k));
-    let mut starts = found.starts;
-    starts.extend(other.starts);
+    let mut all = search(posed, found.watch);
+    let (first, own) = (found.starts.len(), &mut all.raced);
+    own.same.iter_mut().for_each(|k| *k += first);
+    found.raced.same.append(&mut own.same);
+    found.raced.solved.append(&mut own.solved);
+    found.starts.append(&mut all.starts);
     Searched {
-        raced,
-        starts,
-        watch: other.watch,
+        raced: found.raced,
+        starts: found.starts,
+        watch: all.watch,
     }
-}
-
-/// The point of a solution without limits in the equations that saturate.
-fn carried(posed: &Posed<'_>, solved: &Solved) -> (Collocation, Vec<f64>) {
-    let own = &solved.problem;
-    let problem = Collocation::new(
-        posed.model.clone(),
-        own.constraints.clone(),
-        own.scheme,
-        own.runs.clone(),
-        own.model.scales.clone(),
-        &own.bounds,
-    );
-    (problem, solved.solution.iterate.z.clone())
 }

@@ -17,6 +17,9 @@ pub struct Saturated {
     pub of: usize,
 }
 
+/// An output with its name, its instance and its limits.
+type Limited<'a> = (String, &'a String, &'a Part, [Node; 2]);
+
 /// The outputs that saturate at these variables.
 pub fn saturated(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Vec<Saturated> {
     if posed.free.is_none() {
@@ -26,26 +29,31 @@ pub fn saturated(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Vec<Sat
     let of: usize = posed.runs.iter().map(|run| run.time.len()).sum();
     let limited = posed.joint.parts.iter().flat_map(|(instance, part)| {
         let outputs = part.model.outputs.iter().zip(&part.limits);
-        outputs.filter_map(move |(name, limit)| Some((instance, part, name, (*limit)?)))
-    });
-    let count = |(instance, part, name, limit): (&String, &Part, &String, [Node; 2])| {
-        let output = format!("{instance}.{name}");
-        let values = courses(posed, (problem, z), &[&output]).remove(0)?;
-        let at_limit = |(j, values): (usize, &Vec<f64>)| {
-            let [low, high] = ends(posed, (instance, part), limit, (j, &theta));
-            // In the middle of its rounded corner a saturated output is this far from its limit.
-            let near = 0.5 * std::f64::consts::LN_2 * Part::CORNER * (high - low);
-            let is_near = |y: &&f64| **y > high - near || **y < low + near;
-            values.iter().filter(is_near).count()
-        };
-        let samples = values.iter().enumerate().map(at_limit).sum();
-        (samples > 0).then_some(Saturated {
-            output,
-            samples,
-            of,
+        outputs.filter_map(move |(name, limit)| {
+            Some((format!("{instance}.{name}"), instance, part, (*limit)?))
         })
-    };
-    limited.filter_map(count).collect()
+    });
+    let limited: Vec<Limited<'_>> = limited.collect();
+    let names: Vec<&str> = limited.iter().map(|own| own.0.as_str()).collect();
+    let courses = courses(posed, (problem, z), &names);
+    let count =
+        |((output, instance, part, limit), values): (Limited<'_>, Option<Vec<Vec<f64>>>)| {
+            let values = values?;
+            let at_limit = |(j, values): (usize, &Vec<f64>)| {
+                let [low, high] = ends(posed, (instance, part), limit, (j, &theta));
+                // In the middle of its rounded corner a saturated output is this far from its limit.
+                let near = 0.5 * std::f64::consts::LN_2 * Part::CORNER * (high - low);
+                let is_near = |y: &&f64| **y > high - near || **y < low + near;
+                values.iter().filter(is_near).count()
+            };
+            let samples = values.iter().enumerate().map(at_limit).sum();
+            (samples > 0).then_some(Saturated {
+                output,
+                samples,
+                of,
+            })
+        };
+    limited.into_iter().zip(courses).filter_map(count).collect()
 }
 
 /// The limits of an output at the start of a run, which are expressions of parameters.

@@ -78,14 +78,7 @@ impl Observed {
             run
         };
         let runs = runs.iter().zip(&problem.runs).map(with_recordings);
-        Collocation::new(
-            self.model.clone(),
-            problem.constraints.clone(),
-            problem.scheme,
-            runs.collect(),
-            problem.model.scales.clone(),
-            &problem.bounds,
-        )
+        problem.with_equations(self.model.clone(), runs.collect())
     }
 }
 

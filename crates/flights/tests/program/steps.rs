@@ -158,8 +158,13 @@ fn every_step_of_a_fit_is_optimal() {
             Scheme::FiniteDifference(_) => 1e-8,
             _ => 1e-13,
         };
+        // Free states of the pilot's observable form leave an unstable loop through larger multipliers.
+        let stationary = match initial_state {
+            InitialState::Free => 1e-5,
+            _ => 1e-7,
+        };
         assert!(
-            dual < 1e-5 && primal < rounding,
+            dual < stationary && primal < rounding,
             "{}: {dual:e} {primal:e}",
             scheme.name()
         );

@@ -79,7 +79,7 @@ pub fn windows(
     }
     let lines = vec![[factor, 0.0]; drivers];
     let simulated = all.into_par_iter().map(|(j, mut own)| {
-        own.simulate(posed, j, &lines)?;
+        own.simulate(posed, (j, spreads), &lines)?;
         Some(own)
     });
     let all: Vec<Window> = simulated.collect::<Option<_>>()?;
@@ -116,13 +116,17 @@ impl Window {
 
     /// Finds the best initial states, and the response from there with its derivatives. Those with respect to the states are those
     /// of the first ones for a linear vehicle.
-    fn simulate(&mut self, posed: &Posed<'_>, j: usize, lines: &[[f64; 2]]) -> Option<()> {
-        let spreads = spreads(posed);
+    fn simulate(
+        &mut self,
+        posed: &Posed<'_>,
+        (j, spreads): (usize, &[f64]),
+        lines: &[[f64; 2]],
+    ) -> Option<()> {
         let mut x = initial(posed, &[], j);
         let sizes: Vec<f64> = (posed.states.iter().zip(&x))
             .map(|(state, x)| state.nominal.unwrap_or(1.0).max(x.abs()))
             .collect();
-        let at = (&sizes[..], &spreads[..]);
+        let at = (&sizes[..], spreads);
         for step in 0..=STEPS {
             self.response = self.outputs(posed, &x, lines, at)?;
             let mut better = if step == 0 {
