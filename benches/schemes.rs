@@ -183,7 +183,7 @@ fn flight(target: f64) -> Trial {
     let (mut position, mut stick) = (Vec::new(), Vec::new());
     for _ in 0..samples {
         position.push(x[0]);
-        stick.push(PILOT.output(&x[N_STATES..]));
+        stick.push(PILOT.output(&x[N_STATES..], &THETA));
         (0..substeps).for_each(|_| rk4(&mut x, STEP, 1, |x, _| slope(x, target)));
     }
     let largest = stick.iter().fold(0.0_f64, |m, u| m.max(u.abs()));
@@ -210,7 +210,7 @@ fn slope(x: &[f64], target: f64) -> Vec<f64> {
     let (of_vehicle, of_pilot) = x.split_at(N_STATES);
     let mut dx = vec![0.0; x.len()];
     let (vehicle_slope, pilot_slope) = dx.split_at_mut(N_STATES);
-    let stick = PILOT.output(of_pilot);
+    let stick = PILOT.output(of_pilot, &THETA);
     vehicle.derivative(of_vehicle, stick, vehicle_slope);
     let error = target - vehicle.output(of_vehicle);
     PILOT.derivative(of_pilot, error, &THETA, pilot_slope);

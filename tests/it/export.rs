@@ -138,28 +138,40 @@ fn description_declares_dependencies_and_units() {
         indices.as_ref().unwrap().iter().map(name).collect()
     };
     let structure = &found.structure;
-    assert_eq!(names(&structure.outputs[0].dependencies), ["x1"]);
+    assert_eq!(
+        names(&structure.outputs[0].dependencies),
+        ["x1", "x2", "x3"]
+    );
     assert_eq!(
         names(&structure.outputs[1].dependencies),
         ["target", "position"]
     );
     let initial = names(&structure.initial_unknowns[0].dependencies);
-    assert_eq!(initial, ["stick_limit", "x1_start"]);
+    let expected = [
+        "theta4",
+        "theta5",
+        "theta6",
+        "stick_limit",
+        "x1_start",
+        "x2_start",
+        "x3_start",
+    ];
+    assert_eq!(initial, expected);
     let unit = |name: &str| {
         let units = found.units_of_variables();
         units(found.variable(name).unwrap().1).unwrap().to_owned()
     };
     let units = [
-        "theta1", "theta3", "theta4", "theta6", "x3_start", "stick", "error",
+        "theta1", "theta3", "theta4", "theta6", "x1_start", "stick", "error",
     ]
     .map(unit);
     assert_eq!(
         units,
-        ["1/s3", "1/s", "1/(m.s3)", "1/(m.s)", "1/s2", "1", "m"]
+        ["1/s3", "1/s", "1/(m.s3)", "1/(m.s)", "m.s3", "1", "m"]
     );
 }
 
-/// `θ_(n+1-i) x_1` and `θ_(2n+1-i)` times the error must have the unit of `ẋ_i`.
+/// `θ_i x_i` must have the unit of the error, and `θ_(n+i) x_i` that of the stick.
 #[test]
 fn units_of_the_pilot_fit_its_equations() {
     let model = Model::pilot(&[0.0; 10], 1.0);
@@ -167,14 +179,14 @@ fn units_of_the_pilot_fit_its_equations() {
         let unit = &model.variables()[model.index(&name).unwrap()].unit;
         unit.base.exponents
     };
-    let sum = |a: [i32; 8], b: [i32; 8]| -> [i32; 8] { std::array::from_fn(|k| a[k] + b[k]) };
-    let per_second = exponents("theta5".into());
     for i in 1..=5 {
-        let rate = sum(exponents(format!("x{i}_start")), per_second);
-        let of_stick = exponents(format!("theta{}", 6 - i));
-        assert_eq!(sum(of_stick, exponents("stick".into())), rate, "{i}");
-        let of_error = exponents(format!("theta{}", 11 - i));
-        assert_eq!(sum(of_error, exponents("error".into())), rate, "{i}");
+        let state = exponents(format!("x{i}_start"));
+        let sum = |theta: usize| -> [i32; 8] {
+            let theta = exponents(format!("theta{theta}"));
+            std::array::from_fn(|k| theta[k] + state[k])
+        };
+        assert_eq!(sum(i), exponents("error".into()), "theta{i}");
+        assert_eq!(sum(5 + i), exponents("stick".into()), "theta{}", 5 + i);
     }
 }
 

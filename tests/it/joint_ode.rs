@@ -23,7 +23,8 @@ impl Joint {
         let (x_v, x_p) = x.split_at(N_STATES);
         let (dx_v, dx_p) = dx.split_at_mut(N_STATES);
         let error = w[0] - self.vehicle.output(x_v);
-        self.vehicle.derivative(x_v, self.pilot.output(x_p), dx_v);
+        self.vehicle
+            .derivative(x_v, self.pilot.output(x_p, theta), dx_v);
         self.pilot.derivative(x_p, error, theta, dx_p);
     }
 
@@ -31,8 +32,8 @@ impl Joint {
         self.vehicle.output(x)
     }
 
-    pub fn bounded(&self, x: &[f64]) -> f64 {
-        self.pilot.output(&x[N_STATES..])
+    pub fn bounded(&self, x: &[f64], theta: &[f64]) -> f64 {
+        self.pilot.output(&x[N_STATES..], theta)
     }
 }
 
@@ -57,7 +58,7 @@ impl System for Loop {
     fn derivatives(&mut self, _t: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, Infallible> {
         let (joint, n) = (self.joint(), self.n_states());
         let (states, w) = (&x[..n], [self.target]);
-        let stick = joint.bounded(states);
+        let stick = joint.bounded(states, &self.theta);
         let limited = stick.clamp(-self.limit, self.limit);
         joint.derivative(states, &w, &self.theta, &mut dx[..n]);
         if limited != stick {
@@ -137,7 +138,7 @@ impl Loop {
         let (joint, n) = (self.joint(), self.n_states());
         Point {
             z: [x, &dx].map(|x| joint.measured(&x[..n])),
-            stick: [x, &dx].map(|x| joint.bounded(&x[..n])),
+            stick: [x, &dx].map(|x| joint.bounded(&x[..n], &self.theta)),
         }
     }
 }

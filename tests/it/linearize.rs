@@ -20,7 +20,7 @@ const THETA: [f64; 6] = [0.3, 1.2, 1.0, -0.006, -0.03, -0.04];
 pub const LOOP: [&str; 2] = ["--loop", "pilot.stick=quadcopter.stick"];
 
 /// A state off the trim, where the vehicle is not what it is at hover: pilot, then vehicle.
-const PILOT: [(&str, f64); 3] = [("x1", 0.3), ("x2", -2.0), ("x3", 1.5)];
+const PILOT: [(&str, f64); 3] = [("x1", 3.0), ("x2", -2.0), ("x3", 1.5)];
 const VEHICLE: [(&str, f64); 6] = [
     ("z", 2.0),
     ("phi", 0.3),

@@ -107,7 +107,7 @@ fn trial(
     for k in 0..n {
         states.push(step(&joint, &states[k], target, h));
     }
-    let stick: Vec<f64> = states.iter().map(|x| joint.bounded(x)).collect();
+    let stick: Vec<f64> = states.iter().map(|x| joint.bounded(x, &THETA)).collect();
     assert!(
         stick.iter().all(|u| u.abs() < 0.99),
         "the stick stays off its limits"

@@ -6,7 +6,7 @@
 //! | module | content |
 //! | --- | --- |
 //! | [`quadcopter`] | the vehicle: pitch axis of a quadcopter, six states |
-//! | [`pilot`] | the pilot: n-th order linear system in observable canonical form |
+//! | [`pilot`] | the pilot: n-th order linear system in controllable canonical form |
 //! | [mod@traced] | any model of the SDK's trait as expressions, for fitting and linearisation |
 //! | [`coefficient`] | the vehicle's coefficients as data |
 //! | [`model`] | exported form of pilot and vehicle: table of variables, model file |

@@ -1,14 +1,15 @@
-//! The pilot: an n-th order linear system (paper, section "Quadcopter Pilot Model") in observable canonical form.
+//! The pilot: an n-th order linear system in controllable canonical form (paper, section "Quadcopter
+//! Pilot Model").
 //!
 //! ```text
-//! ẋ_i = x_{i+1} - θ_{n+1-i} x_1 + θ_{2n+1-i} u_p     x_{n+1} = 0; u_p = ŷ - y_v, the error seen [m]
-//! y_p = x_1                                          the stick [-1, 1]
+//! ẋ_1 = x_2, ..., ẋ_{n-1} = x_n
+//! ẋ_n = -θ_1 x_1 - ... - θ_n x_n + u_p         u_p = ŷ - y_v, the error seen [m]
+//! y_p = θ_{n+1} x_1 + ... + θ_{2n} x_n         the stick [-1, 1]
 //! ```
 //!
-//! that is `y_p/u_p = (θ_{2n} s^{n-1} + ... + θ_{n+1}) / (s^n + θ_n s^{n-1} + ... + θ_1)`. The paper has the same transfer
-//! function in controllable canonical form. Here the first state is the stick: where that is about known, the equations are
-//! about linear in θ, so that a fit takes few steps. With the error in metres, state `x_i` has unit `1/s^(i-1)`, `θ_i` (i ≤ n)
-//! `1/s^(n-i+1)` and `θ_{n+i}` `1/(m·s^(n-i+1))`.
+//! that is `y_p/u_p = (θ_{2n} s^{n-1} + ... + θ_{n+1}) / (s^n + θ_n s^{n-1} + ... + θ_1)`. With the
+//! error in metres, state `x_i` has unit `m·s^(n-i+1)`, `θ_i` (i ≤ n) `1/s^(n-i+1)` and `θ_{n+i}`
+//! `1/(m·s^(n-i+1))`.
 
 use crate::Scalar;
 use nalgebra::{Complex, DMatrix, Schur};
@@ -43,19 +44,23 @@ impl Pilot {
     #[inline(always)]
     pub fn derivative<T: Scalar>(&self, x: &[T], u: T, theta: &[T], dx: &mut [T]) {
         let n = self.order;
-        for i in 0..n {
-            let own = theta[2 * n - 1 - i] * u - theta[n - 1 - i] * x[0];
-            dx[i] = match x[..n].get(i + 1) {
-                Some(next) => own + *next,
-                None => own,
-            };
+        dx[..n - 1].copy_from_slice(&x[1..n]);
+        let mut sum = u;
+        for (theta, x) in theta[..n].iter().zip(x) {
+            sum -= *theta * *x;
         }
+        dx[n - 1] = sum;
     }
 
-    /// The stick `y_p`, dimensionless; *not* clipped to the stick's limits.
+    /// The stick `y_p = h_p(x; θ)`, dimensionless; *not* clipped to the stick's limits.
     #[inline(always)]
-    pub fn output<T: Scalar>(&self, x: &[T]) -> T {
-        x[0]
+    pub fn output<T: Scalar>(&self, x: &[T], theta: &[T]) -> T {
+        let n = self.order;
+        let mut sum = theta[n] * x[0];
+        for (theta, x) in theta[n + 1..2 * n].iter().zip(&x[1..n]) {
+            sum += *theta * *x;
+        }
+        sum
     }
 
     /// The poles: roots of `s^n + θ_n s^{n-1} + ... + θ_1` [1/s], sorted by real, then imaginary part. Infinite

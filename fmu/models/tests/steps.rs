@@ -79,7 +79,7 @@ fn slope(simulation: &mut Simulation, name: &str, value: f64) {
 
 #[test]
 fn first_order_pilot_follows_its_analytic_solution() {
-    // x' = -a x + c u, u = u0 + s t  =>  x = e^{-at} x0 + c (u0/a - s/a²)(1 - e^{-at}) + c s t/a
+    // x' = -a x + u, u = u0 + s t  =>  x = e^{-at} x0 + (u0/a - s/a²)(1 - e^{-at}) + s t/a
     let (a, c, x0, u0, s, h) = (2.5, 0.3, 0.7, 1.5, -0.4, 0.8);
     let mut pilot = Simulation::new(Model::pilot(&[a, c], 10.0));
     set(&mut pilot, "x1_start", x0);
@@ -87,8 +87,8 @@ fn first_order_pilot_follows_its_analytic_solution() {
     slope(&mut pilot, "target", s);
     pilot.step(h).expect("the step is possible");
     let decay = (-a * h).exp();
-    let x = decay * x0 + c * ((u0 / a - s / (a * a)) * (1.0 - decay) + s * h / a);
-    assert!((get(&pilot, "stick") - x).abs() < 1e-15);
+    let x = decay * x0 + (u0 / a - s / (a * a)) * (1.0 - decay) + s * h / a;
+    assert!((get(&pilot, "stick") - c * x).abs() < 1e-15);
     assert_eq!(get(&pilot, "target"), u0 + s * h);
     // The error followed its slope; the next step holds it constant.
     let error = index(pilot.model(), "error");
@@ -209,8 +209,8 @@ fn matrices_that_the_exponential_cannot_take_are_refused() {
     assert!(Transition::new([1, 1], 1.0, decay(1e7)).is_ok());
 }
 
-/// A step `u` into `aⁿ/(s + a)ⁿ`: with `τ = a t`, `x_1 = u (1 - e^{-τ} Σ_{k<n} τ^k/k!)`, and each other state is the derivative
-/// of the one before, plus `x_1` times its coefficient. The norm of the matrix is about `aⁿ`, that of the balanced one `n a`.
+/// A step `u` into `n` equal poles at `-a`: with `τ = a t`, `x_1 = u (1 - e^{-τ} Σ_{k<n} τ^k/k!) / aⁿ`, and the other
+/// states are its derivatives. The norm of the matrix is about `aⁿ`, that of the balanced one `n a`.
 #[test]
 fn equal_poles_however_fast_are_exact() {
     for (a, h) in [
@@ -222,14 +222,14 @@ fn equal_poles_however_fast_are_exact() {
     ] {
         let tau: f64 = a * h;
         let decay = (-tau).exp();
-        // In units of u a^(i - 1).
+        // In units of u / a^(n + 1 - i).
         let cases = [
             vec![1.0 - decay],
-            vec![1.0 - decay * (1.0 + tau), 2.0 - decay * (2.0 + tau)],
+            vec![1.0 - decay * (1.0 + tau), decay * tau],
             vec![
                 1.0 - decay * (1.0 + tau + 0.5 * tau * tau),
-                3.0 - decay * (3.0 + 3.0 * tau + tau * tau),
-                3.0 - decay * (3.0 + 2.0 * tau + 0.5 * tau * tau),
+                decay * 0.5 * tau * tau,
+                decay * (tau - 0.5 * tau * tau),
             ],
         ];
         let denominators = [
@@ -240,12 +240,11 @@ fn equal_poles_however_fast_are_exact() {
         for (expected, mut theta) in cases.into_iter().zip(denominators) {
             let n = theta.len();
             theta.resize(2 * n, 0.0);
-            theta[n] = theta[0];
-            let mut pilot = Simulation::new(Model::pilot(&theta, 10.0));
+            let mut pilot = Simulation::new(Model::pilot(&theta, 1.0));
             set(&mut pilot, "target", 7.0);
             pilot.step(h).expect("the step is possible");
             for (i, expected) in expected.iter().enumerate() {
-                let unit = 7.0 * a.powi(i as i32);
+                let unit = 7.0 / a.powi((n - i) as i32);
                 let found = get(&pilot, &format!("x{}", i + 1)) / unit;
                 let error = (found - expected).abs();
                 assert!(

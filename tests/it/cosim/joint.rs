@@ -37,7 +37,7 @@ fn reference() -> [f64; 2] {
             x[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
         }
     }
-    [joint.measured(&x), joint.bounded(&x)]
+    [joint.measured(&x), joint.bounded(&x, &THETA)]
 }
 
 fn closed_loop() -> System {

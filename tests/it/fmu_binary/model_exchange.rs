@@ -257,7 +257,7 @@ fn what_the_solver_does_wrong_is_told() {
         (
             &|i| call!(i, SetContinuousStates, nan.as_ptr(), 1),
             Status::DISCARD,
-            "fmi2SetContinuousStates: x1 is NaN at 0 s; the solver should take a smaller step",
+            "fmi2SetContinuousStates: x1 [m·s] is NaN at 0 s; the solver should take a smaller step",
         ),
         (
             &|i| call!(i, GetDerivatives, two, 2),
@@ -278,7 +278,7 @@ fn what_the_solver_does_wrong_is_told() {
         (
             &|i| i.set("x1", 2.0),
             Status::ERROR,
-            "fmi2SetReal: x1 is a state and cannot be set; set x1_start before the start, or \
+            "fmi2SetReal: x1 [m·s] is a state and cannot be set; set x1_start before the start, or \
              the states as a whole",
         ),
     ];

@@ -115,7 +115,7 @@ fn poles_agree_with_numpy_and_files_with_the_json() {
         .lines()
         .next()
         .unwrap();
-    assert_eq!(first, "-1.0 1.0 0.0 0.04 0.0 0.0 0.0 0.0 0.0");
+    assert_eq!(first, "0.0 1.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0");
     assert!(
         matlab.contains("\ninputs = {'pilot.target'};\n"),
         "{matlab}"

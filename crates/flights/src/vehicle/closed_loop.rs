@@ -43,7 +43,7 @@ fn jacobian(vehicle: Quadcopter, pilot: Pilot, theta: &[f64]) -> DMatrix<f64> {
         x[k].eps = 1.0;
         let (of_vehicle, of_pilot) = x.split_at(N_STATES);
         let (slope, pilot_slope) = dx.split_at_mut(N_STATES);
-        vehicle.derivative(of_vehicle, pilot.output(of_pilot), slope);
+        vehicle.derivative(of_vehicle, pilot.output(of_pilot, &theta), slope);
         let error = -vehicle.output(of_vehicle);
         pilot.derivative(of_pilot, error, &theta, pilot_slope);
         column

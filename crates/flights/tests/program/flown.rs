@@ -57,7 +57,7 @@ fn the_equations_are_those_of_pilot_and_vehicle() {
         let mut dx = vec![0.0; x.len()];
         let (of_vehicle, of_pilot) = x.split_at(N_STATES);
         let (vehicle_slope, pilot_slope) = dx.split_at_mut(N_STATES);
-        vehicle.derivative(of_vehicle, pilot.output(of_pilot), vehicle_slope);
+        vehicle.derivative(of_vehicle, pilot.output(of_pilot, &theta), vehicle_slope);
         pilot.derivative(
             of_pilot,
             10.0 - vehicle.output(of_vehicle),
@@ -115,7 +115,7 @@ fn a_stick_fit_finds_a_linear_pilot_and_its_states() {
         let mut x = begin.to_vec();
         let mut stick = Vec::new();
         for t in &time {
-            stick.push(pilot.output(&x));
+            stick.push(pilot.output(&x, &truth));
             let (u, next) = (error(*t), error(t + 0.05));
             let mut after = vec![0.0; 2];
             step.apply(&x, &[u], &[(next - u) / 0.05], &mut after);

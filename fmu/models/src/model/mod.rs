@@ -168,7 +168,7 @@ impl Equations for Model {
     /// Stick and error of the pilot; the quadcopter's outputs are states.
     fn output<T: Scalar>(&self, at: At<T>, y: &mut [T]) {
         if let ModelKind::Pilot(pilot) = self.kind {
-            y[0] = pilot.output(at.x);
+            y[0] = pilot.output(at.x, at.p);
             y[1] = at.u[0] - at.u[1];
         }
     }

@@ -33,7 +33,7 @@ pub(super) fn table(order: usize) -> Table {
         .with(limit.range(Some(0.0), None))
         .limited("stick", "stick_limit");
     for i in 0..order {
-        table = table.state_with(state(i), 0.0);
+        table = table.state_with(state(order, i), 0.0);
     }
     table
 }
@@ -55,12 +55,9 @@ fn parameter(n: usize, i: usize) -> Variable {
     Variable::parameter(&name, unit, Role::Tunable, 0.0, &description)
 }
 
-fn state(i: usize) -> Variable {
+fn state(n: usize, i: usize) -> Variable {
     let name = format!("x{}", i + 1);
     let description = format!("State x_{} of the pilot", i + 1);
-    let unit = match i {
-        0 => Unit::of("1"),
-        _ => Unit::of(&format!("1/{}", power("s", i))),
-    };
+    let unit = Unit::of(&format!("m.{}", power("s", n - i)));
     Variable::calculated(&name, unit, Role::State, &description)
 }
