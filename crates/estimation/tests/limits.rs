@@ -160,18 +160,3 @@ fn what_a_stopped_fit_tells_is_a_run_with_its_parameters() {
         assert!(own < 1.001 * objective(&times, 2.6), "{w}");
     }
 }
-
-/// A start that is left by the clock is not left by the iteration limit.
-#[test]
-fn a_lower_start_is_left_by_what_ended_the_fit() {
-    let words = |status: Status| {
-        let own = pilotage_estimation::Diagnostic::LowerStart {
-            start: 2,
-            status,
-            objective: 1.0,
-        };
-        own.to_string()
-    };
-    assert!(words(Status::IterationLimit).ends_with("raise max_iterations, or begin near it"));
-    assert!(words(Status::TimeLimit).ends_with("give it more time, or begin near it"));
-}

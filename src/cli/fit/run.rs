@@ -261,7 +261,7 @@ impl Args {
         }
         if let Some(random) = self.random_starts {
             let starts = random.saturating_add(1);
-            own.starts = within("--random-starts", starts, Options::MOST_STARTS)?;
+            own.starts = Some(within("--random-starts", starts, Options::MOST_STARTS)?);
         }
         own.tolerance = self.tolerance.unwrap_or(own.tolerance);
         own.scheme = self.scheme.or(own.scheme);

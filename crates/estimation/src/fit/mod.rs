@@ -59,12 +59,12 @@ use crate::search::trouble;
 use pilotage_inference::Inference;
 use pilotage_sqp::{Iteration, Status};
 use race::{Raced, best_of, better, has_answer, has_converged};
-use refine::refine;
+use refine::finest;
 use search::{Searched, saturated, search};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
-use unfinished::best_met;
+use unfinished::{best_met, is_better, settled};
 use watch::Watch;
 
 /// Progress of a fit, as passed to the observer.
@@ -87,7 +87,7 @@ pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + Send +
 /// Fits a problem.
 pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let clock = Instant::now();
-    let watch = Watch::new(observer, posed.file.options.starts);
+    let watch = Watch::new(observer, posed.file.options.starts());
     let Searched {
         raced: Raced { mut solved, same },
         starts,
@@ -112,18 +112,19 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         true => None,
         false => best_met(posed, &starts[0], &solved, &watch),
     };
-    let (last, refinement) = match met {
+    let (best, (mut last, mut refinement)) = match met {
         Some((best, met)) => {
             let left = solved[best].as_ref().unwrap_or(&met);
             let refinement = Refinement::new(left);
-            (met, refinement)
+            (best, (met, refinement))
         }
-        None => {
-            let first = solved.swap_remove(best);
-            let first = first.expect("the given start is always solved");
-            refine(posed, (first, errors), best, &watch)
-        }
+        None => finest(posed, &mut solved, (best, errors), &watch),
     };
+    // A start that is better is the answer, though it has not converged.
+    let lower = lower.and_then(|k| settled(posed, solved[k].as_ref()?, &|| watch.is_over()));
+    if let Some(own) = lower.filter(|own| is_better(own, &last)) {
+        (refinement, last) = (Refinement::new(&own), own);
+    }
     if posed.filter.is_some() {
         let mut found = predicted::predicted(posed, (last, refinement), begins, &watch);
         found.seconds = clock.elapsed().as_secs_f64();
@@ -145,8 +146,6 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     found.cuts = looped.as_ref().map(Looped::cuts).unwrap_or_default();
     let figures = looped.iter().flat_map(Looped::found);
     found.derived.extend(figures);
-    // After a refinement of the mesh the objective may be lower.
-    found.lower = lower.filter(|start| found.starts[*start].objective < found.objective);
     found.events = seen_events(posed, &last, &found, &watch);
     found.cut = cut(&found, &watch);
     let mut linear = None;

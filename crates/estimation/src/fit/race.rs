@@ -34,8 +34,9 @@ pub(super) const NEARLY: f64 = 0.1;
 const EQUAL: f64 = 1e-8;
 
 /// Maximum number of continuations of a start that is better than the best converged one, each with a new iteration
-/// limit.
-const EXTENSIONS: usize = 3;
+/// limit, and the least part of the objective that one must gain.
+const EXTENSIONS: usize = 10;
+const GAIN: f64 = 1e-5;
 
 /// A start after its heat.
 struct Scout {
@@ -152,7 +153,7 @@ fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
             |solved: &[Option<Solved>]| solved[best].as_ref().map_or(f64::MAX, Solved::nearly);
         let before = objective(&solved);
         go_on(posed, &mut solved, vec![best], watch);
-        if objective(&solved) >= before {
+        if before - objective(&solved) <= GAIN * before.abs() {
             break;
         }
     }

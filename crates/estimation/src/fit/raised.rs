@@ -15,7 +15,7 @@ use crate::problem::file::{Limits, Measured, ProblemFile, Quantity};
 use crate::problem::order::{check, instance, number, with_order, with_pair};
 use crate::search::observed::Observed;
 use crate::search::solved::{SAME, Solved};
-use crate::search::starts::{Start, given, recorded, starts};
+use crate::search::starts::{BLOCK, Start, given, recorded, starts};
 use crate::system::part;
 use pilotage_cosim::description::InstanceDescription;
 use pilotage_inference::sampling::median_step;
@@ -76,11 +76,17 @@ impl Begin {
 
     /// The given and drawn starts alone.
     pub fn drawn(posed: &Posed<'_>) -> Self {
+        Self::from(posed, 0, posed.file.options.starts().min(BLOCK))
+    }
+
+    /// The given and drawn starts from one of them on.
+    pub fn from(posed: &Posed<'_>, first: usize, count: usize) -> Self {
         let observed = Observed::new(posed);
-        let drawn = if observed.is_some() { recorded } else { starts };
+        let all = if observed.is_some() { recorded } else { starts };
+        let drawn = all(posed, first + count).split_off(first);
         Self {
             raised: Vec::new(),
-            drawn: drawn(posed, posed.file.options.starts),
+            drawn,
             observed,
         }
     }
@@ -224,7 +230,7 @@ fn lower(posed: &Posed<'_>, instance: &str) -> Option<ProblemFile> {
         |own: &Measured| matches!(&own.of, Quantity::Signal(of) if of.starts_with(&prefix));
     // A fit of long runs costs as much as the search itself, and where its output is recorded a model is found without.
     let is_needless = file.measured.iter().any(is_own);
-    let is_alone = file.options.starts < 2 || posed.filter.is_some();
+    let is_alone = file.options.starts() < 2 || posed.filter.is_some();
     if is_needless || is_alone || !(1..=2 * order).all(is_sought) {
         return None;
     }

@@ -1,32 +1,74 @@
 //! Refines the mesh of a solution.
 
+use super::race::has_converged;
 use super::solve::solve;
 use super::watch::Watch;
 use crate::posed::MOST_INTERVALS;
 use crate::posed::Posed;
 use crate::problem::file::Mesh;
 use crate::search::begin::{Point, at_point};
-use crate::search::solved::Solved;
-use crate::search::solved::{Refinement, STIFF_SCHEME};
+use crate::search::solved::{Refinement, SAME, STIFF_SCHEME, Solved};
 use pilotage_collocation::{Collocation, refined};
 use pilotage_sqp::Status;
 
 /// A solution, and the local errors of its mesh if known.
 type Estimated = (Solved, Option<Vec<Vec<f64>>>);
 
+/// Maximum number of other optima whose mesh is refined.
+const OTHERS: usize = 4;
+
+/// Refines the mesh of the best start. Another that is better than what comes of that is refined, too: on a coarse mesh an optimum
+/// may lie lower than it is. Returns the start, and its solution on the final mesh.
+pub(super) fn finest(
+    posed: &Posed<'_>,
+    solved: &mut [Option<Solved>],
+    (best, errors): (usize, Option<Vec<Vec<f64>>>),
+    watch: &Watch<'_, '_>,
+) -> (usize, (Solved, Refinement)) {
+    let objective = |own: &Solved| own.solution.iterate.f;
+    let (mut k, mut errors) = (best, errors);
+    let (mut seen, mut found) = (Vec::new(), Vec::new());
+    loop {
+        let own = solved[k].take().expect("a start that was solved");
+        seen.push(objective(&own));
+        found.push((k, refine(posed, (own, errors.take()), k, watch)));
+        // A mesh that stays coarse comes after all others.
+        let rank = |own: &(usize, (Solved, Refinement))| {
+            let (solved, refinement) = &own.1;
+            (refinement.error > tolerance(posed), objective(solved))
+        };
+        found.sort_by(|a, b| (rank(a).0.cmp(&rank(b).0)).then(rank(a).1.total_cmp(&rank(b).1)));
+        let least = objective(&found[0].1.0);
+        let is_new = |f: f64| seen.iter().all(|own| (f - own).abs() > SAME * own.abs());
+        let others = solved.iter().enumerate().filter_map(|(k, own)| {
+            let f = objective(own.as_ref().filter(|own| has_converged(own))?);
+            (is_new(f) && f < least - SAME * least.abs()).then_some((k, f))
+        });
+        match others.min_by(|a, b| a.1.total_cmp(&b.1)) {
+            Some((next, _)) if seen.len() <= OTHERS && !watch.is_over() => k = next,
+            _ => return found.swap_remove(0),
+        }
+    }
+}
+
+/// The error up to which a mesh is refined.
+fn tolerance(posed: &Posed<'_>) -> f64 {
+    match posed.file.options.mesh {
+        Mesh::Tolerance(tolerance) => tolerance,
+        Mesh::Step(_) | Mesh::Samples => f64::INFINITY,
+    }
+}
+
 /// Refines the mesh until its errors are small enough, each solve starting from the previous one. If a solve does not
 /// converge, the search continues from a simulation of the last solution. If that does not converge either, the
 /// previous mesh is kept.
-pub(super) fn refine(
+fn refine(
     posed: &Posed<'_>,
     (mut solved, mut known): Estimated,
     start: usize,
     watch: &Watch<'_, '_>,
 ) -> (Solved, Refinement) {
-    let tolerance = match posed.file.options.mesh {
-        Mesh::Tolerance(tolerance) => tolerance,
-        Mesh::Step(_) | Mesh::Samples => f64::INFINITY,
-    };
+    let tolerance = tolerance(posed);
     let mut refinement = Refinement::new(&solved);
     loop {
         let errors = known.take().unwrap_or_else(|| errors(&solved, watch));

@@ -10,8 +10,15 @@ use super::tumbles::Tumbles;
 use super::watch::Watch;
 use crate::posed::Posed;
 use crate::result::saturated;
-use crate::search::starts::Start;
+use crate::search::solved::SAME;
+use crate::search::starts::{BLOCK, Start};
 use rayon::prelude::*;
+
+/// Maximum number of starts where none is given.
+const MOST_STARTS: usize = 64;
+
+/// Iterations times variables of all starts after which no more are added: some ten seconds.
+const MOST_WORK: usize = 10_000_000;
 
 /// The solutions from all starts.
 pub(super) struct Searched<'a, 'o> {
@@ -44,11 +51,56 @@ pub(super) fn search<'a, 'o>(posed: &Posed<'_>, watch: Watch<'a, 'o>) -> Searche
         let own = found.solved[best].take();
         found.solved[best] = own.map(|own| tumbles.improved(posed, own, best, &watch));
     }
-    Searched {
+    let mut found = Searched {
         raced: found,
         starts: begin.starts(),
         watch,
+    };
+    // A race of its own for each block: what fewer starts find more of them find, too.
+    let mut drawn = begin.drawn.len();
+    let is_wide = || posed.unknowns.iter().any(|(own, _)| own.is_wide());
+    let most = match posed.file.options.starts {
+        Some(starts) => starts,
+        None if is_wide() => MOST_STARTS,
+        None => BLOCK,
+    };
+    let is_given = posed.file.options.starts.is_some();
+    while (BLOCK..most).contains(&drawn) && (is_given || has_more(&found)) && !found.watch.is_over()
+    {
+        let begin = Begin::from(posed, drawn, BLOCK.min(most - drawn));
+        drawn += begin.count();
+        found.watch = found.watch.of(found.starts.len() + begin.count());
+        let raced = raced(posed, &begin, &found.watch);
+        found.add(raced, begin.starts());
     }
+    found
+}
+
+impl Searched<'_, '_> {
+    /// Adds other starts.
+    fn add(&mut self, mut raced: Raced, mut starts: Vec<Start>) {
+        let (first, own) = (self.starts.len(), &mut self.raced);
+        own.same.extend(raced.same.iter().map(|k| k + first));
+        own.solved.append(&mut raced.solved);
+        self.starts.append(&mut starts);
+    }
+}
+
+/// Whether more starts probably find more optima, by the number of those that ended and of the optima that they found: the Bayesian
+/// rule of Boender & Rinnooy Kan (Math. Programming 37, 1987).
+fn has_more(found: &Searched<'_, '_>) -> bool {
+    let solved = || found.raced.solved.iter().flatten();
+    let work = solved().map(|own| own.solution.work.iterations * own.solution.iterate.z.len());
+    let ended = found.raced.same.iter();
+    let ended = ended.filter_map(|k| found.raced.solved[*k].as_ref());
+    let objectives = ended.filter(|own| has_converged(own));
+    let mut objectives: Vec<f64> = objectives.map(|own| own.solution.iterate.f).collect();
+    let n = objectives.len();
+    objectives.sort_by(f64::total_cmp);
+    objectives.dedup_by(|a, b| (*a - *b).abs() <= SAME * b.abs());
+    let w = objectives.len();
+    let is_known = n > w + 2 && 2 * w * (n - 1) < (2 * w + 1) * (n - w - 2);
+    !is_known && work.sum::<usize>() < MOST_WORK
 }
 
 /// Searches without limits, and goes on from there with outputs that saturate. Where the best solution saturates, or there is
@@ -87,15 +139,16 @@ pub(super) fn saturated<'a, 'o>(
     if is_answer || found.watch.is_over() {
         return found;
     }
-    let mut all = search(posed, found.watch);
-    let (first, own) = (found.starts.len(), &mut all.raced);
-    own.same.iter_mut().for_each(|k| *k += first);
-    found.raced.same.append(&mut own.same);
-    found.raced.solved.append(&mut own.solved);
-    found.starts.append(&mut all.starts);
-    Searched {
+    let Searched {
+        raced,
+        starts,
+        watch,
+    } = search(posed, found.watch);
+    let mut found = Searched {
         raced: found.raced,
         starts: found.starts,
-        watch: all.watch,
-    }
+        watch,
+    };
+    found.add(raced, starts);
+    found
 }

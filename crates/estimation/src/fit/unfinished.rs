@@ -6,7 +6,7 @@ use super::check::simulation;
 use super::watch::Watch;
 use crate::posed::{Posed, Stands};
 use crate::search::begin::begin;
-use crate::search::solved::{MET, Solved};
+use crate::search::solved::{MET, SAME, Solved};
 use crate::search::starts::Start;
 use pilotage_collocation::{Collocation, Stop};
 use pilotage_sqp::iterate::violation;
@@ -46,7 +46,7 @@ pub(super) fn best_met(
 }
 
 /// The solver's last iterate if it satisfies the equations, else a simulation with its parameters.
-fn settled(posed: &Posed<'_>, own: &Solved, stop: &Stop<'_>) -> Option<Solved> {
+pub(super) fn settled(posed: &Posed<'_>, own: &Solved, stop: &Stop<'_>) -> Option<Solved> {
     let (problem, solution) = (&own.problem, &own.solution);
     let z = &solution.iterate.z;
     if own.within(MET).is_finite() {
@@ -59,6 +59,12 @@ fn settled(posed: &Posed<'_>, own: &Solved, stop: &Stop<'_>) -> Option<Solved> {
     keep_ranges(posed, &mut theta);
     let found = simulation(posed, (problem, z), &theta, stop)?;
     Some(at(found, solution))
+}
+
+/// Whether a solution that satisfies the equations is better than another.
+pub(super) fn is_better(own: &Solved, other: &Solved) -> bool {
+    let best = other.solution.iterate.f;
+    own.within(MET) < best - SAME * best.abs()
 }
 
 /// The given start, simulated.

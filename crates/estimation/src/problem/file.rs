@@ -383,8 +383,9 @@ pub struct Options {
     pub mesh: Mesh,
     /// Scaled KKT residual below which the solve has converged.
     pub tolerance: f64,
-    /// Number of starts, including the given one.
-    pub starts: usize,
+    /// Number of starts, including the given one. If none, [`Self::STARTS`], and more where ranges span many decades and
+    /// the starts end at many optima.
+    pub starts: Option<usize>,
     /// Iteration limit of each solve.
     pub max_iterations: usize,
     /// How limits of outputs are treated.
@@ -397,8 +398,16 @@ impl Options {
     /// Maximum number of iterations of a start.
     pub const MOST_ITERATIONS: usize = 100_000;
 
+    /// Number of starts where none is given.
+    pub const STARTS: usize = 8;
+
     /// Maximum number of starts of a fit. All are kept in memory until the best is known.
     pub const MOST_STARTS: usize = 1000;
+
+    /// Number of starts that are tried in any case.
+    pub fn starts(&self) -> usize {
+        self.starts.unwrap_or(Self::STARTS)
+    }
 }
 
 impl Default for Options {
@@ -408,7 +417,7 @@ impl Default for Options {
             scheme: None,
             mesh: Mesh::Tolerance(1e-6),
             tolerance: 1e-8,
-            starts: 8,
+            starts: None,
             max_iterations: 500,
             limits: Limits::Saturate,
             covariance: None,

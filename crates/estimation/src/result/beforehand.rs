@@ -157,7 +157,7 @@ fn identifiability(posed: &Posed<'_>, stop: &Stop<'_>) -> Option<Identifiability
     if posed.shared == 0 {
         return None;
     }
-    let count = posed.file.options.starts.min(STARTS);
+    let count = posed.file.options.starts().min(STARTS);
     let all = starts(posed, count).into_iter();
     let known: Vec<Data> = all
         .filter_map(|start| at_start(posed, &start, stop))

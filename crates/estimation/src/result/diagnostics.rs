@@ -131,7 +131,6 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
     let heads =
         (posed.data.iter()).map(|run| (run.line.name.as_str(), run.series.comments.as_slice()));
     all.extend(flown::mixed(heads).into_iter().map(Diagnostic::Mixed));
-    all.extend(of_lower(fit));
     all.extend(of_starts(fit));
     all.extend(Other::of(fit).map(Diagnostic::OtherOptimum));
     for (instance, part) in &posed.joint.parts {
@@ -296,17 +295,6 @@ fn of_inputs(fit: &Fit) -> Vec<Diagnostic> {
 /// Whether residuals belong to a solution and exceed the accuracy of the solver.
 fn has_residuals(fit: &Fit) -> bool {
     fit.is_answer() && fit.chi2 > fit.resolution
-}
-
-fn of_lower(fit: &Fit) -> Option<Diagnostic> {
-    let start = fit.lower?;
-    let own = &fit.starts[start];
-    Some(Diagnostic::LowerStart {
-        start: start + 1,
-        // The cause that ended the fit also ended this start, which would have continued.
-        status: fit.cut.unwrap_or(own.status),
-        objective: own.objective,
-    })
 }
 
 fn of_starts(fit: &Fit) -> Option<Diagnostic> {

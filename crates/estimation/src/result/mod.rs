@@ -87,8 +87,6 @@ pub struct Fit {
     pub starts: Vec<StartEnd>,
     /// Starts at other optima, with objectives of which the data do not tell which is better; one for each optimum.
     pub others: Vec<usize>,
-    /// A start that did not converge but had a lower objective.
-    pub lower: Option<usize>,
     /// The outputs at whose wires the loops are opened for crossover and margins. Empty if there is no loop.
     pub cuts: Vec<String>,
     /// A change of a parameter along the runs, if it is significant.
@@ -313,7 +311,6 @@ impl Fit {
             starts: Vec::new(),
             others: Vec::new(),
             change: None,
-            lower: None,
             cut: None,
             cuts: Vec::new(),
             simulated_objective: None,

@@ -6,14 +6,17 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, Uniform};
 
-/// Seed for drawing starts.
-const SEED: u64 = 0;
+/// Number of starts that are drawn together, with the given one among the first.
+pub(crate) const BLOCK: usize = 8;
 
 /// Of the drawn starts, every other one differs from the given start at most by this factor.
 const NEAR: f64 = 3.0;
 
 /// The others lie in the range, or, if it is unbounded, differ at most by this factor.
 const FAR: f64 = 10.0;
+
+/// Ratio of the ends of a range that is wide.
+const WIDE: f64 = 1e4;
 
 /// Fraction of far starts with the sign opposite to the given start, for a parameter without a lower bound.
 const TURNED: f64 = 0.3;
@@ -32,7 +35,7 @@ pub struct Start {
 }
 
 /// Returns `count` starts. The first is the given one with measured states as recorded, the second is the same with all
-/// states simulated, the others are drawn.
+/// states simulated, the others are drawn. Each is the same whatever the count.
 pub fn starts(posed: &Posed<'_>, count: usize) -> Vec<Start> {
     starts_with(posed, count, posed.followed.is_some())
 }
@@ -44,7 +47,8 @@ pub(crate) fn recorded(posed: &Posed<'_>, count: usize) -> Vec<Start> {
 
 fn starts_with(posed: &Posed<'_>, count: usize, simulates: bool) -> Vec<Start> {
     let follows = posed.followed.is_some();
-    let drawn = drawn(posed, count - usize::from(simulates && count > 1));
+    let two = usize::from(simulates && count > 1);
+    let drawn = drawn(posed, count - two, BLOCK - 1 - two);
     let start = |parameters: &Vec<f64>| Start {
         parameters: parameters.clone(),
         follows,
@@ -65,30 +69,42 @@ fn starts_with(posed: &Posed<'_>, count: usize, simulates: bool) -> Vec<Start> {
 /// The given start, with all states simulated.
 pub fn given(posed: &Posed<'_>) -> Start {
     Start {
-        parameters: drawn(posed, 1).remove(0),
+        parameters: drawn(posed, 1, 1).remove(0),
         follows: false,
         is_fitted: false,
         is_raised: false,
     }
 }
 
-/// Parameters of `count` starts. The first are the given ones. The others fill the ranges evenly (Latin hypercube:
-/// McKay, Beckman & Conover, Technometrics 21, 1979).
-fn drawn(posed: &Posed<'_>, count: usize) -> Vec<Vec<f64>> {
-    let mut random = ChaCha8Rng::seed_from_u64(SEED);
+/// Parameters of `count` starts. The first are the given ones. The others fill the ranges evenly, so many at a time (Latin
+/// hypercubes: McKay, Beckman & Conover, Technometrics 21, 1979).
+fn drawn(posed: &Posed<'_>, count: usize, block: usize) -> Vec<Vec<f64>> {
     let size = posed.shared + (posed.states.len() - posed.joint.model.states.len());
-    let mut starts = vec![vec![0.0; size]; count];
+    let mut given = vec![0.0; size];
     for (unknown, stands) in &posed.unknowns {
-        let places = posed.places(stands);
-        let values = column(unknown, count, &mut random);
-        for (start, value) in starts.iter_mut().zip(values) {
-            places.iter().for_each(|k| start[*k] = value);
-        }
+        let value = unknown.searched(unknown.start);
+        (posed.places(stands).iter()).for_each(|k| given[*k] = value);
     }
-    let (given, others) = starts.split_at_mut(1);
-    others
-        .iter_mut()
-        .for_each(|own| keep_constraints(posed, &given[0], own));
+    let mut starts = vec![given.clone()];
+    for seed in 0.. {
+        if starts.len() >= count {
+            break;
+        }
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut others = vec![given.clone(); block];
+        for (unknown, stands) in &posed.unknowns {
+            let places = posed.places(stands);
+            let values = column(unknown, block, &mut random);
+            for (start, value) in others.iter_mut().zip(values) {
+                places.iter().for_each(|k| start[*k] = value);
+            }
+        }
+        others
+            .iter_mut()
+            .for_each(|own| keep_constraints(posed, &given, own));
+        starts.append(&mut others);
+    }
+    starts.truncate(count);
     starts
 }
 
@@ -112,27 +128,26 @@ fn keep_constraints(posed: &Posed<'_>, given: &[f64], start: &mut [f64]) {
     start.copy_from_slice(given);
 }
 
-/// Values of one unknown: the given start, then one from each of several equal parts of its range, in random order.
+/// Values of one unknown: one from each of several equal parts of its range, in random order.
 fn column(unknown: &Unknown, count: usize, random: &mut ChaCha8Rng) -> Vec<f64> {
-    let mut parts: Vec<usize> = (1..count).collect();
+    let mut parts: Vec<usize> = (0..count).collect();
     let unit = Uniform::new(0.0, 1.0).expect("not empty");
     // Fisher–Yates shuffle.
     for k in (1..parts.len()).rev() {
         let other = (unit.sample(random) * (k + 1) as f64) as usize;
         parts.swap(k, other.min(k));
     }
-    let share = |part: usize| ((part - 1) as f64 + unit.sample(random)) / (count - 1) as f64;
+    let share = |part: usize| (part as f64 + unit.sample(random)) / count as f64;
     let mut shares: Vec<f64> = parts.into_iter().map(share).collect();
     turn_one(unknown, &mut shares);
-    let others = shares
+    let values = shares
         .into_iter()
         .enumerate()
         .map(|(k, share)| match k % 2 {
             0 => near(unknown, share),
             _ => far(unknown, share),
         });
-    let all = [unknown.start].into_iter().chain(others);
-    all.map(|value| unknown.searched(value)).collect()
+    values.map(|value| unknown.searched(value)).collect()
 }
 
 /// Ensures that one of the far starts has the opposite sign: a search near a wrong sign does not leave it.
@@ -176,6 +191,12 @@ fn far(unknown: &Unknown, share: f64) -> f64 {
 }
 
 impl Unknown {
+    /// Whether the range spans so many decades that few starts come near any place in it.
+    pub(crate) fn is_wide(&self) -> bool {
+        let range = self.min.zip(self.max);
+        range.is_some_and(|(min, max)| min > 0.0 && max >= WIDE * min)
+    }
+
     /// Whether far starts may have the opposite sign.
     fn may_turn(&self) -> bool {
         let has_room = self.start > 0.0 || self.max.is_none_or(|max| max > 0.0);
@@ -203,16 +224,16 @@ mod tests {
             unless_needed: None,
             place: None,
         };
-        let mut random = ChaCha8Rng::seed_from_u64(SEED);
+        let mut random = ChaCha8Rng::seed_from_u64(0);
         for _ in 0..50 {
-            let values = column(&unknown, 8, &mut random);
+            let values = column(&unknown, 7, &mut random);
             assert!(values.iter().any(|value| *value > 0.0), "{values:?}");
         }
         let kept = Unknown {
             max: Some(0.0),
             ..unknown
         };
-        let values = column(&kept, 8, &mut random);
+        let values = column(&kept, 7, &mut random);
         assert!(values.iter().all(|value| *value < 0.0), "{values:?}");
     }
 }

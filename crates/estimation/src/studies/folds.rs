@@ -108,7 +108,7 @@ fn refit(
     open: OpenInParallel<'_>,
     goes_on: &GoesOn<'_>,
 ) -> Result<Fit, ProblemError> {
-    file.options.starts = 1;
+    file.options.starts = Some(1);
     let fitted: Vec<RunLine> = file.runs.iter().filter(|run| run.fits).cloned().collect();
     let is_set = |found: &&Found| fitted.iter().all(|run| run.is_set(&found.name));
     for found in whole.parameters.iter().filter(is_set) {

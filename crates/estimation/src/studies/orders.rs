@@ -70,7 +70,7 @@ pub fn ordered(
             candidates(vec![(&posed, whole)], (open, &ask), (done + 1, total))?.remove(0)
         };
         let is_answer = candidate.fit.is_answer();
-        file.options.starts = 1;
+        file.options.starts = Some(1);
         for line in &mut file.parameters {
             let own = candidate
                 .fit

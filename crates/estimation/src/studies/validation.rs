@@ -130,7 +130,7 @@ fn fixed(file: &ProblemFile, fit: &Fit) -> ProblemFile {
     let mut file = file.clone();
     file.runs.retain(|run| !run.fits);
     file.stability = Default::default();
-    (file.options.starts, file.options.covariance) = (1, None);
+    (file.options.starts, file.options.covariance) = (Some(1), None);
     for run in &mut file.runs {
         run.fits = true;
     }

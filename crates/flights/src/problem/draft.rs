@@ -297,12 +297,12 @@ impl Draft<'_> {
         if let Some(covariance) = own.covariance {
             let _ = writeln!(text, "covariance = {}", quoted(covariance.as_str()));
         }
-        *text += &match own.starts == usual.starts {
-            true => commented(
+        *text += &match own.starts {
+            None => commented(
                 "# starts = 1",
                 "from the given start values alone, in less time; 8 unless given",
             ),
-            false => commented(&format!("starts = {}", own.starts), ""),
+            Some(starts) => commented(&format!("starts = {starts}"), ""),
         };
     }
 }

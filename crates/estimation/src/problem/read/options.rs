@@ -69,7 +69,10 @@ pub(super) fn options(root: TomlTable<'_>) -> Read<Options> {
     }
     options.mesh = word(table, "mesh", &[("samples", Mesh::Samples)], options.mesh)?;
     options.tolerance = tolerance(table, "tolerance")?.unwrap_or(options.tolerance);
-    options.starts = whole(table, "starts", options.starts, Options::MOST_STARTS)?;
+    if table.has("starts") {
+        let starts = whole(table, "starts", Options::STARTS, Options::MOST_STARTS)?;
+        options.starts = Some(starts);
+    }
     let most = Options::MOST_ITERATIONS;
     options.max_iterations = whole(table, "max_iterations", options.max_iterations, most)?;
     let limits = Limits::ALL.map(|limits| (limits.as_str(), limits));

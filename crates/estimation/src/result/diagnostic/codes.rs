@@ -1,7 +1,7 @@
 //! What each code means.
 
 /// Code and meaning of each diagnostic, of which a test makes the table of docs/problems.md (`tests/it/codes.rs`).
-pub const CODES: [(&str, &str); 43] = [
+pub const CODES: [(&str, &str); 42] = [
     (
         "not-converged",
         "the solver ended before its tolerance; with a violation, equations or constraints are not satisfied where it ended, and a simulation with the parameters does not satisfy them either: there is no objective, and there are no residuals",
@@ -164,5 +164,4 @@ pub const CODES: [(&str, &str); 43] = [
         "cut",
         "`--time-limit` or Ctrl-C ended the fit before all starts and refinements were done",
     ),
-    ("lower-start", "a start was better and did not converge"),
 ];

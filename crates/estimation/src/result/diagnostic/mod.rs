@@ -134,15 +134,6 @@ pub enum Diagnostic {
         /// Whether events of FMUs still had to be searched for.
         events: bool,
     },
-    /// A start had a lower objective than the result but did not converge.
-    LowerStart {
-        /// Its number, from 1.
-        start: usize,
-        /// How it ended.
-        status: Status,
-        /// Its objective.
-        objective: f64,
-    },
     /// Other parameters give an objective of which the data do not tell which is better.
     OtherOptimum(Other),
     /// The last refinement of the mesh still changed the parameters, by this fraction of their size.
@@ -368,7 +359,6 @@ impl Diagnostic {
             Self::MeshError { .. } | Self::CoarseMesh(_) | Self::MeshMoves(_) => "mesh-error",
             Self::Simulated { .. } => "simulation",
             Self::Cut { .. } => "cut",
-            Self::LowerStart { .. } => "lower-start",
             Self::OtherOptimum(_) => "other-optimum",
             Self::Alone(_) => "alone",
             Self::PoorFit { .. } => "poor-fit",

@@ -2,7 +2,6 @@
 
 use super::Diagnostic;
 use crate::posed::stability::CLOSED_LOOP;
-use pilotage_sqp::Status;
 use pilotage_text::counted;
 use pilotage_text::number::{rounded, short};
 use std::fmt;
@@ -310,19 +309,6 @@ impl fmt::Display for Diagnostic {
                 f,
                 "{status} ended the fit before {}: this is the best result so far",
                 undone(*starts, *refinement, *events)
-            ),
-            Self::LowerStart {
-                start,
-                status,
-                objective,
-            } => write!(
-                f,
-                "start {start} came to the lower objective {objective:.6e} and did not converge ({status}): {}",
-                match status {
-                    Status::TimeLimit => "give it more time, or begin near it",
-                    Status::Interrupted | Status::Stopped => "let it go on, or begin near it",
-                    _ => "raise max_iterations, or begin near it",
-                }
             ),
             Self::Alone(starts) => write!(
                 f,
