@@ -129,7 +129,7 @@ impl Demo {
                 found.verdict(),
                 counted(unknowns.unwrap_or_default(), "unknown"),
                 counted(found.refinement.iterations, "iteration"),
-                significant(found.seconds, 3),
+                significant(found.seconds.total(), 3),
                 significant((found.chi2 / found.samples as f64).sqrt(), 3)
             ),
         )?;

@@ -3,6 +3,7 @@
 use crate::autoregression::{Autoregression, Segment};
 use crate::inference::{Inference, Obstacle};
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Autocorrelations are summed up to the run's length divided by this (Morelli & Klein, *Aircraft System
@@ -58,7 +59,8 @@ impl Inference<'_> {
                 false => Autoregression::estimated(&segments),
             }
         };
-        (0..self.signals()).map(of_signal).collect()
+        let signals = (0..self.signals()).into_par_iter();
+        signals.map(of_signal).collect()
     }
 
     fn signals(&self) -> usize {

@@ -8,8 +8,10 @@ use std::borrow::Cow;
 const ROUNDING: f64 = 1e-8;
 /// Largest partial autocorrelation.
 pub const LARGEST: f64 = 0.9995;
-/// Number of passes over all partial autocorrelations.
+/// Maximum number of passes over all partial autocorrelations, and the change of their inverse hyperbolic tangents below which
+/// no other follows.
 const ROUNDS: usize = 3;
+const STILL: f64 = 5e-3;
 
 /// Restricted likelihood of autoregressive processes up to an order, from sums of products that do not depend on the
 /// process.
@@ -71,45 +73,94 @@ impl<'s> Likelihood<'s> {
         gram
     }
 
-    /// −2 log likelihood as a function of one partial autocorrelation `p`. Whitened products are quadratic in it, since
-    /// predictors are linear in it; the error variances of lower orders are proportional to `1/(1 - p²)`.
-    fn along(&self, partial: &[f64], k: usize) -> impl Fn(f64) -> f64 + '_ {
-        let [before, middle, after] = [-0.5, 0.0, 0.5].map(|p| {
+    /// The whitened products as functions of one partial autocorrelation `p`, from those at its present value. They are quadratic
+    /// in it, since predictors are linear in it; the error variances of lower orders are proportional to `1/(1 - p²)`.
+    fn along(&self, partial: &[f64], k: usize, here: Vec<(DMatrix<f64>, f64)>) -> Along {
+        let own = partial[k];
+        // Two more places, away from this one.
+        let others = match own.abs() < 0.25 {
+            true => [-0.5, 0.5],
+            false => [0.0, -0.5f64.copysign(own)],
+        };
+        let [one, two] = others.map(|p| {
             let mut other = partial.to_vec();
             other[k] = p;
             self.whitened(&other)
         });
-        let polynomial = |j: usize| {
-            let (b, (m, sum), a) = (&before[j].0, &middle[j], &after[j].0);
-            (m.clone(), a - b, (a + b - 2.0 * m) * 2.0, *sum)
-        };
-        let grams: Vec<_> = (0..middle.len()).map(polynomial).collect();
-        move |p: f64| {
-            let at = grams.iter().zip(self.segments);
-            let at = at.map(|((constant, first, second, sum), own)| {
-                // Rows that are predicted by fewer values than its order.
-                let early = own.rows.nrows().min(k + 1);
-                let sum = sum - early as f64 * (1.0 - p * p).ln();
-                (constant + p * first + p * p * second, sum)
-            });
-            restricted(self.segments, at).0
+        let [p, q] = others;
+        // Newton's divided differences.
+        let slope = |from: &DMatrix<f64>, to: &DMatrix<f64>, by: f64| (to - from) / by;
+        let polynomials = here
+            .into_iter()
+            .zip(one.iter().zip(&two))
+            .zip(self.segments);
+        let polynomials = polynomials.map(|(((gram, sum), (one, two)), segment)| {
+            let first = slope(&gram, &one.0, p - own);
+            let second = (slope(&one.0, &two.0, q - p) - &first) / (q - own);
+            let early = segment.rows.nrows().min(k + 1) as f64;
+            Polynomial {
+                terms: [gram, first, second],
+                places: [own, p],
+                early,
+                determinant: sum + early * (1.0 - own * own).ln(),
+            }
+        });
+        Along {
+            polynomials: polynomials.collect(),
         }
     }
 
     /// Maximises the likelihood, starting from these partial autocorrelations: one after the other along their inverse
-    /// hyperbolic tangents, by golden section.
+    /// hyperbolic tangents, by golden section, until they move no more.
     pub fn maximised(&self, mut partial: Vec<f64>) -> Vec<f64> {
         let within = |u: f64| u.tanh().clamp(-LARGEST, LARGEST);
         let mut reach = 1.5;
+        let mut here = self.whitened(&partial);
         for _ in 0..ROUNDS {
+            let mut moved = 0.0f64;
             for k in 0..partial.len() {
                 let middle = partial[k].atanh();
-                let value = self.along(&partial, k);
-                partial[k] = within(golden(|u| value(within(u)), middle - reach, middle + reach));
+                let along = self.along(&partial, k, here);
+                let value = |u: f64| restricted(self.segments, along.at(within(u))).0;
+                let best = golden(value, middle - reach, middle + reach);
+                moved = moved.max((best - middle).abs());
+                partial[k] = within(best);
+                here = along.at(partial[k]).collect();
+            }
+            if moved < STILL {
+                break;
             }
             reach *= 0.3;
         }
         partial
+    }
+}
+
+/// The whitened products of all segments along one partial autocorrelation.
+struct Along {
+    polynomials: Vec<Polynomial>,
+}
+
+/// Those of a segment, in Newton's form.
+struct Polynomial {
+    terms: [DMatrix<f64>; 3],
+    places: [f64; 2],
+    /// Number of rows that are predicted by fewer values than the partial autocorrelation's order.
+    early: f64,
+    /// The log determinant where it is 0.
+    determinant: f64,
+}
+
+impl Along {
+    fn at(&self, p: f64) -> impl Iterator<Item = (DMatrix<f64>, f64)> {
+        self.polynomials.iter().map(move |own| {
+            let [constant, first, second] = &own.terms;
+            let [a, b] = own.places.map(|place| p - place);
+            let mut gram = constant.clone();
+            let terms = first.iter().zip(second);
+            (gram.iter_mut().zip(terms)).for_each(|(sum, (f, s))| *sum += a * (f + b * s));
+            (gram, own.determinant - own.early * (1.0 - p * p).ln())
+        })
     }
 }
 

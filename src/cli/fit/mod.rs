@@ -61,7 +61,7 @@ pub use watch::{Iterate, Watch};
 const MAX_ORDER: usize = 6;
 
 /// Version of the JSON that a fit prints, docs/json.md. It grows when a key goes or changes its meaning.
-pub const SCHEMA: u32 = 2;
+pub const SCHEMA: u32 = 3;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -24,11 +24,14 @@ use crate::sqp::Status;
 use serde_json::Value;
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::time::Instant;
 
 /// Fits a problem.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     args.check_alone()?;
+    let clock = Instant::now();
     let task = Task::of(args)?;
+    let mut reading = clock.elapsed().as_secs_f64();
     let mut file = task.file.clone();
     args.override_options(&mut file.options)?;
     let deadline = Deadline::after(args.time_limit);
@@ -51,6 +54,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         start::set(given, &Posed::new(&file, &flights::open)?, &mut begun)?;
         file = begun;
     }
+    let clock = Instant::now();
     let posed = {
         let _shown = Spinner::new("reading the runs");
         Posed::new(&file, &flights::open).map_err(|error| match &args.start {
@@ -58,6 +62,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             None => error.into(),
         })?
     };
+    reading += clock.elapsed().as_secs_f64();
     (posed.words_of_left_out().iter()).for_each(|words| terminal::note(words));
     let solves_again = args.refits.flag().or(args.checks.flag());
     if let (true, Some(flag)) = (args.evaluate, solves_again) {
@@ -97,6 +102,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     if args.orders.is_none() {
         interrupt::listen("stopping")?;
     }
+    let clock = Instant::now();
     let before = {
         let _shown = Spinner::new("looking at the runs");
         beforehand(&posed, &|| deadline.ask().is_break())
@@ -106,11 +112,14 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         args.print(&excitation::first_lines(own))?;
     }
     (before.words().iter()).for_each(|words| terminal::note(words));
+    let looking = clock.elapsed().as_secs_f64();
     let log = args.log.as_deref().map(Log::open).transpose()?;
     let (mut fit, log) = match known {
         Some(known) => (known, log),
         None => solved(&posed, Watch::new(deadline, log, args.verbose)),
     };
+    fit.seconds.reading += reading;
+    fit.seconds.diagnostics += looking;
     let doubts = before.doubts(&fit);
     // It names what cannot be told apart, too.
     let tells = |own: &Diagnostic| matches!(own, Diagnostic::Unidentifiable(_));

@@ -196,7 +196,14 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
         "skipped": fit.skipped(),
         "runs": runs,
         "cross_correlations": fit.beside.iter().map(beside).collect::<Vec<_>>(),
-        "seconds": fit.seconds,
+        "seconds": {
+            "total": fit.seconds.total(),
+            "reading": fit.seconds.reading,
+            "search": fit.seconds.search,
+            "solve": fit.seconds.solve,
+            "uncertainty": fit.seconds.uncertainty,
+            "diagnostics": fit.seconds.diagnostics,
+        },
     });
     if let Some(checked) = outcomes.checked {
         checked.add_to(&mut object);
@@ -383,7 +390,7 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
     let mut text = format!(
         "{verdict}: {}, {} s, {}\n{}, {}: {}\n\n",
         counted(fit.refinement.iterations, "iteration"),
-        significant(fit.seconds, 3),
+        significant(fit.seconds.total(), 3),
         distance(fit),
         counted(fit.runs.len(), "run"),
         counted(fit.samples, "measured value"),

@@ -151,7 +151,10 @@ fn solve(outcomes: &Outcomes<'_>) -> Parameters {
             ),
         ),
         ("unknowns", unknowns.unwrap_or("-".into())),
-        ("wall time", format!("{} s", significant(fit.seconds, 3))),
+        (
+            "wall time",
+            format!("{} s", significant(fit.seconds.total(), 3)),
+        ),
         (
             "collocation",
             format!(

@@ -53,7 +53,7 @@ use crate::result::events::{Events, events};
 use crate::result::left_over::beside_inputs;
 use crate::result::loops::Looped;
 use crate::result::uncertainty::{Unsure, linearised, method, uncertainty};
-use crate::result::{Fit, MUCH, StartEnd};
+use crate::result::{Fit, MUCH, Seconds, StartEnd, lap};
 use crate::search::solved::{Refinement, Solved};
 use crate::search::trouble;
 use pilotage_inference::Inference;
@@ -86,7 +86,7 @@ pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + Send +
 
 /// Fits a problem.
 pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
-    let clock = Instant::now();
+    let (mut clock, mut seconds) = (Instant::now(), Seconds::default());
     let watch = Watch::new(observer, posed.file.options.starts());
     let Searched {
         raced: Raced { mut solved, same },
@@ -101,6 +101,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     if let Some(own) = first.and_then(|own| plateau::beyond(posed, own, best, &watch)) {
         (solved[best], errors) = (Some(own), None);
     }
+    seconds.search = lap(&mut clock);
     let ends = same.iter().map(|k| end(posed, solved[*k].as_ref(), &watch));
     let ends: Vec<StartEnd> = ends.collect();
     let thetas: Vec<Option<Vec<f64>>> = (same.iter())
@@ -125,9 +126,11 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     if let Some(own) = lower.filter(|own| is_better(own, &last)) {
         (refinement, last) = (Refinement::new(&own), own);
     }
+    seconds.solve = lap(&mut clock);
     if posed.filter.is_some() {
         let mut found = predicted::predicted(posed, (last, refinement), begins, &watch);
-        found.seconds = clock.elapsed().as_secs_f64();
+        seconds.solve += lap(&mut clock);
+        found.seconds = seconds;
         return found;
     }
     let trouble = match last.solution.status {
@@ -152,14 +155,24 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     if found.status == Status::Converged {
         let simulated = simulated.as_ref().map(|own| &own.at);
         let at = (&last.problem, &last.solution.iterate);
+        seconds.diagnostics += lap(&mut clock);
         linear = linearised(posed, at.0, at.1);
         if found.kkt.residual() > posed.file.options.tolerance && posed.may_have_kinks() {
             found.offset = linear.as_ref().and_then(|own| kinks::offset(&own.data));
         }
         let known = linear.as_ref().ok_or(Unsure::NoDerivatives);
+        let theta = last.theta();
+        let change = || {
+            let inference = Inference::new(&known.as_ref().ok()?.data).ok()?;
+            changed(posed, &found, &theta, &inference)
+        };
+        let unsure = || {
+            let looped = looped.as_ref();
+            let at = (&last, &found, *known.as_ref().map_err(|own| *own)?);
+            uncertainty(posed, at, simulated, looped, method(posed))
+        };
+        (found.change, found.uncertainty) = rayon::join(change, unsure);
         if let Ok(own) = known {
-            let inference = Inference::new(&own.data).ok();
-            found.change = inference.and_then(|own| changed(posed, &found, &last.theta(), &own));
             let other = |theta: &[f64]| check::with(posed, &last, theta, &watch);
             found.take_others(apart::others(
                 posed,
@@ -169,23 +182,15 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
                 &other,
             ));
         }
-        found.uncertainty = known.and_then(|own| {
-            let looped = looped.as_ref();
-            uncertainty(
-                posed,
-                (&last, &found, own),
-                simulated,
-                looped,
-                method(posed),
-            )
-        });
+        seconds.uncertainty = lap(&mut clock);
         found.describing = describing(posed, &last);
     }
     if found.is_met() {
         found.beside = beside_inputs(posed, &found.runs, linear.as_ref().map(|own| &own.data));
     }
-    found.seconds = clock.elapsed().as_secs_f64();
     found.diagnostics = diagnostics(posed, &last, &found);
+    seconds.diagnostics += lap(&mut clock);
+    found.seconds = seconds;
     found.solved = Some(Arc::new(last));
     found
 }

@@ -19,7 +19,7 @@ use std::sync::Mutex;
 
 /// Iterations of each start before those that are behind are dropped. Few of those from the order below are behind: they go on, since
 /// a pole that grows doubles with each iteration, and a new solve begins with small steps.
-const HEAT: usize = 30;
+const HEAT: usize = 100;
 
 /// Maximum number of starts that continue after that.
 const FINALISTS: usize = 3;
@@ -382,6 +382,11 @@ pub(super) fn best_of(
     let equal: Vec<(usize, &Solved)> = equal
         .filter_map(|(k, own)| Some((k, own.as_ref()?)))
         .collect();
+    // Those with the same parameters are one solution.
+    let theta = equal.iter().find(|own| own.0 == first);
+    let theta = theta.map(|own| own.1.theta()).unwrap_or_default();
+    let is_first = |(k, own): &(usize, &Solved)| *k == first || !is_same_to(&theta, &own.theta());
+    let equal: Vec<(usize, &Solved)> = equal.into_iter().filter(is_first).collect();
     if class > 0 || equal.len() < 2 || watch.is_over() {
         return (first, None);
     }
@@ -397,6 +402,12 @@ pub(super) fn best_of(
         .into_iter()
         .min_by(|(_, a), (_, b)| largest(a).total_cmp(&largest(b)));
     best.map_or((first, None), |(k, errors)| (k, Some(errors)))
+}
+
+/// Whether parameters are equal up to what a solve leaves open.
+fn is_same_to(a: &[f64], b: &[f64]) -> bool {
+    let is_same = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-4 * a.abs().max(b.abs());
+    a.iter().zip(b).all(is_same)
 }
 
 /// Whether a start has converged.

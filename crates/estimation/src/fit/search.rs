@@ -15,7 +15,7 @@ use crate::search::starts::{BLOCK, Start};
 use rayon::prelude::*;
 
 /// Maximum number of starts where none is given.
-const MOST_STARTS: usize = 64;
+const MOST_STARTS: usize = 96;
 
 /// Iterations times variables of all starts after which no more are added: some ten seconds.
 const MOST_WORK: usize = 10_000_000;

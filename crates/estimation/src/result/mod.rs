@@ -37,6 +37,7 @@ use pilotage_inference::residuals::Explained;
 use pilotage_inference::spectrum::Describing;
 use pilotage_sqp::{Kkt, Status};
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Mean square of the residuals that counts as zero, relative to the variance of the samples or the noise.
 const EXACT: f64 = 1e-6;
@@ -45,6 +46,36 @@ const NEGLIGIBLE: f64 = 1e-4;
 
 /// Multiple of an objective from which on that of a simulation is of another motion.
 pub(crate) const MUCH: f64 = 2.0;
+
+/// Wall time of a fit \[s\].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Seconds {
+    /// Of reading the files and posing the problem.
+    pub reading: f64,
+    /// Of the search from all starts.
+    pub search: f64,
+    /// Of the solves on finer meshes.
+    pub solve: f64,
+    /// Of intervals, bands and tests.
+    pub uncertainty: f64,
+    /// Of simulations and all that is checked, before the search and after it.
+    pub diagnostics: f64,
+}
+
+impl Seconds {
+    /// Their sum.
+    pub fn total(&self) -> f64 {
+        self.reading + self.search + self.solve + self.uncertainty + self.diagnostics
+    }
+}
+
+/// Seconds since the last call.
+pub(crate) fn lap(clock: &mut Instant) -> f64 {
+    let now = Instant::now();
+    let lap = now.duration_since(*clock).as_secs_f64();
+    *clock = now;
+    lap
+}
 
 /// The result of a fit.
 #[derive(Debug, Clone)]
@@ -101,8 +132,8 @@ pub struct Fit {
     pub diagnostics: Vec<Diagnostic>,
     /// Negligible difference of objectives.
     pub negligible: f64,
-    /// Duration of the fit \[s\].
-    pub seconds: f64,
+    /// Its wall time.
+    pub seconds: Seconds,
     /// Uncertainty of the estimates.
     pub uncertainty: Result<Uncertainty, Unsure>,
     /// Outputs that saturate in the runs.
@@ -318,7 +349,7 @@ impl Fit {
             beside: Vec::new(),
             diagnostics: Vec::new(),
             negligible: NEGLIGIBLE * samples as f64 / posed.factor,
-            seconds: 0.0,
+            seconds: Seconds::default(),
             uncertainty: Err(Unsure::NotConverged),
             saturated: saturated(posed, problem, z),
             describing: Describing::default(),

@@ -94,7 +94,8 @@ fn drawn(posed: &Posed<'_>, count: usize, block: usize) -> Vec<Vec<f64>> {
         let mut others = vec![given.clone(); block];
         for (unknown, stands) in &posed.unknowns {
             let places = posed.places(stands);
-            let values = column(unknown, block, &mut random);
+            let is_far = seed > 0 && unknown.is_wide();
+            let values = column(unknown, (block, is_far), &mut random);
             for (start, value) in others.iter_mut().zip(values) {
                 places.iter().for_each(|k| start[*k] = value);
             }
@@ -128,8 +129,9 @@ fn keep_constraints(posed: &Posed<'_>, given: &[f64], start: &mut [f64]) {
     start.copy_from_slice(given);
 }
 
-/// Values of one unknown: one from each of several equal parts of its range, in random order.
-fn column(unknown: &Unknown, count: usize, random: &mut ChaCha8Rng) -> Vec<f64> {
+/// Values of one unknown: one from each of several equal parts of its range, in random order. Every other one is near the start
+/// unless all are asked to be far.
+fn column(unknown: &Unknown, (count, is_far): (usize, bool), random: &mut ChaCha8Rng) -> Vec<f64> {
     let mut parts: Vec<usize> = (0..count).collect();
     let unit = Uniform::new(0.0, 1.0).expect("not empty");
     // Fisher–Yates shuffle.
@@ -143,9 +145,9 @@ fn column(unknown: &Unknown, count: usize, random: &mut ChaCha8Rng) -> Vec<f64> 
     let values = shares
         .into_iter()
         .enumerate()
-        .map(|(k, share)| match k % 2 {
-            0 => near(unknown, share),
-            _ => far(unknown, share),
+        .map(|(k, share)| match is_far || k % 2 == 1 {
+            true => far(unknown, share),
+            false => near(unknown, share),
         });
     values.map(|value| unknown.searched(value)).collect()
 }
@@ -226,14 +228,14 @@ mod tests {
         };
         let mut random = ChaCha8Rng::seed_from_u64(0);
         for _ in 0..50 {
-            let values = column(&unknown, 7, &mut random);
+            let values = column(&unknown, (7, false), &mut random);
             assert!(values.iter().any(|value| *value > 0.0), "{values:?}");
         }
         let kept = Unknown {
             max: Some(0.0),
             ..unknown
         };
-        let values = column(&kept, 7, &mut random);
+        let values = column(&kept, (7, false), &mut random);
         assert!(values.iter().all(|value| *value < 0.0), "{values:?}");
     }
 }
