@@ -150,15 +150,6 @@ fn trials() {
             "a.csv: no target from 0 to 5.5 s, and it is needed all the time; fill it, end the run before or begin it after",
         ),
         (
-            "too short",
-            good.lines()
-                .take(8)
-                .map(|line| format!("{line}\n"))
-                .collect::<String>()
-                .into(),
-            "a.csv: recorded positions at 7 different times; expected at least 10",
-        ),
-        (
             "nothing recorded",
             (good.lines().enumerate())
                 .map(|(i, line)| {
@@ -170,7 +161,7 @@ fn trials() {
                 })
                 .collect::<String>()
                 .into(),
-            "a.csv: recorded positions at 0 different times; expected at least 10",
+            "a.csv: recorded positions at 0 different times; expected at least 2",
         ),
         (
             "stick beyond its stops",

@@ -2,12 +2,11 @@
 //! ones, which do not.
 
 use crate::command::{Folder, example};
-use crate::fitted::{codes, fitted, theta, with};
+use crate::fitted::{codes, fitted, recorded, theta, with};
 use crate::joint_ode::Loop;
 use pilotage::collocation::Scheme;
 use pilotage::estimation::file::Mesh;
 use pilotage::estimation::{Diagnostic, Fit};
-use pilotage::flights::checks::{Check, recorded};
 use pilotage::flights::options::{InitialState, Objective};
 use pilotage::flights::{FlightOptions, Trial, TrialSet};
 use pilotage::models::{Pilot, Quadcopter};
@@ -125,12 +124,7 @@ fn flights_that_never_move_are_no_answer() {
     let fit = fitted(&trials, &FlightOptions::default());
     assert_eq!(codes(&fit)[0], "constant-data");
     assert!(!fit.is_answer() && fit.ending() == "constant-data");
-    let known = fit.uncertainty.as_ref().expect("a table of what is flat");
-    let theta = known.intervals.iter().take(6).flatten();
-    assert!(
-        theta.into_iter().all(|own| !own.sd.is_finite()),
-        "no intervals of width 0"
-    );
+    assert!(fit.uncertainty.is_err(), "no intervals of width 0");
 }
 
 /// Hovering about the target with the motion of a remnant, here two sines of small amplitude.
@@ -262,7 +256,7 @@ fn a_position_that_stands_still_is_told() {
     assert!(!codes(&fit).contains(&"jump"));
     let before = recorded(&trials);
     let frozen = before.iter().find_map(|own| match own {
-        Check::Frozen {
+        Diagnostic::Frozen {
             from, to, count, ..
         } => Some((*from, *to, *count)),
         _ => None,
@@ -286,7 +280,7 @@ fn a_position_that_stands_still_at_an_end_is_told() {
             trial.stick.as_mut().unwrap()[samples].fill(0.0);
         }
         let told = recorded(&trials).into_iter().find_map(|own| match own {
-            Check::Frozen { from, to, size, .. } => Some((from, to, size.is_some())),
+            Diagnostic::Frozen { from, to, size, .. } => Some((from, to, size.is_some())),
             _ => None,
         });
         told.map(|(from, to, comes_back)| {
@@ -308,7 +302,7 @@ fn frequent_outliers_are_told() {
             let wild = (0..trial.position.len()).step_by(every).skip(1);
             wild.for_each(|k| trial.position[k] += 20.0 + (k % 7) as f64);
         }
-        let codes: Vec<_> = recorded(&trials).iter().map(Check::code).collect();
+        let codes: Vec<_> = recorded(&trials).iter().map(Diagnostic::code).collect();
         assert_eq!(codes, ["outlier"], "one in {every}");
     }
 }
@@ -327,7 +321,7 @@ fn jumps_and_stops_in_motion_are_told_before_a_fit() {
     let codes = |change: fn(&mut [f64])| -> Vec<_> {
         let mut trials = trials.clone();
         change(&mut trials[0].position);
-        recorded(&trials).iter().map(Check::code).collect()
+        recorded(&trials).iter().map(Diagnostic::code).collect()
     };
     let jump = |z: &mut [f64]| z[130..].iter_mut().for_each(|z| *z += 4.0);
     assert_eq!(codes(jump), ["jump"]);
@@ -346,17 +340,17 @@ fn jumps_and_stops_in_motion_are_told_before_a_fit() {
     stops(&mut still[0].target);
     let found = recorded(&still);
     assert_eq!(found[0].code(), "frozen");
-    assert!(
-        found[0].to_string().starts_with("the target of"),
-        "{found:?}"
-    );
+    assert!(found[0].to_string().starts_with("target of"), "{found:?}");
 }
 
 /// What needs no fit is known before it.
 #[test]
 fn recordings_are_doubted_before_a_fit() {
     let before = |change: fn(&mut Trial)| -> Vec<&'static str> {
-        recorded(&changed(change)).iter().map(Check::code).collect()
+        recorded(&changed(change))
+            .iter()
+            .map(Diagnostic::code)
+            .collect()
     };
     assert_eq!(before(|_| ()), [""; 0]);
     assert_eq!(before(|own| own.position[100] += 5.0), ["outlier"]);
@@ -367,7 +361,7 @@ fn recordings_are_doubted_before_a_fit() {
     );
     assert_eq!(
         before(|own| own.stick.as_mut().unwrap().fill(0.0)),
-        ["dead-stick"]
+        ["frozen"]
     );
     assert_eq!(
         before(|own| own.time.iter_mut().for_each(|t| *t *= 1e-3)),
@@ -383,7 +377,12 @@ fn slow_sensors_and_square_targets_are_no_outliers() {
         let position = own.position.clone();
         (own.position.iter_mut().enumerate()).for_each(|(k, z)| *z = position[k / 10 * 10]);
     });
-    let codes = |trials: &[Trial]| recorded(trials).iter().map(Check::code).collect::<Vec<_>>();
+    let codes = |trials: &[Trial]| {
+        recorded(trials)
+            .iter()
+            .map(Diagnostic::code)
+            .collect::<Vec<_>>()
+    };
     assert_eq!(codes(&slow), ["slow-sensor"]);
     assert!(!crate::fitted::codes(&fitted(&slow, &FlightOptions::default())).contains(&"outlier"));
     // Tracked with a lag of 0.5 s and an overshoot.
@@ -419,8 +418,8 @@ fn clipped_positions_are_named() {
         })
     };
     let codes = |limit| {
-        let found = recorded(&sine(limit));
-        found.iter().map(Check::code).collect::<Vec<_>>()
+        let found = recorded(&sine(limit)[..1]);
+        found.iter().map(Diagnostic::code).collect::<Vec<_>>()
     };
     assert_eq!(codes(2.0), ["clipped"]);
     assert_eq!(codes(5.0), [""; 0]);
@@ -455,8 +454,8 @@ fn a_run_of_another_origin_is_told() {
 #[test]
 fn a_stick_that_was_never_recorded_is_told() {
     let trials = changed(|trial| trial.stick.as_mut().unwrap().fill(0.0));
-    assert!(codes_of(&trials).contains(&"dead-stick"));
-    assert!(!codes(shipped_fit()).contains(&"dead-stick"));
+    assert!(codes_of(&trials).contains(&"frozen"));
+    assert!(!codes(shipped_fit()).contains(&"frozen"));
 }
 
 /// In a fit that comes to nothing, here since it is ended at once.
@@ -626,15 +625,9 @@ fn a_stick_of_the_wrong_sign_is_told() {
         let stick = trial.stick.as_mut().unwrap();
         stick.iter_mut().for_each(|u| *u = -*u);
     });
-    let response = fitted(&turned, &FlightOptions::default());
-    assert!(
-        codes(&response).contains(&"stick-sign"),
-        "{:?}",
-        codes(&response)
-    );
     let stick = fitted(&turned, &with(|own| own.objective = Objective::Stick));
     assert!(
-        !codes(&stick).contains(&"stick-sign"),
+        !codes(&stick).contains(&"open-loop"),
         "nobody said what was flown"
     );
     let known = with(|own| {
@@ -643,7 +636,7 @@ fn a_stick_of_the_wrong_sign_is_told() {
     });
     let known = fitted(&turned, &known);
     assert_eq!(codes(&known)[0], "unstable-loop");
-    assert!(codes(&known).contains(&"stick-sign"));
+    assert!(codes(&known).contains(&"open-loop"));
     assert!(!known.is_answer(), "nobody allowed it");
 }
 
@@ -712,6 +705,65 @@ fn a_mesh_of_a_few_intervals_is_told() {
     assert!(of(2.0) && !of(0.1));
 }
 
+/// What speaks against flights speaks against the same data as a problem file, by code, words and exit code; what makes a fit
+/// meaningless is known before the search.
+#[test]
+fn a_problem_file_of_flights_is_told_the_same() {
+    let flight = std::fs::read_to_string(example("trials/10m-run1.csv")).unwrap();
+    let with = |change: &dyn Fn(usize, [f64; 4]) -> [f64; 4]| -> String {
+        let mut rows = 0;
+        let line = |line: &str| {
+            let cells: Vec<f64> = line.split(',').map_while(|own| own.parse().ok()).collect();
+            let [time, target, position, stick] = cells[..] else {
+                return String::new();
+            };
+            rows += 1;
+            let [time, target, position, stick] = change(rows, [time, target, position, stick]);
+            format!("{time},{target},{position},{stick}\n")
+        };
+        "time,target,position,stick\n".to_owned() + &flight.lines().map(line).collect::<String>()
+    };
+    let short: String = with(&|_, own| own)
+        .lines()
+        .take(6)
+        .fold(String::new(), |all, line| all + line + "\n");
+    let cases = [
+        ("constant-data", with(&|_, [t, ..]| [t, 0.0, 0.0, 0.0])),
+        (
+            "no-forcing",
+            with(&|_, [t, ..]| [t, 0.0, 0.2 * (0.9 * t).sin(), 0.0]),
+        ),
+        ("wrong-scale", with(&|_, [t, w, z, u]| [t, w, 100.0 * z, u])),
+        ("time-scale", with(&|_, [t, w, z, u]| [1000.0 * t, w, z, u])),
+        (
+            "outlier",
+            with(&|k, [t, w, z, u]| [t, w, if k == 90 { 1e8 } else { z }, u]),
+        ),
+        ("few-values", short),
+    ];
+    for (code, text) in cases {
+        let folder = Folder::new();
+        folder.write("run.csv", text);
+        let ended = folder.pilotage(&["init", "run.csv", "-o", "problem.toml"]);
+        assert_eq!(ended.code, 0, "{}", ended.stderr);
+        let told = ["run.csv", "problem.toml"].map(|file| {
+            let ended = folder.pilotage(&["fit", file, "-o", "out.toml", "--force", "--json"]);
+            let json = ended.json();
+            assert_eq!(
+                (ended.code, json["status"].as_str()),
+                (1, Some(code)),
+                "{json}"
+            );
+            assert_eq!(json["iterations"], 0, "{code}");
+            json["doubts"][0]["words"]
+                .as_str()
+                .unwrap()
+                .replace("run.csv", "run")
+        });
+        assert_eq!(told[0], told[1]);
+    }
+}
+
 /// Exit codes, the file that is written, and what is made of it.
 #[test]
 fn the_command_says_what_the_fit_says() {
@@ -734,7 +786,7 @@ fn the_command_says_what_the_fit_says() {
     assert!(
         ended
             .stdout
-            .contains("diagnostic [constant-data]: the vehicle does not move")
+            .contains("diagnostic [constant-data]: what is measured does not move")
     );
     assert!(
         folder

@@ -1,6 +1,7 @@
 //! Fits of flights as the command makes them, without its files.
 
-use pilotage::estimation::{Fit, Posed, fit};
+use pilotage::estimation::result::recordings::before;
+use pilotage::estimation::{Diagnostic, Fit, Posed, fit};
 use pilotage::flights::checks::doubts;
 use pilotage::flights::{FlightOptions, Trial, TrialSet, open};
 use std::ops::ControlFlow;
@@ -29,10 +30,17 @@ pub fn fitted(trials: &[Trial], options: &FlightOptions) -> Fit {
         .expect("flights with positions");
     let posed = Posed::new(&file, &open).expect("a problem");
     let mut found = fit(&posed, &mut |_| ControlFlow::Continue(()));
-    let doubts = doubts(&found, trials, options);
+    let doubts = doubts(&found, &set(trials), options);
     found.diagnostics.extend(doubts);
     found.diagnostics.sort_by_key(|own| !own.is_fatal());
     found
+}
+
+/// What these flights give to doubt before any fit.
+pub fn recorded(trials: &[Trial]) -> Vec<Diagnostic> {
+    let file = FlightOptions::default().problem(&set(trials));
+    let file = file.expect("flights with positions");
+    before(&Posed::new(&file, &open).expect("a problem"))
 }
 
 /// θ of the fitted pilot.

@@ -58,7 +58,7 @@ fn folder() -> Folder {
         (
             "short.csv",
             good.lines()
-                .take(5)
+                .take(2)
                 .map(|line| format!("{line}\n"))
                 .collect(),
         ),

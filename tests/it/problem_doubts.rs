@@ -341,7 +341,7 @@ fn samples_and_runs_that_stand_out_are_told() {
     let [outlier, jump, _] = doubts(&steps);
     let jump = jump.unwrap();
     assert!(
-        jump.contains("in 1.csv jump by 0.5") && jump.contains("at 1.5 s"),
+        jump.contains("of 1.csv jumps by 0.5") && jump.contains("at 1.5 s"),
         "{jump}"
     );
     assert_eq!(outlier, None);

@@ -1,5 +1,5 @@
 //! What is special to flights of a pilot: recordings and lists of them ([`trials`](mod@trials)), the vehicle that was flown
-//! ([`vehicle`](mod@vehicle)), checks of both ([`checks`](mod@checks)), pilot and vehicle files as models
+//! ([`vehicle`](mod@vehicle)), doubts about both ([`checks`](mod@checks)), pilot and vehicle files as models
 //! ([`kind`](mod@kind)), a synthetic human ([`synthetic`](mod@synthetic)), and the problem that all of this poses
 //! ([`problem`](mod@problem)). Nothing is solved here.
 //!
@@ -26,7 +26,7 @@
 //! | [`trials`](mod@trials) | recorded flights |
 //! | [`vehicle`](mod@vehicle) | the vehicle's coefficients as a file, and its loops, linearised |
 //! | [`pilot`](mod@pilot) | pilot files |
-//! | [`checks`](mod@checks) | what recordings and vehicle let doubt before any fit |
+//! | [`checks`](mod@checks) | what flights and vehicle let doubt of a fit |
 //! | [`kind`](mod@kind) | kinds of TOML files, and which of them stand for models |
 //! | [`options`](mod@options) | what the options of a fit of flights say about its problem |
 //! | [`problem`](mod@problem) | the problem of flights, as text and in memory |
@@ -41,7 +41,6 @@ pub mod synthetic;
 pub mod trials;
 pub mod vehicle;
 
-pub use checks::Check;
 pub use kind::open;
 pub use problem::FlightOptions;
 pub use trials::{Trial, TrialError, TrialSet};

@@ -86,7 +86,7 @@ impl Task {
     /// Adds what flights and vehicle let doubt of a fit. What makes it meaningless comes first.
     pub fn doubt(&self, fit: &mut Fit) {
         if let Some((set, options)) = &self.flights {
-            let found = doubts(fit, &set.fit, options);
+            let found = doubts(fit, set, options);
             fit.diagnostics.extend(found);
         }
         (fit.diagnostics).sort_by_key(|own| !own.is_fatal());

@@ -6,8 +6,10 @@ mod synth;
 use super::recognise::{self, FileKind};
 use super::system::flags::pair;
 use super::{Failure, Outcome, excitation, terminal};
-use crate::flights::checks::{self, Check};
+use crate::estimation::result::recordings::before;
+use crate::estimation::{Diagnostic, Posed};
 use crate::flights::trials::{ColumnNames, SATURATED, Summary, TrialError, TrialSet, driven};
+use crate::flights::{self, FlightOptions};
 use crate::inference::spectrum::Excitation;
 use crate::series::SeriesError;
 use clap::Subcommand;
@@ -93,8 +95,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 
 fn check(set: &TrialSet, json: bool) -> Result<Outcome, Failure> {
     match json {
-        true => terminal::print(&format!("{:#}\n", to_json(set)))?,
-        false => terminal::print(&to_table(set))?,
+        true => terminal::print(&format!("{:#}\n", to_json(set, &checks(set)?)))?,
+        false => terminal::print(&to_table(set, &checks(set)?))?,
     }
     Ok(Outcome::Done)
 }
@@ -108,7 +110,7 @@ fn uses(set: &TrialSet) -> Vec<(&crate::flights::Trial, Summary, &'static str)> 
         .collect()
 }
 
-fn to_json(set: &TrialSet) -> Value {
+fn to_json(set: &TrialSet, doubts: &[Diagnostic]) -> Value {
     let trials: Vec<Value> = (uses(set).iter())
         .map(|(trial, summary, used)| {
             json!({
@@ -132,7 +134,7 @@ fn to_json(set: &TrialSet) -> Value {
             })
         })
         .collect();
-    let doubts: Vec<Value> = (checks(set).iter())
+    let doubts: Vec<Value> = (doubts.iter())
         .map(|own| json!({ "code": own.code(), "words": own.to_string(), "fatal": own.is_fatal() }))
         .collect();
     let excitation = excited(set);
@@ -144,7 +146,7 @@ fn to_json(set: &TrialSet) -> Value {
     })
 }
 
-fn to_table(set: &TrialSet) -> String {
+fn to_table(set: &TrialSet, doubts: &[Diagnostic]) -> String {
     let uses = uses(set);
     let width =
         |cells: &mut dyn Iterator<Item = usize>, least: usize| cells.fold(least, usize::max);
@@ -193,7 +195,7 @@ fn to_table(set: &TrialSet) -> String {
             );
         }
     }
-    for check in checks(set) {
+    for check in doubts {
         let label = format!("diagnostic ({})", check.code());
         text += &terminal::labelled(&label, &check.to_string());
     }
@@ -210,10 +212,20 @@ fn target_of(summary: &Summary) -> String {
 }
 
 /// What the recordings of the fit, and those of its validation, let doubt before any fit.
-fn checks(set: &TrialSet) -> Vec<Check> {
-    let sets = [&set.fit, &set.validation].into_iter();
-    let sets = sets.filter(|trials| !trials.is_empty());
-    sets.flat_map(|trials| checks::recorded(trials)).collect()
+fn checks(set: &TrialSet) -> Result<Vec<Diagnostic>, Failure> {
+    let mut found = Vec::new();
+    for trials in [&set.fit, &set.validation] {
+        if !trials.is_empty() {
+            let alone = TrialSet {
+                fit: trials.clone(),
+                validation: Vec::new(),
+                ..set.clone()
+            };
+            let file = FlightOptions::default().problem(&alone)?;
+            found.extend(before(&Posed::new(&file, &flights::open)?));
+        }
+    }
+    Ok(found)
 }
 
 /// The excitation by the trials of the fit.

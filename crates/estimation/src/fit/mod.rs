@@ -48,10 +48,12 @@ use crate::posed::Posed;
 use crate::problem::file::Mesh;
 use crate::result::changed::changed;
 use crate::result::describing::describing;
+use crate::result::diagnostic::Diagnostic;
 use crate::result::diagnostics::diagnostics;
 use crate::result::events::{Events, events};
 use crate::result::left_over::beside_inputs;
 use crate::result::loops::Looped;
+use crate::result::recordings::before;
 use crate::result::uncertainty::{Unsure, linearised, method, uncertainty};
 use crate::result::{Fit, MUCH, Seconds, StartEnd, lap};
 use crate::search::solved::{Refinement, Solved};
@@ -88,6 +90,10 @@ pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + Send +
 pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let (mut clock, mut seconds) = (Instant::now(), Seconds::default());
     let watch = Watch::new(observer, posed.file.options.starts());
+    let is_hopeless = before(posed).iter().any(Diagnostic::is_fatal);
+    if is_hopeless {
+        watch.end_at_start();
+    }
     let Searched {
         raced: Raced { mut solved, same },
         starts,
@@ -129,6 +135,9 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     seconds.solve = lap(&mut clock);
     if posed.filter.is_some() {
         let mut found = predicted::predicted(posed, (last, refinement), begins, &watch);
+        if is_hopeless {
+            (found.cut, found.diagnostics) = (None, before(posed));
+        }
         seconds.solve += lap(&mut clock);
         found.seconds = seconds;
         return found;
@@ -150,7 +159,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let figures = looped.iter().flat_map(Looped::found);
     found.derived.extend(figures);
     found.events = seen_events(posed, &last, &found, &watch);
-    found.cut = cut(&found, &watch);
+    found.cut = cut(&found, &watch).filter(|_| !is_hopeless);
     let mut linear = None;
     if found.status == Status::Converged {
         let simulated = simulated.as_ref().map(|own| &own.at);
@@ -188,7 +197,10 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     if found.is_met() {
         found.beside = beside_inputs(posed, &found.runs, linear.as_ref().map(|own| &own.data));
     }
-    found.diagnostics = diagnostics(posed, &last, &found);
+    found.diagnostics = match is_hopeless {
+        true => before(posed),
+        false => diagnostics(posed, &last, &found),
+    };
     seconds.diagnostics += lap(&mut clock);
     found.seconds = seconds;
     found.solved = Some(Arc::new(last));

@@ -26,6 +26,12 @@ impl<'a, 'o> Watch<'a, 'o> {
         }
     }
 
+    /// Ends the fit where it begins, if no search can lead to an answer.
+    pub fn end_at_start(&self) {
+        // It is new, so that nothing has ended it.
+        let _ = self.over.set(Status::Stopped);
+    }
+
     /// The same for another number of starts.
     pub fn of(self, starts: usize) -> Self {
         Self { starts, ..self }

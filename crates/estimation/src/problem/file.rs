@@ -180,6 +180,13 @@ pub enum Deviation {
     Column(Spanned<String>),
 }
 
+impl Deviation {
+    /// Whether a file states none, which stands for 1.
+    pub(crate) fn is_missing(&self) -> bool {
+        matches!(self, Self::Formula(own) if own.number() == Some(1.0))
+    }
+}
+
 /// Gain or offset of a sensor.
 #[derive(Debug, Clone)]
 pub enum Calibration {

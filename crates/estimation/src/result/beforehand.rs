@@ -2,10 +2,10 @@
 //! signal where the search begins.
 
 use crate::posed::{Posed, Stands};
-use crate::problem::file::Deviation;
 use crate::result::Fit;
 use crate::result::describing::excitation;
 use crate::result::diagnostic::Diagnostic;
+use crate::result::recordings::before;
 use crate::result::through::{Contradicting, contradicting};
 use crate::result::uncertainty::{linearised, names, words};
 use crate::search::begin::begin_whole;
@@ -67,13 +67,16 @@ pub fn beforehand(posed: &Posed<'_>, stop: &Stop<'_>) -> Beforehand {
         .filter(|(_, stands)| is_shared(stands))
         .count();
     let signals = posed.file.measured.len();
+    // Where no search can lead to an answer, the reason is all there is to say.
+    let is_hopeless = before(posed).iter().any(Diagnostic::is_fatal);
     let has_fmu = posed.joint.parts.iter().any(|(_, part)| part.fmu.is_some());
     Beforehand {
         starved: excitation
             .as_ref()
-            .and_then(|own| own.starved(asked, signals)),
+            .and_then(|own| own.starved(asked, signals))
+            .filter(|_| !is_hopeless),
         // Process noise does not affect a simulation.
-        identifiability: match has_fmu || posed.filter.is_some() {
+        identifiability: match has_fmu || posed.filter.is_some() || is_hopeless {
             true => None,
             false => identifiability(posed, stop),
         },
@@ -84,7 +87,10 @@ pub fn beforehand(posed: &Posed<'_>, stop: &Stop<'_>) -> Beforehand {
             true => posed.joint.model.inputs.clone(),
             false => Vec::new(),
         },
-        contradicting: contradicting(posed),
+        contradicting: match is_hopeless {
+            true => Vec::new(),
+            false => contradicting(posed),
+        },
         excitation,
     }
 }
@@ -204,10 +210,7 @@ fn deviations(inference: &Inference<'_>) -> Vec<f64> {
 
 /// Parameters that are poorly determined at all starts, in words.
 fn weak(posed: &Posed<'_>, names: &[String], deviations: &[f64], data: &Data) -> Vec<String> {
-    // A missing one defaults to 1.
-    let is_missing =
-        |sd: &Deviation| matches!(sd, Deviation::Formula(own) if own.number() == Some(1.0));
-    if posed.file.measured.iter().any(|own| is_missing(&own.sd)) {
+    if posed.file.measured.iter().any(|own| own.sd.is_missing()) {
         return Vec::new();
     }
     let candidates = (names.iter().zip(deviations)).zip(data.scales.iter());

@@ -21,22 +21,24 @@ use pilotage_units::Unit;
 
 /// Roles of the columns, by their numbers in the file.
 #[derive(Debug, Clone)]
-struct Roles {
+pub(crate) struct Roles {
     /// The input that is the target. None if only a disturbance drives the loop.
-    target: Option<usize>,
+    pub target: Option<usize>,
     /// The measured signal.
-    position: usize,
-    stick: Option<Stick>,
+    pub position: usize,
+    /// What the pilot does, if it is recorded.
+    pub stick: Option<Stick>,
 }
 
 /// What the pilot does.
 #[derive(Debug, Clone)]
-struct Stick {
+pub(crate) struct Stick {
     /// Its signal in the joint model.
     signal: Node,
     /// Its column, measured or not.
-    column: Spanned<String>,
-    unit: Option<String>,
+    pub column: Spanned<String>,
+    /// Its unit.
+    pub unit: Option<String>,
 }
 
 /// The columns of a run.
@@ -124,7 +126,7 @@ pub(crate) fn excitation(posed: &Posed<'_>) -> Option<Excitation> {
 
 impl Roles {
     /// Roles in a problem in which two instances form a loop.
-    fn of(posed: &Posed<'_>) -> Option<Self> {
+    pub fn of(posed: &Posed<'_>) -> Option<Self> {
         let description = &posed.file.system;
         opening(description)?;
         let wires = &description.connections;

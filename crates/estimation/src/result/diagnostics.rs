@@ -8,7 +8,7 @@ use crate::result::diagnostic::Diagnostic;
 use crate::result::explained::little_explained;
 use crate::result::other::Other;
 use crate::result::outliers::{
-    of_copies, of_ends, of_frozen, of_repeats, of_runs, of_samples, of_times, still,
+    of_ends, of_frozen, of_repeats, of_runs, of_samples, of_times, still,
 };
 use crate::result::recordings::{PILOT, of_recordings};
 use crate::result::{Fit, Found};
@@ -125,9 +125,11 @@ pub(crate) fn diagnostics(posed: &Posed<'_>, solved: &Solved, fit: &Fit) -> Vec<
             all.extend(of_ends(posed, fit, k));
         }
     }
-    all.extend(of_copies(posed, fit));
     all.extend(stepped(posed));
-    all.extend(of_recordings(posed, fit));
+    all.extend(of_recordings(
+        posed,
+        Some(fit).filter(|own| own.is_answer()),
+    ));
     let heads =
         (posed.data.iter()).map(|run| (run.line.name.as_str(), run.series.comments.as_slice()));
     all.extend(flown::mixed(heads).into_iter().map(Diagnostic::Mixed));

@@ -15,7 +15,7 @@ mod opened;
 pub(crate) mod other;
 pub(crate) mod outliers;
 pub mod paths;
-mod recordings;
+pub mod recordings;
 pub mod saturated;
 pub mod through;
 pub mod uncertainty;
@@ -462,7 +462,9 @@ impl Fit {
     /// How the fit ended, in a word or two.
     pub fn verdict(&self) -> String {
         match (self.is_answer(), self.diagnostics.len()) {
-            (false, _) if self.is_found() => format!("NO ANSWER ({})", self.ending()),
+            (false, _) if self.is_found() || self.fatal().is_some() => {
+                format!("NO ANSWER ({})", self.ending())
+            }
             (false, _) => format!("NOT CONVERGED ({})", self.ending()),
             (true, 0) => "converged".to_owned(),
             (true, count) => format!("converged, in doubt ({count})"),

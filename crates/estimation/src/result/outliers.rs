@@ -72,7 +72,7 @@ pub fn of_samples(
     still: &[Vec<Frozen>],
 ) -> Vec<Diagnostic> {
     let measured = &posed.file.measured[k];
-    if !matches!(measured.noise, Noise::Normal | Noise::LogNormal) {
+    if measured.noise.has_tails() {
         return Vec::new();
     }
     let unit = posed.unit_of(k).map(str::to_owned);
@@ -100,6 +100,7 @@ pub fn of_samples(
             unit: unit.clone(),
             count: breaks.samples().count(),
             share: breaks.samples().map(square).sum::<f64>() / total,
+            is_fitted: true,
         }
     });
     let jump = breaks.jump().map(|(run, sample, _)| {
@@ -179,35 +180,6 @@ pub fn of_ends(posed: &Posed<'_>, fit: &Fit, k: usize) -> Option<Diagnostic> {
         unit: posed.unit_of(k).map(str::to_owned),
         part,
     })
-}
-
-/// Runs of different files with the same samples. The same file with other settings is intended.
-pub fn of_copies(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
-    let of = |k: usize| {
-        (0..k).find(|&first| {
-            let [a, b] = [first, k].map(|k| &fit.runs[k]);
-            let [file, other] = [first, k].map(|k| &posed.data[k].line.file);
-            file != other && has_samples(a, b)
-        })
-    };
-    let copies = (0..fit.runs.len()).filter_map(|k| Some((k, of(k)?)));
-    let copies: Vec<(usize, usize)> = copies.collect();
-    let &(run, first) = copies.first()?;
-    Some(Diagnostic::Copy {
-        run: fit.runs[run].name.clone(),
-        of: fit.runs[first].name.clone(),
-        count: copies.len(),
-    })
-}
-
-/// Whether two runs have identical samples, bit by bit, and at least one is finite.
-fn has_samples(a: &RunFit, b: &RunFit) -> bool {
-    let bits = |run: &RunFit| -> Vec<u64> {
-        let values = run.time.iter().chain(run.recorded.iter().flatten());
-        values.map(|value| value.to_bits()).collect()
-    };
-    let is_measured = a.recorded.iter().flatten().any(|y| y.is_finite());
-    is_measured && a.time.len() == b.time.len() && bits(a) == bits(b)
 }
 
 /// The residuals of a measured signal, in standard deviations.

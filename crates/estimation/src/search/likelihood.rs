@@ -6,6 +6,11 @@ use statrs::function::erf::erf;
 use std::f64::consts::{LN_2, PI, SQRT_2};
 
 impl Noise {
+    /// Whether values far from the others are expected.
+    pub(crate) fn has_tails(self) -> bool {
+        !matches!(self, Self::Normal | Self::LogNormal)
+    }
+
     /// `(y - h)/sd`; for log-normal noise, of the logarithms.
     pub fn residual(self, recorded: f64, predicted: f64, sd: f64) -> f64 {
         match self {

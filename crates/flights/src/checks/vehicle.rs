@@ -1,14 +1,15 @@
 //! Checks of the vehicle, and of flights that it cannot fly.
 
-use super::Check;
-use super::implied::implied_stick;
 use crate::Trial;
 use crate::vehicle::{PitchLoop, at_full_stick};
+use pilotage_estimation::Doubt;
 use pilotage_inference::outliers::median;
 use pilotage_models::Quadcopter;
 
-/// Correlation below which the stick's sign is doubtful.
-const AGAINST: f64 = -0.5;
+/// Codes of what is found.
+pub(super) const MOVING_START: &str = "moving-start";
+pub(super) const VEHICLE_SIZE: &str = "vehicle-size";
+pub(super) const VEHICLE_UNSTABLE: &str = "vehicle-unstable";
 /// Radius of gyration over arm length of any body with motors on arms.
 const GYRATION: std::ops::RangeInclusive<f64> = 0.05..=5.0;
 /// Duration of the first samples of a run [s], at least three, that show whether it moves.
@@ -16,40 +17,31 @@ const BEGINNING: f64 = 0.5;
 /// Number of standard errors by which a speed must exceed the possible speed from rest.
 const SURE: f64 = 5.0;
 
-/// The checks of a vehicle that is known, and of the sticks recorded with it.
-pub fn of_vehicle(vehicle: &Quadcopter, trials: &[Trial]) -> Vec<Check> {
-    let is_stable = PitchLoop::of(vehicle).is_stable();
-    let all = [
-        stick_sign(vehicle, trials),
-        vehicle_size(vehicle),
-        (!is_stable).then_some(Check::VehicleUnstable),
-    ];
-    all.into_iter().flatten().collect()
-}
-
-/// Compares the recorded stick with that of the inverted vehicle, over all runs that have one.
-fn stick_sign(vehicle: &Quadcopter, trials: &[Trial]) -> Option<Check> {
-    let (mut product, mut recorded, mut implied) = (0.0, 0.0, 0.0);
-    for trial in trials {
-        let Some(stick) = &trial.stick else {
-            continue;
-        };
-        let motion = implied_stick(&trial.time, &trial.filled_position(), vehicle);
-        for (u, v) in stick.iter().zip(motion) {
-            if u.is_finite() && v.is_finite() {
-                product += u * v;
-                recorded += u * u;
-                implied += v * v;
-            }
-        }
+fn doubt(code: &'static str, words: String) -> Doubt {
+    Doubt {
+        code,
+        words,
+        is_fatal: false,
     }
-    let correlation = product / (recorded * implied).sqrt();
-    (correlation < AGAINST).then_some(Check::StickSign { correlation })
 }
 
-fn vehicle_size(vehicle: &Quadcopter) -> Option<Check> {
+/// What a vehicle that is known gives to doubt.
+pub(super) fn doubts(vehicle: &Quadcopter) -> impl Iterator<Item = Doubt> {
     let (gyration, arm) = ((vehicle.inertia / vehicle.mass).sqrt(), vehicle.arm_length);
-    (!GYRATION.contains(&(gyration / arm))).then_some(Check::VehicleSize { gyration, arm })
+    let size = || {
+        let words = format!(
+            "the vehicle's radius of gyration √(inertia/mass) is {gyration:.3} m with an arm of {arm} m: one of mass, inertia \
+             and arm_length may be in another unit"
+        );
+        doubt(VEHICLE_SIZE, words)
+    };
+    let unstable = || {
+        let words = "the vehicle's own pitch loop is unstable, so it cannot have been flown; see `pilotage vehicle check`";
+        doubt(VEHICLE_UNSTABLE, words.to_owned())
+    };
+    let is_unstable = !PitchLoop::of(vehicle).is_stable();
+    let size = (!GYRATION.contains(&(gyration / arm))).then(size);
+    size.into_iter().chain(is_unstable.then(unstable))
 }
 
 /// A run that moves faster at its start than the vehicle from rest with the stick at its limit; `noise` is that of the
@@ -59,7 +51,7 @@ pub(super) fn moving(
     stick_limit: f64,
     noise: f64,
     trials: &[Trial],
-) -> Option<Check> {
+) -> Option<Doubt> {
     let of_run = |trial: &Trial| {
         let samples = beginning(trial);
         let count = samples.len() as f64;
@@ -68,13 +60,17 @@ pub(super) fn moving(
         let error = noise / time.map(|t| (t - mean).powi(2)).sum::<f64>().sqrt();
         let (first, last) = (samples[0].0, samples[samples.len() - 1].0);
         let most = at_full_stick(vehicle, stick_limit, last - first) / (last - first);
-        let run = trial.name.clone();
+        let words = format!(
+            "{} begins at {speed:.2} m/s, and full stick from rest gives {most:.2} m/s: it was in motion before its first \
+             sample; begin the recording earlier, or fit with --initial-state free",
+            trial.name
+        );
         let excess = speed.abs() - most - SURE * error;
-        Some((excess, Check::Moving { run, speed, most }))
+        Some((excess, doubt(MOVING_START, words)))
     };
     let all = trials.iter().filter_map(of_run);
-    let (excess, check) = all.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    (excess > 0.0).then_some(check)
+    let (excess, found) = all.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    (excess > 0.0).then_some(found)
 }
 
 /// Times and positions of the first samples.

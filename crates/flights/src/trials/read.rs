@@ -18,8 +18,8 @@ const FARTHEST: f64 = 1e9;
 /// Limit on the duration of a run \[s\]: eleven days.
 const LONGEST: f64 = 1e6;
 
-/// Minimum number of recorded positions: fewer do not determine six parameters.
-const MIN_SAMPLES: usize = 10;
+/// Minimum number of recorded positions: fewer are no motion.
+const MIN_SAMPLES: usize = 2;
 
 /// Unit of lengths, assumed if a column has none, and examples for messages.
 const LENGTH: Quantity = ("m", "a length, such as m, cm or ft");

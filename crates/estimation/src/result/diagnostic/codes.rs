@@ -1,7 +1,7 @@
 //! What each code means.
 
 /// Code and meaning of each diagnostic, of which a test makes the table of docs/problems.md (`tests/it/codes.rs`).
-pub const CODES: [(&str, &str); 42] = [
+pub const CODES: [(&str, &str); 48] = [
     (
         "not-converged",
         "the solver ended before its tolerance; with a violation, equations or constraints are not satisfied where it ended, and a simulation with the parameters does not satisfy them either: there is no objective, and there are no residuals",
@@ -105,6 +105,30 @@ pub const CODES: [(&str, &str); 42] = [
     (
         "clipped",
         "in a run, 5 % of a column's samples stay at the ends of its recorded range, for five samples or more, while the model moves",
+    ),
+    (
+        "few-values",
+        "fewer measured values than unknowns without priors, or as many without `sd`: the fit has no answer, and exit code 1",
+    ),
+    (
+        "constant-data",
+        "no measured column moves in any run, with a pilot or an input that moves: as `few-values`",
+    ),
+    (
+        "no-forcing",
+        "of an instance named `pilot`: no run has a target away from where it begins, and nothing else moves the loop: what moves is the human's own noise. As `few-values`",
+    ),
+    (
+        "wrong-scale",
+        "of an instance named `pilot`: the positions follow the targets with a factor that no human has, as with a wrong unit or sign. As `few-values`, unless it is so in one run alone",
+    ),
+    (
+        "origin",
+        "of an instance named `pilot`: the positions of a run follow its targets beside them",
+    ),
+    (
+        "target-outlier",
+        "of an instance named `pilot`: a target differs for one or two samples",
     ),
     (
         "mixed",

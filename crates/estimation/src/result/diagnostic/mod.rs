@@ -177,7 +177,7 @@ pub enum Diagnostic {
         run: String,
         /// Its time \[s\].
         time: f64,
-        /// Its residual: recorded minus modelled.
+        /// Its residual, recorded minus modelled, or what is recorded if nothing is fitted.
         value: f64,
         /// Its unit.
         unit: Option<String>,
@@ -185,8 +185,10 @@ pub enum Diagnostic {
         count: usize,
         /// Their fraction of the column's sum of squares, 0 to 1.
         share: f64,
+        /// Whether it is one of residuals.
+        is_fitted: bool,
     },
-    /// Residuals that jump and do not return.
+    /// Residuals, or a recording, that jump and do not return.
     Jump {
         /// The measured column.
         measured: String,
@@ -228,6 +230,8 @@ pub enum Diagnostic {
         from: f64,
         /// Time of the last such sample \[s\].
         to: f64,
+        /// Whether residuals are larger meanwhile; nothing is fitted otherwise.
+        is_worse: bool,
     },
     /// A run without rows for a time in which inputs are driven along lines.
     Gap {
@@ -295,6 +299,55 @@ pub enum Diagnostic {
         of: String,
         /// Number of such copies.
         count: usize,
+    },
+    /// Fewer measured values than unknowns.
+    FewValues {
+        /// Number of values.
+        values: usize,
+        /// Number of unknowns.
+        unknowns: usize,
+    },
+    /// Nothing that is measured moves in any run.
+    ConstantData,
+    /// No run has a target away from where it begins, so that all motion is the person's own noise.
+    NoForcing {
+        /// Columns of position and target.
+        columns: [String; 2],
+    },
+    /// The positions follow the targets with a factor that no person produces.
+    WrongScale {
+        /// Columns of position and target.
+        columns: [String; 2],
+        /// Slope of the positions over the targets, both relative to the start of the run.
+        factor: f64,
+        /// The run, if it is not so in all.
+        run: Option<String>,
+    },
+    /// The positions follow the targets from another origin.
+    Origin {
+        /// Columns of position and target.
+        columns: [String; 2],
+        /// Name of the first such run.
+        run: String,
+        /// Mean of positions minus targets.
+        offset: f64,
+        /// Its unit.
+        unit: Option<String>,
+    },
+    /// A target that differs for one or two samples.
+    TargetOutlier {
+        /// Its column.
+        column: String,
+        /// Name of the run.
+        run: String,
+        /// Time of the sample \[s\].
+        time: f64,
+        /// The target there.
+        target: f64,
+        /// The target before and after.
+        around: f64,
+        /// Its unit.
+        unit: Option<String>,
     },
     /// Flights that do not belong together according to their own comments.
     Mixed(String),
@@ -376,6 +429,12 @@ impl Diagnostic {
             Self::Late { .. } => "late",
             Self::Clipped { .. } => "clipped",
             Self::Copy { .. } => "copy",
+            Self::FewValues { .. } => "few-values",
+            Self::ConstantData => "constant-data",
+            Self::NoForcing { .. } => "no-forcing",
+            Self::WrongScale { .. } => "wrong-scale",
+            Self::Origin { .. } => "origin",
+            Self::TargetOutlier { .. } => "target-outlier",
             Self::Mixed(_) => "mixed",
             Self::Contradicting(_) => "open-loop",
             Self::Contradicted(_) => "describing-function",
@@ -394,10 +453,25 @@ impl Diagnostic {
     pub fn is_fatal(&self) -> bool {
         /// Fraction of the sum of squares above which outliers govern the result.
         const GOVERNS: f64 = 0.95;
+        /// The same of recorded values, which may be part of the motion.
+        const GOVERNS_RECORDED: f64 = 0.999;
         match self {
             Self::Beside(own) => own.is_fatal,
-            Self::Outlier { share, .. } => *share > GOVERNS,
-            Self::NothingExplained(_) => true,
+            Self::Outlier {
+                share, is_fitted, ..
+            } => {
+                *share
+                    > if *is_fitted {
+                        GOVERNS
+                    } else {
+                        GOVERNS_RECORDED
+                    }
+            }
+            Self::NothingExplained(_)
+            | Self::FewValues { .. }
+            | Self::ConstantData
+            | Self::NoForcing { .. }
+            | Self::WrongScale { run: None, .. } => true,
             // Nobody acts once in seconds; a task may be short.
             Self::TimeScale {
                 duration,

@@ -117,18 +117,23 @@ impl fmt::Display for Diagnostic {
                 unit,
                 count,
                 share,
+                is_fitted,
             } => write!(
                 f,
-                "{measured} of {run} at {} s is {}{} from the model and breaks away from its neighbours ({}, {:.0} % of the \
-                 column's sum of squares): empty the cells if they are errors, or fit with noise = \"student\"",
+                "{measured} of {run} at {} s is {}{}{} and breaks away from its neighbours ({}{}): empty the cells if they are \
+                 errors, or fit with noise = \"student\"",
                 rounded(*time, 9),
                 short(*value, 4),
                 spaced(unit.as_deref()),
+                if *is_fitted { " from the model" } else { "" },
                 match count {
                     1 => "one such sample".to_owned(),
                     _ => format!("{count} such samples"),
                 },
-                100.0 * share,
+                match is_fitted {
+                    true => format!(", {:.0} % of the column's sum of squares", 100.0 * share),
+                    false => String::new(),
+                },
             ),
             Self::Jump {
                 measured,
@@ -138,8 +143,8 @@ impl fmt::Display for Diagnostic {
                 unit,
             } => write!(
                 f,
-                "the residuals of {measured} in {run} jump by {}{} at {} s and do not come back: part of the column may have \
-                 another origin or unit",
+                "{measured} of {run} jumps by {}{} at {} s, which nothing explains, and does not come back: part of the column may \
+                 have another origin or unit",
                 short(*size, 4),
                 spaced(unit.as_deref()),
                 rounded(*time, 9),
@@ -165,7 +170,7 @@ impl fmt::Display for Diagnostic {
                     match size {
                         Some(size) =>
                             format!(" and is {}{unit} away at the next sample", short(*size, 4)),
-                        None => " though the model moves".to_owned(),
+                        None => " while what drives it moves".to_owned(),
                     },
                     match count {
                         1 => String::new(),
@@ -178,12 +183,17 @@ impl fmt::Display for Diagnostic {
                 run,
                 from,
                 to,
+                is_worse,
             } => write!(
                 f,
-                "{column} of {run}, which drives an input, stands still from {} s to {} s, then jumps, and the model is \
-                 farther from the recording meanwhile: if the recording stood still, cut the run there",
+                "{column} of {run}, which drives an input, stands still from {} s to {} s, then jumps{}: if the recording \
+                 stood still, cut the run there",
                 rounded(*from, 9),
-                rounded(*to, 9)
+                rounded(*to, 9),
+                match is_worse {
+                    true => ", and the model is farther from the recording meanwhile",
+                    false => "",
+                }
             ),
             Self::Gap { run, from, to } => write!(
                 f,
@@ -248,6 +258,59 @@ impl fmt::Display for Diagnostic {
                     1 => String::new(),
                     _ => format!(" ({count} runs are such copies)"),
                 }
+            ),
+            Self::FewValues { values, unknowns } => write!(
+                f,
+                "{} do not determine {unknowns} unknowns and their intervals: record more, fix parameters or give them priors",
+                counted(*values, "measured value")
+            ),
+            Self::ConstantData => f.write_str(
+                "what is measured does not move in any run: nothing can be said of what moves it",
+            ),
+            Self::NoForcing { columns: [position, target] } => write!(
+                f,
+                "in no run is {target} farther from where {position} begins than {position} strays from it: what moves is the \
+                 human's own noise, and no pilot can be identified from that; record runs to targets away from the start, or to \
+                 moving ones"
+            ),
+            Self::WrongScale {
+                columns: [position, target],
+                factor,
+                run,
+            } => write!(
+                f,
+                "{}{position} moves {} times as far as {target}: one of them has {}",
+                (run.as_ref()).map_or(String::new(), |run| format!("in {run}, unlike in other runs, ")),
+                short(*factor, 4),
+                match *factor < 0.0 {
+                    true => "the wrong sign, or another origin than the other".to_owned(),
+                    false =>
+                        format!("the wrong unit; give the column its unit, as in `{position} [cm]`"),
+                }
+            ),
+            Self::Origin {
+                columns: [position, target],
+                run,
+                offset,
+                unit,
+            } => write!(
+                f,
+                "{position} of {run} follows {target} {}{} beside it: one of the two may have another origin",
+                short(*offset, 3),
+                spaced(unit.as_deref())
+            ),
+            Self::TargetOutlier {
+                column,
+                run,
+                time,
+                target,
+                around,
+                unit,
+            } => write!(
+                f,
+                "{column} of {run} is {target}{unit} at {time} s and {around}{unit} before and after: if that is an error, mend it, \
+                 since the pilot is made to answer it",
+                unit = spaced(unit.as_deref())
             ),
             Self::OnStabilityBound(of) => write!(
                 f,

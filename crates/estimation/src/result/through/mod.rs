@@ -49,7 +49,7 @@ pub struct Contradicting {
 }
 
 /// All such instances of a problem.
-pub(crate) fn contradicting(posed: &Posed<'_>) -> Vec<Contradicting> {
+pub fn contradicting(posed: &Posed<'_>) -> Vec<Contradicting> {
     let parts = posed.joint.parts.iter();
     parts.flat_map(|part| of_part(posed, part)).collect()
 }
