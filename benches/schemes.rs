@@ -192,6 +192,7 @@ fn flight(target: f64) -> Trial {
         "{target} m: the stick stays off its limits, but reaches {largest}"
     );
     Trial {
+        note: None,
         time_unit: "s".into(),
         name: format!("{target} m"),
         origin: format!("{target} m"),

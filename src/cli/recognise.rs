@@ -5,6 +5,7 @@ use super::overwrite::head;
 use crate::document::Document;
 use crate::file;
 use crate::flights::kind::Kind;
+use crate::series::Rows;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use zip::ZipArchive;
@@ -148,10 +149,11 @@ fn toml(text: &str) -> Option<FileKind> {
 
 /// The kind of a CSV file, by its header.
 fn table(text: &str) -> Option<FileKind> {
-    let is_header = |line: &&str| !line.trim().is_empty() && !line.starts_with('#');
-    let header = text.lines().find(is_header)?.to_ascii_lowercase();
-    let names: Vec<&str> = header.split(',').map(|cell| name(cell.trim())).collect();
-    let has = |wanted: &str| names.contains(&wanted);
+    let mut rows = Rows::new(text.as_bytes(), "").ok()?;
+    rows.advance().ok().filter(|is_there| *is_there)?;
+    let names = rows.cells().map(|cell| name(cell).to_ascii_lowercase());
+    let names: Vec<String> = names.collect();
+    let has = |wanted: &str| names.iter().any(|own| own == wanted);
     match names.len() > 1 && names[0] == "time" {
         true if has("target") && has("position") => Some(FileKind::Trial),
         true => Some(FileKind::Table),

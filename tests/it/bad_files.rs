@@ -58,14 +58,32 @@ fn trials() {
             "a.csv:1: not UTF-8 text (byte 0xff); save the file as CSV in UTF-8",
         ),
         (
-            "semicolons",
-            good.replace(',', ";").into(),
-            "a.csv:1: columns are separated by semicolons; expected commas (and `.` as decimal point)",
+            "utf-16 without its mark",
+            b"t\0i\0m\0e\0,\0x\0".into(),
+            "a.csv:1: not UTF-8 text (byte 0x00); save the file as CSV in UTF-8",
         ),
         (
-            "tabs",
-            good.replace(',', "\t").into(),
-            "a.csv:1: columns are separated by tabs; expected commas (and `.` as decimal point)",
+            "points and commas",
+            good.replace(',', ";").replace("10;1\n", "10;1,5\n").into(),
+            "a.csv:3: column `position`: `1,5` has a comma, but `0.5` on line 3 has a point; write all numbers with decimal \
+             points, and nothing between thousands",
+        ),
+        (
+            "thousands",
+            b"time;target;position\n0;10;1,234\n1;10;2,345\n".into(),
+            "a.csv:2: column `position`: `1,234` is 1.234 or 1234, and no number of the file tells which; write decimals with a \
+             point and commas between cells, and nothing between thousands",
+        ),
+        (
+            "semicolons above commas",
+            good.replacen(',', ";", 2).into(),
+            "a.csv:2: 1 cells; expected 3, as in the header, which has semicolons between cells",
+        ),
+        (
+            "a date that is not ISO 8601",
+            good.replacen("0,10,0", "01.03.2024 12:00,10,0", 1).into(),
+            "a.csv:2: column `time`: `01.03.2024 12:00` is neither a number nor a time; times are numbers, 12:00:00.5 or \
+             2024-03-01T12:00:00.5Z",
         ),
         (
             "no header",

@@ -52,9 +52,12 @@ fn folder() -> Folder {
         ("typo.csv", trial("time [s],target [m],postion [m]")),
         ("volts.csv", trial("time [s],target [m],position [V]")),
         ("metres.csv", trial("time [m],target [m],position [m]")),
-        ("semicolons.csv", good.replace(',', ";")),
+        (
+            "semicolons.csv",
+            good.replace(',', ";").replace("1.5;10;3", "1,5;10;3"),
+        ),
         ("back.csv", good.replace("1.5,10,3", "0.2,10,3")),
-        ("text.csv", good.replace("1.5,10,3", "1.5,10,n/a")),
+        ("text.csv", good.replace("1.5,10,3", "1.5,10,lost")),
         (
             "short.csv",
             good.lines()

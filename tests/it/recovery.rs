@@ -117,6 +117,7 @@ fn trial(
         origin: format!("{target}.csv"),
         sha256: String::new(),
         time_unit: "s".into(),
+        note: None,
         time: (0..=n).map(|k| k as f64 * h).collect(),
         target: vec![target; n + 1],
         position: states.iter().map(|x| x[0]).collect(),

@@ -364,6 +364,7 @@ mod tests {
     fn columns_that_do_not_fit() {
         let series = Series {
             texts: Vec::new(),
+            note: None,
             time: vec![0.0, 2.0],
             columns: vec![
                 Column {

@@ -126,7 +126,7 @@ fn files() -> Vec<(&'static str, String)> {
             good.replacen(&row(0, 0.0), "0,1,,5,0,,nan,-1\n", 1),
         ),
         ("back.csv", good.replace("\n1.5,", "\n0.2,")),
-        ("word.csv", good.replace("\n1.5,1,", "\n1.5,n/a,")),
+        ("word.csv", good.replace("\n1.5,1,", "\n1.5,lost,")),
         ("header.csv", header.into()),
         ("one_row.csv", header.to_owned() + &row(0, 0.0)),
         ("no_header.csv", "0,1,2\n1,2,3\n".into()),

@@ -135,7 +135,7 @@ pub enum Fault {
     #[error("the table `{file}`, line {line}: {reason}")]
     TableContent {
         file: String,
-        line: u64,
+        line: usize,
         reason: String,
     },
 

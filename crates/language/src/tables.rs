@@ -5,6 +5,7 @@ use crate::file::ModelFile;
 use crate::scope::Scope;
 use crate::syntax::Term;
 use pilotage_expression::Curve;
+use pilotage_series::{Cell, Numbers, Rows, SeriesError};
 use pilotage_text::counted;
 use pilotage_text::printable::excerpt;
 use std::collections::BTreeMap;
@@ -18,6 +19,8 @@ pub struct TableFile {
     /// Names of the units of both columns, empty if not given.
     units: [String; 2],
     curve: Arc<Curve>,
+    /// How the file was taken where it is not of the plain form, for the user.
+    pub note: Option<String>,
 }
 
 /// The tables of a model by file name.
@@ -80,51 +83,63 @@ fn table(name: &str, read: ReadTable<'_>) -> Result<TableFile, Fault> {
 }
 
 fn parse(name: &str, text: String) -> Result<TableFile, Fault> {
-    let fault = |line: u64, reason: String| Fault::TableContent {
+    let fault = |line: usize, reason: String| Fault::TableContent {
         file: name.to_owned(),
         line,
         reason,
     };
-    let mut reader = csv::ReaderBuilder::new()
-        .comment(Some(b'#'))
-        .flexible(true)
-        .from_reader(text.as_bytes());
-    let header = reader
-        .headers()
-        .map_err(|error| fault(1, error.to_string()))?;
-    if header.len() != 2 {
+    let unread = |error: SeriesError| Fault::TableUnread {
+        file: name.to_owned(),
+        source: std::io::Error::other(error),
+    };
+    let mut rows = Rows::new(text.as_bytes(), name).map_err(unread)?;
+    let is_there = rows.advance().map_err(unread)?;
+    let count = if is_there { rows.count() } else { 0 };
+    if count != 2 {
         let reason = format!(
             "{}; expected two: `speed [m/s],drag [N]`",
-            counted(header.len(), "column")
+            counted(count, "column")
         );
-        return Err(fault(1, reason));
+        return Err(fault(rows.line().max(1), reason));
     }
+    let line = rows.line();
     let mut units = [String::new(), String::new()];
-    for (unit, cell) in units.iter_mut().zip(header) {
-        if cell.trim().parse::<f64>().is_ok() {
+    for (unit, cell) in units.iter_mut().zip(rows.cells()) {
+        if cell.parse::<f64>().is_ok() {
             let reason = "a number; the first line names both columns: `speed [m/s],drag [N]`";
-            return Err(fault(1, reason.to_owned()));
+            return Err(fault(line, reason.to_owned()));
         }
-        *unit = unit_of(cell).map_err(|reason| fault(1, reason))?;
+        *unit = unit_of(cell).map_err(|reason| fault(line, reason))?;
     }
+    let names: Vec<String> = rows.cells().map(str::to_owned).collect();
+    let mut taken = Vec::new();
+    let mut numbers = Numbers::new(rows.separator());
     let (mut x, mut y): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
-    for row in reader.records() {
-        let row = row.map_err(|error| {
-            let line = error.position().map_or(0, csv::Position::line);
-            fault(line, error.to_string())
-        })?;
-        let line = row.position().map_or(0, csv::Position::line);
-        if row.len() != 2 {
-            return Err(fault(line, format!("{} cells; expected two", row.len())));
+    while rows.advance().map_err(unread)? {
+        let line = rows.line();
+        if rows.count() != 2 {
+            return Err(fault(line, format!("{} cells; expected two", rows.count())));
         }
-        let number = |cell: &str| match cell.trim().parse::<f64>() {
-            Ok(value) if value.is_finite() => Ok(value),
-            _ => Err(fault(
-                line,
-                format!("`{}` is not a finite number", excerpt(cell)),
-            )),
+        let below = rows.units().filter(|_| x.is_empty() && taken.is_empty());
+        if let Some(below) = below.filter(|_| units.iter().all(String::is_empty)) {
+            for (unit, cell) in units.iter_mut().zip(below) {
+                *unit = known(&cell).map_err(|reason| fault(line, reason))?;
+            }
+            taken.push("units from the line below the header".to_owned());
+            continue;
+        }
+        let mut number = |k: usize| {
+            let cell = rows.cell(k);
+            match numbers.read(cell, || (line, names[k].clone())) {
+                Cell::Number(value) if value.is_finite() => Ok(value),
+                Cell::Unclear(why) => Err(fault(line, format!("`{}` {why}", excerpt(cell)))),
+                _ => Err(fault(
+                    line,
+                    format!("`{}` is not a finite number", excerpt(cell)),
+                )),
+            }
         };
-        let (at, value) = (number(&row[0])?, number(&row[1])?);
+        let (at, value) = (number(0)?, number(1)?);
         if x.last().is_some_and(|last| at <= *last) {
             let reason = format!(
                 "{at} does not lie above {}; the first column increases",
@@ -135,11 +150,14 @@ fn parse(name: &str, text: String) -> Result<TableFile, Fault> {
         x.push(at);
         y.push(value);
     }
+    taken.extend(numbers.taken(name).map_err(unread)?);
+    let note = rows.note(taken);
     let curve = Curve::through(x, y);
     let curve = curve.ok_or_else(|| fault(1, "fewer than two rows of numbers".to_owned()))?;
     Ok(TableFile {
         units,
         curve: Arc::new(curve),
+        note,
         text,
     })
 }
@@ -149,9 +167,14 @@ fn unit_of(cell: &str) -> Result<String, String> {
     let Some((_, unit)) = cell.trim().split_once('[') else {
         return Ok(String::new());
     };
-    let unit = unit.strip_suffix(']').unwrap_or(unit).trim();
+    known(unit.strip_suffix(']').unwrap_or(unit).trim())
+}
+
+/// The name of a unit; that of numbers without one may be `-` or nothing.
+fn known(unit: &str) -> Result<String, String> {
     match pilotage_units::Base::of(unit) {
         Some(_) => Ok(unit.to_owned()),
+        None if unit.is_empty() || unit == "-" => Ok(String::new()),
         None => Err(format!(
             "unknown unit `{unit}`; write it as in m/s2 or 1/(m.s)"
         )),

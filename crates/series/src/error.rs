@@ -46,18 +46,6 @@ pub enum SeriesError {
         /// The file.
         file: String,
     },
-    /// Columns separated by something other than a comma.
-    #[error(
-        "{file}:{line}: columns are separated by {separator}; expected commas (and `.` as decimal point)"
-    )]
-    Separator {
-        /// The file.
-        file: String,
-        /// Line of the header.
-        line: usize,
-        /// What separates them: `semicolons` or `tabs`.
-        separator: &'static str,
-    },
     /// A header cell that is not `name` or `name [unit]`.
     #[error(
         "{file}:{line}: column {column} is headed `{}`; expected `name` or `name [unit]`",
@@ -131,7 +119,12 @@ pub enum SeriesError {
     /// The number of cells of a row differs from the header.
     #[error(
         "{file}:{line}: {found} cells; expected {expected}, as in the header{}",
-        if found > expected { ": commas stand between cells, and decimals have a point" } else { "" }
+        match separator {
+            b';' => ", which has semicolons between cells",
+            b'\t' => ", which has tabs between cells",
+            _ if found > expected => ": commas stand between cells, and decimals have a point",
+            _ => "",
+        }
     )]
     Ragged {
         /// The file.
@@ -142,6 +135,8 @@ pub enum SeriesError {
         found: usize,
         /// Cells in the header.
         expected: usize,
+        /// What stands between cells.
+        separator: u8,
     },
     /// A cell that is not a finite number.
     #[error(
@@ -157,6 +152,24 @@ pub enum SeriesError {
         column: String,
         /// The cell's text.
         found: String,
+    },
+    /// A cell that can be read in two ways, or not as those of other rows.
+    #[error(
+        "{file}:{line}: column `{}`: `{}` {reason}",
+        excerpt(column),
+        excerpt(found)
+    )]
+    Unclear {
+        /// The file.
+        file: String,
+        /// Line of the row.
+        line: usize,
+        /// Name of the column.
+        column: String,
+        /// The cell's text.
+        found: String,
+        /// What is unclear, and what to do.
+        reason: String,
     },
     /// A row without a time.
     #[error("{file}:{line}: no time; only signals may have missing samples")]

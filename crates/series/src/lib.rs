@@ -11,11 +11,17 @@
 //! ```
 //!
 //! Lines that begin with `#` are comments, an empty cell or `NaN` is a missing sample, and the first column is time.
+//! What other programs and people write is read as meant: semicolons or tabs between cells, decimal commas, words such as `NA`
+//! for a missing sample, units on the line below the header, times of the clock and time stamps, which become seconds since the
+//! first row. [`Series::note`] says so; what has two meanings, such as `1,234`, is refused.
 //! Several rows may have the same time: they are replicates, or the signals jump there, from the first of these rows to the last.
 //!
 //! | module | content |
 //! | --- | --- |
-//! | `read` | reading of CSV |
+//! | `read` | reading of CSV over time |
+//! | `rows` | the rows of any CSV file |
+//! | `numbers` | numbers as people write them |
+//! | `stamp` | time stamps |
 //! | `write` | writing of CSV |
 //! | `lines` | text, line by line |
 //! | [`flown`](mod@flown) | what flight recorders write at the top of a file |
@@ -24,11 +30,15 @@
 mod error;
 pub mod flown;
 mod lines;
+mod numbers;
 mod read;
+mod rows;
+mod stamp;
 mod write;
 
 pub use error::SeriesError;
-pub use lines::Lines;
+pub use numbers::{Cell, Numbers};
+pub use rows::Rows;
 pub use write::{cell, head};
 
 /// One signal of a [`Series`].
@@ -55,6 +65,9 @@ pub struct Series {
     pub columns: Vec<Column>,
     /// Columns of words, such as the names of flight modes, which are no signals.
     pub texts: Vec<TextColumn>,
+    /// How the file was taken, for the user: `read with semicolons between cells; decimal commas`. `None` if it was of the
+    /// plain form, or is no file.
+    pub note: Option<String>,
 }
 
 /// A column without numbers.
@@ -66,16 +79,29 @@ pub struct TextColumn {
     pub line: usize,
     /// The word.
     pub found: String,
+    /// Why it is no number, if it looks like one.
+    pub unclear: Option<String>,
 }
 
 impl TextColumn {
     /// The error of a file in which this column should have numbers.
     pub fn error(&self, file: &str) -> SeriesError {
-        SeriesError::Number {
-            file: file.to_owned(),
-            line: self.line,
-            column: self.name.clone(),
-            found: self.found.clone(),
+        let (file, line) = (file.to_owned(), self.line);
+        let (column, found) = (self.name.clone(), self.found.clone());
+        match self.unclear.clone() {
+            Some(reason) => SeriesError::Unclear {
+                file,
+                line,
+                column,
+                found,
+                reason,
+            },
+            None => SeriesError::Number {
+                file,
+                line,
+                column,
+                found,
+            },
         }
     }
 }

@@ -42,6 +42,43 @@ impl<R: BufRead> Lines<R> {
         }
     }
 
+    /// What stands between cells: the first comma, semicolon or tab outside quotes in the first line with cells, which is then
+    /// read next; comma if there is none. A line `sep=;` above, as spreadsheets write it, says so itself.
+    ///
+    /// # Errors
+    /// As a read.
+    pub(crate) fn separator(&mut self) -> io::Result<u8> {
+        loop {
+            self.next_line()?;
+            let text = &self.line[self.handed..];
+            if text.starts_with(b"#") || (!text.is_empty() && text.trim_ascii().is_empty()) {
+                continue;
+            }
+            if let Some(said) = text.strip_prefix(b"sep=").map(|rest| rest.trim_ascii_end()) {
+                let said = match (said, text.get(4)) {
+                    (b"", Some(b'\t')) => Some(b'\t'),
+                    (&[sign @ (b',' | b';')], _) => Some(sign),
+                    _ => None,
+                };
+                if let Some(sign) = said {
+                    self.handed = self.line.len();
+                    return Ok(sign);
+                }
+            }
+            // UTF-16 without its mark, in which every other byte of plain text is 0.
+            if text.contains(&0) {
+                self.wrong = Some(0);
+                return Err(io::ErrorKind::InvalidData.into());
+            }
+            let mut is_quoted = false;
+            let between = text.iter().find(|byte| {
+                is_quoted ^= **byte == b'"';
+                !is_quoted && b",;\t".contains(byte)
+            });
+            return Ok(between.copied().unwrap_or(b','));
+        }
+    }
+
     fn next_line(&mut self) -> io::Result<()> {
         self.line.clear();
         self.handed = 0;

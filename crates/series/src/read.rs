@@ -1,6 +1,8 @@
 //! Reading of CSV files.
 
-use super::lines::Lines;
+use super::numbers::{Cell, Numbers};
+use super::rows::Rows;
+use super::stamp::{Stamp, Stamps};
 use super::{Column, Series, SeriesError, TextColumn};
 use pilotage_text::file;
 use pilotage_units::Unit;
@@ -78,8 +80,18 @@ impl Series {
         form: Form,
         time: &str,
     ) -> Result<Self, SeriesError> {
-        let mut rows = Rows::new(from, file);
-        let header = rows.header(time)?;
+        let mut rows = Rows::new(from, file)?;
+        let mut header = Header::read(&mut rows, time)?;
+        let mut more = rows.advance()?;
+        let mut taken = Vec::new();
+        if more && let Some(units) = rows.units() {
+            header.add_units(units, &rows)?;
+            taken.push("units from the line below the header".to_owned());
+            more = rows.advance()?;
+        }
+        if !more {
+            return Err(SeriesError::NoSamples { file: file.into() });
+        }
         let columns = (header.cells.iter().skip(1))
             .map(|(name, unit)| Column {
                 name: name.clone(),
@@ -87,56 +99,71 @@ impl Series {
                 values: Vec::new(),
             })
             .collect();
+        let mut cells = Cells {
+            texts: vec![None; header.cells.len() - 1],
+            form,
+            numbers: Numbers::new(rows.separator()),
+            times: match Stamp::parse(rows.cell(0)) {
+                Some(first) => Times::Stamps(Stamps::new(first)),
+                None => Times::Numbers(header.time_factor(file)?),
+            },
+            header,
+        };
         let mut series = Self {
-            time_unit: header.cells[0].1.clone(),
             columns,
             ..Self::default()
         };
-        let mut texts = vec![None; series.columns.len()];
-        while rows.next()? {
-            series.push_row(&rows, &header, form, &mut texts)?;
+        while more {
+            series.push_row(&rows, &mut cells)?;
+            more = rows.advance()?;
         }
-        let mut is_text = texts.iter().map(Option::is_some);
+        let mut is_text = cells.texts.iter().map(Option::is_some);
         series.columns.retain(|_| is_text.next() != Some(true));
-        series.texts = texts.into_iter().flatten().collect();
-        series.comments = std::mem::take(&mut rows.reader.get_mut().comments);
-        match series.time.is_empty() {
-            true => Err(SeriesError::NoSamples { file: file.into() }),
-            false => Ok(series),
-        }
+        series.texts = cells.texts.into_iter().flatten().collect();
+        series.comments = rows.comments();
+        taken.extend(cells.numbers.taken(file)?);
+        series.time_unit = match cells.times {
+            Times::Numbers(_) => cells.header.cells.swap_remove(0).1,
+            Times::Stamps(stamps) => {
+                taken.push(stamps.taken());
+                "s".to_owned()
+            }
+        };
+        series.note = rows.note(taken);
+        Ok(series)
     }
 
-    /// Appends the current row of `rows`; `texts` has the first word of each column of words.
+    /// Appends the current row of `rows`.
     fn push_row<R: BufRead>(
         &mut self,
         rows: &Rows<R>,
-        header: &Header,
-        form: Form,
-        texts: &mut [Option<TextColumn>],
+        cells: &mut Cells,
     ) -> Result<(), SeriesError> {
-        let (row, file) = (&rows.row, || rows.file.to_owned());
+        let header = &cells.header;
+        header.check_count(rows)?;
+        let file = || rows.file().to_owned();
+        // Once for all columns of words, of which there may be many.
         let line = LazyCell::new(|| rows.line());
-        if row.len() != header.cells.len() {
-            return Err(SeriesError::Ragged {
-                file: file(),
-                line: rows.line(),
-                found: row.len(),
-                expected: header.cells.len(),
-            });
-        }
-        let wrong = |column: usize| TextColumn {
+        let wrong = |column: usize, unclear: Option<String>| TextColumn {
             name: header.cells[column].0.clone(),
             line: *line,
-            found: row[column].trim().into(),
+            found: rows.cell(column).into(),
+            unclear,
         };
-        let number = |column: usize, form: Form| match row[column].trim() {
-            "" => Ok(f64::NAN),
-            cell => match cell.parse::<f64>() {
-                Ok(value) if !value.is_infinite() || form == Form::Table => Ok(value),
-                _ => Err(wrong(column).error(rows.file)),
+        let error = |column, unclear| wrong(column, unclear).error(rows.file());
+        let place = |column: usize| (*line, header.cells[column].0.clone());
+        let time = match &mut cells.times {
+            Times::Numbers(factor) => match cells.numbers.read(rows.cell(0), || place(0)) {
+                Cell::Number(value) if value.is_infinite() => return Err(error(0, None)),
+                Cell::Number(value) => value * *factor,
+                Cell::Word => return Err(error(0, Some(NO_TIME.to_owned()))),
+                Cell::Unclear(why) => return Err(error(0, Some(why))),
             },
+            Times::Stamps(_) if rows.cell(0).is_empty() => f64::NAN,
+            Times::Stamps(stamps) => {
+                (stamps.seconds(rows.cell(0))).ok_or_else(|| error(0, Some(NO_STAMP.to_owned())))?
+            }
         };
-        let time = number(0, Form::Recording)? * header.seconds;
         if time.is_nan() {
             let (file, line) = (file(), rows.line());
             return Err(SeriesError::MissingTime { file, line });
@@ -149,115 +176,94 @@ impl Series {
                 previous,
             });
         }
-        for (i, (column, text)) in self.columns.iter_mut().zip(texts).enumerate() {
-            let cell = row[i + 1].trim();
-            let is_word = || cell.parse::<f64>().is_err();
-            let value = match text {
-                Some(_) if cell.is_empty() || is_word() => f64::NAN,
-                // Words among numbers are mistakes.
-                Some(text) => return Err(text.error(rows.file)),
-                None => match number(i + 1, form) {
-                    Err(_) if is_word() && column.values.iter().all(|value| value.is_nan()) => {
-                        *text = Some(wrong(i + 1));
-                        f64::NAN
+        for (i, (column, text)) in self.columns.iter_mut().zip(&mut cells.texts).enumerate() {
+            let i = i + 1;
+            let read = cells.numbers.read(rows.cell(i), || place(i));
+            let unclear = match read {
+                Cell::Number(value) => {
+                    match text {
+                        // Words among numbers are mistakes.
+                        Some(text) if !value.is_nan() => return Err(text.error(rows.file())),
+                        _ if value.is_infinite() && cells.form == Form::Recording => {
+                            return Err(error(i, None));
+                        }
+                        _ => column.values.push(value),
                     }
-                    found => found?,
-                },
+                    continue;
+                }
+                Cell::Word => None,
+                Cell::Unclear(why) => Some(why),
             };
-            column.values.push(value);
+            match text {
+                Some(_) => {}
+                None if column.values.iter().all(|value| value.is_nan()) => {
+                    *text = Some(wrong(i, unclear));
+                }
+                None => return Err(error(i, unclear)),
+            }
+            column.values.push(f64::NAN);
         }
         self.time.push(time);
         Ok(())
     }
 }
 
-/// The header row: names and units of all columns, and the factor from the time unit to seconds.
+const NO_TIME: &str =
+    "is neither a number nor a time; times are numbers, 12:00:00.5 or 2024-03-01T12:00:00.5Z";
+
+const NO_STAMP: &str =
+    "is no time of the form of the first row's; all are 12:00:00.5 or 2024-03-01T12:00:00.5Z";
+
+/// How cells become samples, and what is known of the columns.
+struct Cells {
+    header: Header,
+    /// The first word of each column of words.
+    texts: Vec<Option<TextColumn>>,
+    form: Form,
+    numbers: Numbers,
+    times: Times,
+}
+
+/// What the cells of the time column are.
+enum Times {
+    /// Numbers, with the factor from their unit to seconds.
+    Numbers(f64),
+    Stamps(Stamps),
+}
+
+/// The header row: names and units of all columns.
 struct Header {
     cells: Vec<(String, String)>,
-    seconds: f64,
+    line: usize,
+    /// Whether lines end with a separator.
+    is_trailing: bool,
 }
 
-/// The rows of the file with their line numbers.
-struct Rows<'a, R> {
-    reader: csv::Reader<Lines<R>>,
-    row: csv::StringRecord,
-    file: &'a str,
-}
-
-impl<'a, R: BufRead> Rows<'a, R> {
-    fn new(from: R, file: &'a str) -> Self {
-        let reader = csv::ReaderBuilder::new()
-            .has_headers(false)
-            .comment(Some(b'#'))
-            .flexible(true)
-            .from_reader(Lines::new(from));
-        let row = csv::StringRecord::new();
-        Self { reader, row, file }
-    }
-
-    /// Advances to the next row, if any; skips blank lines and comments.
-    fn next(&mut self) -> Result<bool, SeriesError> {
-        let more = self.reader.read_record(&mut self.row);
-        more.map_err(|source| {
-            let (file, lines) = (self.file.to_owned(), self.reader.get_ref());
-            match lines.wrong {
-                Some(byte) => SeriesError::NotUtf8 {
-                    file,
-                    line: lines.number,
-                    byte,
-                },
-                None if lines.is_endless => SeriesError::Endless {
-                    file,
-                    line: lines.number,
-                },
-                None if source.is_io_error() => SeriesError::Read {
-                    file: file.into(),
-                    source: source.into(),
-                },
-                None => SeriesError::Csv { file, source },
-            }
-        })
-    }
-
-    /// The line on which the row begins. The reader's own count refers to where it started searching, before the
-    /// skipped comments and blank lines.
-    fn line(&self) -> usize {
-        let within: usize = self.row.iter().map(|cell| cell.matches('\n').count()).sum();
-        self.reader.get_ref().number - within
-    }
-
-    fn header(&mut self, time: &str) -> Result<Header, SeriesError> {
-        let file = || self.file.to_owned();
-        if !self.next()? {
+impl Header {
+    fn read<R: BufRead>(rows: &mut Rows<R>, time: &str) -> Result<Self, SeriesError> {
+        if !rows.advance()? {
             return Err(SeriesError::Empty {
-                file: self.file.into(),
+                file: rows.file().into(),
             });
         }
-        let (line, row) = (self.line(), &self.row);
-        let separator = |c: char| row.len() == 1 && row[0].contains(c);
-        for (c, separator_name) in [(';', "semicolons"), ('\t', "tabs")] {
-            if separator(c) {
-                return Err(SeriesError::Separator {
-                    file: file(),
-                    line,
-                    separator: separator_name,
-                });
-            }
-        }
-        if row.iter().all(|cell| cell.trim().parse::<f64>().is_ok()) {
+        let (line, rows, file) = (rows.line(), &*rows, || rows.file().to_owned());
+        let first = rows.cell(0);
+        if first.parse::<f64>().is_ok() || Stamp::parse(first).is_some() {
             return Err(SeriesError::NoHeader { file: file(), line });
         }
+        let is_trailing = rows.count() > 1 && rows.cell(rows.count() - 1).is_empty();
         let (mut cells, mut places) = (Vec::new(), HashMap::new());
-        for (i, cell) in row.iter().enumerate() {
+        let named = rows.count() - usize::from(is_trailing);
+        for (i, cell) in rows.cells().take(named).enumerate() {
             let (name, unit) = name_and_unit(cell).ok_or_else(|| SeriesError::Header {
-                file: self.file.into(),
+                file: file(),
                 line,
                 column: i + 1,
                 found: cell.into(),
             })?;
             if let Some(first) = places.insert(name.clone(), i) {
                 return Err(SeriesError::Duplicate {
-                    file: self.file.into(),
+                    file: file(),
                     line,
                     first: first + 1,
                     second: i + 1,
@@ -266,33 +272,68 @@ impl<'a, R: BufRead> Rows<'a, R> {
             }
             cells.push((name, unit));
         }
-        let seconds = self.time_factor(line, &cells[0], time)?;
-        Ok(Header { cells, seconds })
-    }
-
-    /// Factor from the time column's unit to seconds; without a unit it is 1.
-    fn time_factor(
-        &self,
-        line: usize,
-        (name, unit): &(String, String),
-        time: &str,
-    ) -> Result<f64, SeriesError> {
-        let file = self.file.to_owned();
-        if !name.eq_ignore_ascii_case(time) {
+        if !cells[0].0.eq_ignore_ascii_case(time) {
             return Err(SeriesError::NoTime {
-                file,
+                file: file(),
                 line,
-                found: name.clone(),
+                found: cells[0].0.clone(),
                 expected: time.to_owned(),
             });
         }
+        Ok(Self {
+            cells,
+            line,
+            is_trailing,
+        })
+    }
+
+    /// Checks that the row has as many cells.
+    fn check_count<R: BufRead>(&self, rows: &Rows<R>) -> Result<(), SeriesError> {
+        let (found, expected) = (rows.count(), self.cells.len());
+        let is_more =
+            || self.is_trailing && found == expected + 1 && rows.cell(expected).is_empty();
+        match found == expected || is_more() {
+            true => Ok(()),
+            false => Err(rows.ragged(expected)),
+        }
+    }
+
+    /// Takes the units of the line below.
+    fn add_units<R: BufRead>(
+        &mut self,
+        units: Vec<String>,
+        rows: &Rows<R>,
+    ) -> Result<(), SeriesError> {
+        self.check_count(rows)?;
+        for ((name, own), unit) in self.cells.iter_mut().zip(units) {
+            if !own.is_empty() && !unit.is_empty() && *own != unit {
+                return Err(SeriesError::Unclear {
+                    file: rows.file().to_owned(),
+                    line: rows.line(),
+                    column: name.clone(),
+                    found: unit,
+                    reason: format!(
+                        "is a unit, and that of the header is `{own}`; leave one of them out"
+                    ),
+                });
+            }
+            if own.is_empty() {
+                *own = unit;
+            }
+        }
+        Ok(())
+    }
+
+    /// Factor from the time column's unit to seconds; without a unit it is 1.
+    fn time_factor(&self, file: &str) -> Result<f64, SeriesError> {
+        let unit = &self.cells[0].1;
         if unit.is_empty() {
             return Ok(1.0);
         }
         let seconds = Unit::named(unit).conversion(&Unit::named("s"));
         (seconds.map(|seconds| seconds.factor)).ok_or_else(|| SeriesError::TimeUnit {
-            file,
-            line,
+            file: file.to_owned(),
+            line: self.line,
             found: unit.clone(),
         })
     }
@@ -324,6 +365,7 @@ fn is_index(text: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
     use std::io::Read;
 
     #[test]
@@ -511,6 +553,206 @@ mod tests {
             error.starts_with("f.csv:3: column `time`: `inf`"),
             "{error}"
         );
+    }
+
+    /// The same numbers, as many programs write them.
+    #[test]
+    fn each_dialect_says_the_same() {
+        let plain = "time [s],x [m],mode\n0,1234.5,A\n0.05,,\n0.1,-0.25,B\n";
+        let plain = Series::parse(plain.as_bytes(), "f.csv").unwrap();
+        assert_eq!(plain.note, None);
+        let bits = |series: &Series| -> Vec<u64> {
+            let all = series.time.iter().chain(&series.columns[0].values);
+            all.map(|value| value.to_bits()).collect()
+        };
+        for (text, note) in [
+            (
+                "time [s];x [m];mode\n0;1234,5;A\n0,05;;\n0,1;-0,25;B\n",
+                "semicolons between cells; decimal commas",
+            ),
+            (
+                "time [s];x [m];mode\n0;1234.5;A\n0.05;;\n0.1;-0.25;B\n",
+                "semicolons between cells; decimal points",
+            ),
+            (
+                "time [s]\tx [m]\tmode\n0\t1234,5\tA\n0,05\t\t\n0,1\t-0,25\tB\n",
+                "tabs between cells; decimal commas",
+            ),
+            (
+                "time [s]\tx [m]\tmode\n0\t1234.5\tA\n0.05\t\t\n0.1\t-0.25\tB\n",
+                "tabs between cells",
+            ),
+            (
+                "time [s],x [m],mode\n0,\"1234,5\",A\n\"0,05\",NA,NA\n\"0,1\",\"-0,25\",B\n",
+                "decimal commas; `NA` for no sample",
+            ),
+            (
+                "sep=;\ntime [s];x [m];mode\n0;1234,5;A\n0,05;-;-\n0,1;-0,25;B\n;;\n",
+                "semicolons between cells; decimal commas; `-` for no sample",
+            ),
+            (
+                "\u{feff}sep=\t\r\n# a\r\ntime [s]\tx [m]\tmode\r\n0\t1234.5\tA\r\n0.05\t\t\r\n0.1\t-0.25\tB\r\n",
+                "tabs between cells",
+            ),
+            (
+                "time,x,mode\ns,m,\n0,1234.5,A\n0.05,nan,\n0.1,-0.25,B\n",
+                "units from the line below the header",
+            ),
+            (
+                "time,x,mode\n[s],[m],[-]\n0,1234.5,A\n0.05,nan,\n0.1,-0.25,B\n",
+                "units from the line below the header",
+            ),
+            (
+                "time [s],x [m],mode,\n0,1234.5,A,\n0.05,,,\n0.1,-0.25,B,\n,,,\n",
+                "",
+            ),
+            (
+                "time,x [m],mode\n12:00:00.00,1234.5,A\n12:00:00.05,,\n12:00:00.10,-0.25,B\n",
+                "times of the clock as seconds since the first row",
+            ),
+            (
+                "time;x;mode\nhh:mm:ss;m;\n23:59:59,95;1234,5;A\n00:00:00,00;null;\n00:00:00,05;-0,25;B\n",
+                "semicolons between cells; units from the line below the header; decimal commas; `null` for no sample; times of the clock as seconds since the first row, past midnight",
+            ),
+            (
+                "time,x [m],mode\n2024-02-29T23:59:59.95Z,1234.5,A\n2024-03-01T01:00:00+01:00,,\n\"2024-03-01 00:00:00,050Z\",-0.25,B\n",
+                "time stamps as seconds since the first row",
+            ),
+        ] {
+            let read = Series::parse(text.as_bytes(), "f.csv")
+                .unwrap_or_else(|error| panic!("{text}: {error}"));
+            assert_eq!(bits(&read), bits(&plain), "{text}");
+            let column = &read.columns[0];
+            assert_eq!(
+                (
+                    column.name.as_str(),
+                    column.unit.as_str(),
+                    read.time_unit.as_str()
+                ),
+                ("x", "m", "s"),
+                "{text}"
+            );
+            assert!(read.text("mode").is_some(), "{text}");
+            let said = read.note.unwrap_or_default();
+            assert_eq!(
+                said.strip_prefix("read with ").unwrap_or_default(),
+                note,
+                "{text}"
+            );
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            cases: 2048,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(7),
+            ..ProptestConfig::default()
+        })]
+        /// Whatever a file holds, it is read or refused; and what is read has as many values in each column.
+        #[test]
+        fn nothing_panics(
+            head in "(sep=[;,\t]\n)?(time|x|[;,\t\"#]){1,5}[;,\t\r]?\n",
+            rows in "([0-9]{1,4}|[.,;:\t\n\"#+eNA-]|12:00:0|2024-02-29[T ]12:00:|[sm]|ä|\u{0}){0,40}",
+        ) {
+            for head in [head.as_str(), "time;x\n", "time,x\n"] {
+                if let Ok(read) = Series::parse((head.to_owned() + &rows).as_bytes(), "f.csv") {
+                    prop_assert!(read.columns.iter().all(|own| own.values.len() == read.time.len()));
+                    prop_assert!(read.time.iter().all(|time| time.is_finite()));
+                }
+            }
+        }
+    }
+
+    /// What can be read in two ways is refused, with its place.
+    #[test]
+    fn what_is_unclear_is_refused() {
+        for (text, begin) in [
+            (
+                "time;x\n0;1,234\n1;2,345\n",
+                "f.csv:2: column `x`: `1,234` is 1.234 or 1234, and no number",
+            ),
+            (
+                "time;x\n0;1.234\n1;2\n",
+                "f.csv:2: column `x`: `1.234` is 1.234 or 1234, and no number",
+            ),
+            (
+                "time,x\n0,\"1,234\"\n1,2\n",
+                "f.csv:2: column `x`: `1,234` is 1.234 or 1234, and no number",
+            ),
+            (
+                "time,x\n0,1,234\n",
+                "f.csv:2: 3 cells; expected 2, as in the header: commas",
+            ),
+            (
+                "time;x\n0;1,5\n1;1.5\n",
+                "f.csv:3: column `x`: `1.5` has a point, but `1,5` on line 2 has a comma",
+            ),
+            (
+                "time\tx\n0.0\t1\n1\t1,5\n",
+                "f.csv:3: column `x`: `1,5` has a comma, but `0.0` on line 2 has a point",
+            ),
+            (
+                "time;x\n0;1.234,5\n",
+                "f.csv:2: column `x`: `1.234,5` has signs between thousands",
+            ),
+            (
+                "time;x\n0;1\n1;1,234,567\n",
+                "f.csv:3: column `x`: `1,234,567` has signs between thousands",
+            ),
+            (
+                "time,x\n12:00,1\n12:01,2\n",
+                "f.csv:2: column `time`: `12:00` is neither a number nor a time",
+            ),
+            (
+                "time,x\n01.02.2024 12:00:00,1\n",
+                "f.csv:2: column `time`: `01.02.2024 12:00:00` is neither",
+            ),
+            (
+                "time,x\n12:00:00,1\n2,2\n",
+                "f.csv:3: column `time`: `2` is no time of the form of the first row's",
+            ),
+            (
+                "time,x\n12:00:00,1\nNA,2\n",
+                "f.csv:3: column `time`: `NA` is no time",
+            ),
+            (
+                "time,x\n2024-01-01T12:00:00,1\n2024-01-01T12:00:01Z,2\n",
+                "f.csv:3: column `time`: ",
+            ),
+            (
+                "time,x\n12:00:01,1\n12:00:00,2\n",
+                "f.csv:3: time -1 s does not come after 0 s",
+            ),
+            (
+                "time [s],x\nms,m\n0,1\n",
+                "f.csv:2: column `time`: `ms` is a unit, and that of the header is `s`",
+            ),
+            ("time;x\ns;m\n", "f.csv: a header but no samples below it"),
+            (
+                "time;x\nhh:mm:ss;m\n0;1\n",
+                "f.csv:1: `time` is in `hh:mm:ss`",
+            ),
+            ("0,0;1,5\n", "f.csv:1: the first row holds numbers"),
+            ("12:00:00;1,5\n", "f.csv:1: the first row holds numbers"),
+            (
+                "time;x;y\n0;1\n",
+                "f.csv:2: 2 cells; expected 3, as in the header",
+            ),
+        ] {
+            let read = Series::parse(text.as_bytes(), "f.csv");
+            let error = match read {
+                Ok(read) => read.text("x").expect(text).error("f.csv"),
+                Err(error) => error,
+            };
+            let error = error.to_string();
+            assert!(error.starts_with(begin), "{text}: {error}");
+        }
+        // Nobody may use the column.
+        for cell in ["192.168.100.200", "1,234,567", "1,5"] {
+            let text = format!("time,x,y\n0.5,1.5,\"{cell}\"\n1,2,\"{cell}\"\n");
+            let read = Series::parse(text.as_bytes(), "f.csv").unwrap();
+            assert_eq!(read.text("y").unwrap().found, cell);
+        }
     }
 
     #[test]

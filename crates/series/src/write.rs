@@ -91,6 +91,7 @@ mod tests {
         ) {
             let series = Series {
                 texts: Vec::new(),
+                note: None,
                 time_unit: "s".into(),
                 comments: vec!["pilot: A".into(), String::new()],
                 time: (0..values.len()).map(|k| k as f64 * 0.05).collect(),
@@ -130,6 +131,7 @@ mod tests {
     fn missing_samples_are_empty_cells() {
         let series = Series {
             texts: Vec::new(),
+            note: None,
             time_unit: "s".into(),
             comments: vec!["x".into()],
             time: vec![0.0, 0.5],

@@ -118,6 +118,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         tables,
         description,
         files,
+        notes: read,
     } = args.wiring.build(&args.overwrite, &args.outputs())?;
     let clock = match given {
         Some(clock) => clock,
@@ -131,7 +132,11 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     args.coupling.apply_parts(&mut system)?;
     let selection = args.selection(&mut system, &tables)?;
     let notes = tables.iter().flat_map(|table| table.notes(&clock));
-    let notes = notes.chain(unfed(&system)).chain(system.limitations());
+    let notes = read
+        .into_iter()
+        .chain(notes)
+        .chain(unfed(&system))
+        .chain(system.limitations());
     let notes = notes.collect();
     let converted = system.converted();
     interrupt::listen("stopping after this step")?;

@@ -1,6 +1,7 @@
 //! `--evaluate`: evaluates a problem at its start values.
 
 use crate::cli::fit::SCHEMA;
+use crate::cli::fit::summary::notes;
 use crate::cli::format::aligned;
 use crate::cli::{Failure, Outcome, terminal};
 use crate::estimation::Posed;
@@ -40,6 +41,7 @@ fn to_json(posed: &Posed<'_>, found: &Evaluation) -> Value {
         "early_end": early_end(posed, found),
         "gradient": Value::Object(gradient.collect()),
         "left_out": posed.left_out,
+        "notes": notes(posed),
         "runs": residuals.collect::<Vec<_>>(),
     })
 }

@@ -63,7 +63,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         })?
     };
     reading += clock.elapsed().as_secs_f64();
-    (posed.words_of_left_out().iter()).for_each(|words| terminal::note(words));
+    // Those of flights are among the notes on them.
+    let read = summary::notes(&posed).into_iter();
+    let read = read.filter(|_| task.flights.is_none());
+    (posed.words_of_left_out().into_iter().chain(read)).for_each(|words| terminal::note(&words));
     let solves_again = args.refits.flag().or(args.checks.flag());
     if let (true, Some(flag)) = (args.evaluate, solves_again) {
         let message = format!("{flag} solves again, and --evaluate solves nothing");

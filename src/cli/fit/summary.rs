@@ -10,6 +10,7 @@ use crate::cli::format::aligned;
 use crate::cli::terminal;
 use crate::estimation::beforehand::Beforehand;
 use crate::estimation::file::Noise;
+use crate::estimation::posed::data::RunData;
 use crate::estimation::result::Beside;
 use crate::estimation::result::{Found, RunFit};
 use crate::estimation::validation::Judged;
@@ -164,6 +165,7 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
         "samples": fit.samples,
         "parameters": Value::Object(sure::of(fit).map(|own| sought(own, outcomes)).collect()),
         "left_out": posed.left_out,
+        "notes": notes(posed),
         "derived": Value::Object(sure::derived(fit).map(|own| refitted(parameter(own), outcomes)).collect()),
         "loop_cut_at": fit.cuts,
         "excitation": beforehand(outcomes.before),
@@ -241,6 +243,18 @@ fn beforehand(before: Option<&Beforehand>) -> Value {
             "weak": own.weak,
         })),
     })
+}
+
+/// How the files of the runs were taken where they are not plain, one sentence each.
+pub fn notes(posed: &Posed<'_>) -> Vec<String> {
+    let of_run = |run: &RunData<'_>| {
+        let note = run.series.note.as_ref()?;
+        Some(format!("{}: {note}", run.line.file.display()))
+    };
+    let mut all: Vec<String> = posed.data.iter().filter_map(of_run).collect();
+    // A file may be part of several runs.
+    all.dedup();
+    all
 }
 
 fn sought(own: (&Found, Option<&[Interval]>), outcomes: &Outcomes<'_>) -> (String, Value) {

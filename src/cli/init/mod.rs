@@ -82,6 +82,11 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let runs: Vec<Series> = (listed.iter())
         .map(|own| Series::read_table(&own.file))
         .collect::<Result<_, _>>()?;
+    for (own, series) in listed.iter().zip(&runs) {
+        if let Some(note) = &series.note {
+            terminal::note(&format!("{}: {note}", own.file.display()));
+        }
+    }
     let text = args.text(&instances, &listed, &runs)?;
     let path = args.output.as_deref().unwrap_or(Path::new("problem.toml"));
     let (text, reasons) = accepted::accepted(text, path)?;

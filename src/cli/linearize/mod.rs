@@ -142,8 +142,10 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         tables,
         description,
         files,
+        notes: read,
     } = args.wiring.build(&args.overwrite, &args.outputs())?;
-    for note in tables.iter().flat_map(|table| table.notes(&clock)) {
+    let of_tables = tables.iter().flat_map(|table| table.notes(&clock));
+    for note in read.into_iter().chain(of_tables) {
         terminal::note(&note);
     }
     // Nothing is recorded: with this interval no row is ever due.

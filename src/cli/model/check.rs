@@ -121,6 +121,9 @@ impl Checked {
             text += &format!("  {line}\n");
         }
         text += &self.limits();
+        for note in self.notes() {
+            text += &terminal::labelled("note", &note);
+        }
         text + &self.at_start()
     }
 
@@ -185,6 +188,12 @@ impl Checked {
         text + &self.modes.iter().map(format::mode).collect::<String>()
     }
 
+    /// How the files of tables were taken where they are not plain.
+    fn notes(&self) -> impl Iterator<Item = String> {
+        let tables = self.model.compiled().tables.iter();
+        tables.filter_map(|(file, table)| Some(format!("{file}: {}", table.note.as_ref()?)))
+    }
+
     fn to_json(&self) -> Value {
         let file = &self.model.compiled().file;
         let variables: Vec<Value> = self
@@ -219,6 +228,7 @@ impl Checked {
             })),
             "variables": variables,
             "equations": equations.lines().collect::<Vec<_>>(),
+            "notes": self.notes().collect::<Vec<_>>(),
             "is_linear": self.model.compiled().is_linear(),
             "at_rest": self.trouble.is_none() && self.moving().is_empty(),
             "trouble": self.trouble,

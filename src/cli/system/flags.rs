@@ -97,12 +97,14 @@ impl Wiring {
             .map(|path| (path, OutputKind::System));
         let written: Vec<(&Path, OutputKind)> = outputs.iter().copied().chain(saved).collect();
         overwrite.check(&read, &written)?;
+        let mut notes = Vec::new();
         let mut built = build(description, &self.isolation, |system, description| {
-            let settings = self.settings(system)?;
+            let settings = self.settings(system, &mut notes)?;
             description.override_wiring(connections, settings);
             Ok(())
         })?;
         built.files = read;
+        built.notes = notes;
         if let Some(path) = &self.save_system {
             save::write(path, &built.description)?;
         }
@@ -168,8 +170,8 @@ impl Wiring {
         Ok(SystemDescription::read(file)?)
     }
 
-    /// The values given by arguments.
-    fn settings(&self, system: &System) -> Result<Vec<Setting>, Failure> {
+    /// The values given by arguments; how their files were taken becomes notes.
+    fn settings(&self, system: &System, notes: &mut Vec<String>) -> Result<Vec<Setting>, Failure> {
         let given = self.set.iter().map(|(name, value)| Setting {
             name: full_name(system, name, only(system)).into(),
             value: value.clone(),
@@ -178,7 +180,8 @@ impl Wiring {
         let mut settings = given.clone();
         for file in &self.parameters {
             let is_new = |own: &Setting| !given.iter().any(|set| set.name.value == own.name.value);
-            let read = parameters::read(system, file)?;
+            let (read, note) = parameters::read(system, file)?;
+            notes.extend(note);
             settings.extend(read.into_iter().filter(is_new));
         }
         Ok(settings)

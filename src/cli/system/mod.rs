@@ -40,6 +40,8 @@ pub struct Built {
     pub description: SystemDescription,
     /// The input files.
     pub files: Vec<PathBuf>,
+    /// How files of values were taken where they are not plain.
+    pub notes: Vec<String>,
 }
 
 /// Opens all instances of a description and connects them.
@@ -81,6 +83,7 @@ fn build(
         system,
         tables,
         description,
+        notes: Vec::new(),
     })
 }
 

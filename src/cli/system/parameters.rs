@@ -5,7 +5,7 @@ use super::{full_name, only};
 use crate::cosim::description::{Setting, Spanned};
 use crate::cosim::{System, Unit};
 use crate::document::{self, Document, DocumentError, Place, TomlTable};
-use crate::series::Lines;
+use crate::series::{Cell, Numbers, Rows};
 use pilotage_text::printable::excerpt;
 use std::path::Path;
 
@@ -19,15 +19,15 @@ struct Entry {
     unit: String,
 }
 
-/// Reads the values, converted to the units of the variables.
-pub fn read(system: &System, file: &Path) -> Result<Vec<Setting>, Failure> {
+/// Reads the values, converted to the units of the variables; with a note on how the file was taken, if it is not plain.
+pub fn read(system: &System, file: &Path) -> Result<(Vec<Setting>, Option<String>), Failure> {
     let (text, name) = (document::read(file)?, file.display().to_string());
-    let entries = match file.extension().is_some_and(|extension| extension == "csv") {
+    let (entries, note) = match file.extension().is_some_and(|extension| extension == "csv") {
         true => rows(&text, &name)?,
         false => {
             let mut entries = Vec::new();
             fields(Document::parse(&text, &name)?.root(), "", &mut entries)?;
-            entries
+            (entries, None)
         }
     };
     let setting = |mut entry: Entry| {
@@ -45,7 +45,8 @@ pub fn read(system: &System, file: &Path) -> Result<Vec<Setting>, Failure> {
         };
         Ok(Setting { name, value })
     };
-    entries.into_iter().map(setting).collect()
+    let settings: Result<_, Failure> = entries.into_iter().map(setting).collect();
+    Ok((settings?, note))
 }
 
 /// The value in the unit of the variable.
@@ -91,47 +92,47 @@ fn fields(table: TomlTable, prefix: &str, entries: &mut Vec<Entry>) -> Result<()
     Ok(())
 }
 
-/// The rows of a CSV file with columns `name`, `value` and optionally `unit`.
-fn rows(text: &str, file: &str) -> Result<Vec<Entry>, Failure> {
-    let mut reader = csv::ReaderBuilder::new()
-        .has_headers(false)
-        .comment(Some(b'#'))
-        .flexible(true)
-        .trim(csv::Trim::All)
-        .from_reader(Lines::new(text.as_bytes()));
+/// The rows of a CSV file with columns `name`, `value` and optionally `unit`, and how it was taken where it is not plain.
+fn rows(text: &str, file: &str) -> Result<(Vec<Entry>, Option<String>), Failure> {
+    let mut rows = Rows::new(text.as_bytes(), file)?;
     let mut entries = Vec::new();
-    let mut header: Option<Vec<String>> = None;
-    let mut row = csv::StringRecord::new();
-    let failed = |error| Failure::new(format!("{file}: not CSV: {error}"));
-    while reader.read_record(&mut row).map_err(failed)? {
-        let line = reader.get_ref().number;
+    let mut count = 0;
+    let mut numbers = Numbers::new(rows.separator());
+    while rows.advance()? {
+        let line = rows.line();
         let wrong = |what: String| Failure::new(format!("{file}:{line}: {what}"));
-        let Some(columns) = &header else {
-            let found: Vec<String> = row.iter().map(str::to_owned).collect();
-            let known = found
-                .iter()
-                .all(|c| ["name", "value", "unit"].contains(&c.as_str()));
+        if count == 0 {
+            let found: Vec<&str> = rows.cells().collect();
+            let known = found.iter().all(|c| ["name", "value", "unit"].contains(c));
             if !(known && found.len() >= 2 && found[..2] == ["name", "value"]) {
                 return Err(wrong(format!(
                     "the header is `{}`; expected `name,value` or `name,value,unit`",
                     excerpt(&found.join(","))
                 )));
             }
-            header = Some(found);
+            count = found.len();
             continue;
-        };
-        if row.len() != columns.len() {
-            let (found, expected) = (row.len(), columns.len());
+        }
+        if rows.count() != count {
             return Err(wrong(format!(
-                "{found} cells; expected {expected}, as in the header"
+                "{} cells; expected {count}, as in the header",
+                rows.count()
             )));
         }
+        // Words stay: there are text and names of enumerations.
+        let cell = rows.cell(1);
+        let value = match numbers.read(cell, || (line, "value".to_owned())) {
+            Cell::Number(value) if cell.contains(',') => format!("{value:?}"),
+            Cell::Unclear(why) => return Err(wrong(format!("`{}` {why}", excerpt(cell)))),
+            _ => cell.to_owned(),
+        };
         entries.push(Entry {
             line,
-            name: row[0].to_owned(),
-            value: row[1].to_owned(),
-            unit: row.get(2).unwrap_or_default().to_owned(),
+            name: rows.cell(0).to_owned(),
+            value,
+            unit: if count > 2 { rows.cell(2) } else { "" }.to_owned(),
         });
     }
-    Ok(entries)
+    let note = rows.note(numbers.taken(file)?);
+    Ok((entries, note.map(|note| format!("{file}: {note}"))))
 }

@@ -15,6 +15,8 @@ pub struct InputTable {
     unused: Vec<String>,
     begin: f64,
     end: f64,
+    /// How the file was taken.
+    note: Option<String>,
 }
 
 /// Adds a table as an instance and connects the columns named like inputs: `instance.input`, or `input` if there is
@@ -71,6 +73,7 @@ pub fn add(
         )));
     }
     let ends = [series.time.first(), series.time.last()].map(|time| time.copied().unwrap_or(0.0));
+    let note = series.note.take();
     let mut source = Source::new(series).map_err(|error| at(&error))?;
     for (column, kind) in holds {
         (source.hold_as(column, kind)).map_err(|error| at(&error))?;
@@ -85,6 +88,7 @@ pub fn add(
         unused,
         begin: ends[0],
         end: ends[1],
+        note,
     })
 }
 
@@ -114,7 +118,9 @@ impl InputTable {
     /// Notes on what the user may not have intended.
     pub fn notes(&self, clock: &Clock) -> Vec<String> {
         let file = self.file.display();
-        let mut notes = Vec::new();
+        let mut notes: Vec<String> = (self.note.iter())
+            .map(|note| format!("{file}: {note}"))
+            .collect();
         if !self.unused.is_empty() {
             let names: Vec<String> = self.unused.iter().map(|name| format!("`{name}`")).collect();
             notes.push(format!("{file}: nothing uses {}", names.join(", ")));

@@ -44,6 +44,7 @@ fn component(system: &mut System, behaviour: &str, is_updated: bool) {
 fn table(column: &str, times: &[f64], values: &[f64]) -> Source {
     let series = Series {
         texts: Vec::new(),
+        note: None,
         comments: Vec::new(),
         time_unit: "s".into(),
         time: times.to_vec(),

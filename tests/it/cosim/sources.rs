@@ -12,6 +12,7 @@ use pilotage::series::{Column, Series};
 fn integral(times: &[f64], values: &[f64], h: f64, coupling: Coupling) -> (f64, Steps) {
     let table = Series {
         texts: Vec::new(),
+        note: None,
         comments: Vec::new(),
         time_unit: "s".into(),
         time: times.to_vec(),
@@ -111,6 +112,7 @@ fn steps_are_cut_at_jumps() {
 fn components_of_fixed_steps_make_ramps_of_jumps() {
     let table = Series {
         texts: Vec::new(),
+        note: None,
         comments: Vec::new(),
         time_unit: "s".into(),
         time: vec![0.0, 0.5, 0.5, 1.0],

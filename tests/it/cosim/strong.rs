@@ -457,6 +457,7 @@ fn derivatives_of_outputs_that_are_nan_are_none() {
         }];
         let series = Series {
             texts: Vec::new(),
+            note: None,
             comments: Vec::new(),
             time_unit: "s".into(),
             time: vec![0.0, 0.5, 1.0],

@@ -40,6 +40,7 @@ impl Recording {
         }
         Series {
             texts: Vec::new(),
+            note: None,
             comments: Vec::new(),
             time_unit: "s".into(),
             time,

@@ -48,6 +48,8 @@ pub struct Trial {
     pub stick: Option<Vec<f64>>,
     /// Weight of this run's squared residuals in the objective.
     pub weight: f64,
+    /// How the file was taken ([`Series::note`]).
+    pub note: Option<String>,
 }
 
 impl Trial {
@@ -90,6 +92,7 @@ impl Trial {
             time: self.time.clone(),
             time_unit: self.time_unit.clone(),
             columns,
+            note: self.note.clone(),
             ..Series::default()
         }
     }

@@ -102,7 +102,7 @@ impl Trial {
             .map(|column| values(column, "stick", STICK, origin))
             .transpose()?;
         let clipped = stick.as_mut().and_then(|stick| clip(stick));
-        let notes = [doubtful_times(&series), clipped];
+        let notes = [series.note.clone(), doubtful_times(&series), clipped];
         let trial = Self {
             name: one_line(&stem.map_or(origin.into(), OsStr::to_string_lossy)).into_owned(),
             origin: origin.into(),
@@ -113,6 +113,7 @@ impl Trial {
             position,
             stick,
             weight: 1.0,
+            note: series.note,
         };
         trial.check()?;
         let notes = notes.into_iter().flatten();

@@ -39,6 +39,7 @@ fn short() -> [Trial; 1] {
         origin: String::new(),
         sha256: String::new(),
         time_unit: "s".into(),
+        note: None,
         position: vec![0.0, 0.1, f64::NAN, 0.4, 0.7],
         target: vec![10.0; 5],
         stick: Some(vec![0.0, -0.2, -0.3, -0.1, 0.2]),
