@@ -96,15 +96,9 @@ impl Task {
 impl Args {
     /// What the flags say of the problem that flights pose.
     fn flight_options(&self) -> Result<FlightOptions, Failure> {
-        let order = usize::from(self.order);
-        let mut fit = FlightOptions::default().fit;
-        let mesh = fit.mesh;
-        self.override_options(&mut fit)?;
-        // Where it is refused, the reason is told of the flag.
-        fit.mesh = mesh;
         Ok(FlightOptions {
-            order,
-            fit,
+            order: usize::from(self.order),
+            fit: FlightOptions::default().fit,
             theta: (self.start.as_deref().filter(|all| start::is_unnamed(all))).map(start::values),
             stick_limit: self.stick_limit,
             vehicle: vehicle::resolve(self.vehicle.as_deref())?,

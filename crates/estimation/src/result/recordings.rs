@@ -163,8 +163,10 @@ impl<'p> Recorded<'p> {
             || (!self.measured.is_empty()
                 && self.measured.iter().all(|(_, own)| own.is_still())
                 && (moves || seen.is_some()));
-        match &self.person {
-            _ if is_dead => vec![Diagnostic::ConstantData],
+        // A simulation asks nothing.
+        let is_asked = self.posed.count() > 0;
+        match self.person.as_ref().filter(|_| is_asked) {
+            _ if is_dead && is_asked => vec![Diagnostic::ConstantData],
             Some(person) => person.diagnostics(self),
             None => Vec::new(),
         }
