@@ -158,7 +158,9 @@ impl<'p> Recorded<'p> {
     /// Whether something moves, and as a person does.
     fn movement(&self) -> Vec<Diagnostic> {
         let moves = self.inputs.iter().any(|own| !own.is_still());
-        let seen = self.person.as_ref().map(|own| &own.position);
+        // Without a loop a person may see a target alone, beside a position of zeros.
+        let moved = self.person.as_ref().filter(|own| !own.sees_column);
+        let seen = moved.map(|own| &own.position);
         let is_dead = seen.is_some_and(Column::is_still)
             || (!self.measured.is_empty()
                 && self.measured.iter().all(|(_, own)| own.is_still())
