@@ -91,7 +91,7 @@ fn measured(
     let mut options = FlightOptions::default();
     options.fit.scheme = Some(scheme);
     if start.is_some() {
-        options.fit.starts = 1;
+        options.fit.starts = Some(1);
         options.theta = start;
     }
     let problem = options.problem(&flights)?;

@@ -118,7 +118,7 @@ fn line(flights: &TrialSet, scheme: Scheme, mesh: Mesh) -> Result<String, Failur
         fit: Options {
             scheme: Some(scheme),
             mesh,
-            starts: 1,
+            starts: Some(1),
             ..Options::default()
         },
         ..FlightOptions::default()

@@ -61,7 +61,7 @@ fn fitted(set: &TrialSet, scheme: Scheme, start: Option<&[f64]>) -> Result<Fit, 
     };
     options.fit.scheme = Some(scheme);
     if start.is_some() {
-        options.fit.starts = 1;
+        options.fit.starts = Some(1);
     }
     let problem = options.problem(set)?;
     let posed = Posed::new(&problem, &open)?;

@@ -119,7 +119,7 @@ impl Args {
             ..FlightOptions::default()
         };
         options.fit.scheme = Some(self.scheme);
-        options.fit.starts = self.starts;
+        options.fit.starts = Some(self.starts);
         Ok(options)
     }
 

@@ -43,7 +43,7 @@ fn the_fit_of_the_shipped_trials_is_ipopts() {
         let expected = theta(ipopt);
         let options = with(|own| {
             own.fit.scheme = Some(scheme);
-            own.fit.starts = 1;
+            own.fit.starts = Some(1);
             own.theta = Some(expected.iter().copied().map(rounded).collect());
             own.fit.tolerance = 1e-10;
         });

@@ -134,7 +134,7 @@ fn the_optimum_of_the_shipped_flights_is_known() {
     assert!(off(found.objective) < 1e-8, "{}", found.objective);
     let again = with(|own| {
         own.theta = Some(theta(&found));
-        own.fit.starts = 1;
+        own.fit.starts = Some(1);
     });
     let again = fitted(&set.fit, &again);
     assert!(off(again.objective) < 1e-8, "{}", again.objective);

@@ -21,7 +21,7 @@ fn exact(name: &str, covariance: Method) -> Fit {
     let mut file = ProblemFile::read(&path).unwrap_or_else(|error| panic!("{error}"));
     file.options.scheme = Some(Scheme::Gauss(4));
     file.options.mesh = Mesh::Tolerance(1e-9);
-    file.options.starts = 1;
+    file.options.starts = Some(1);
     file.options.tolerance = 1e-9;
     file.options.covariance = Some(covariance);
     let posed = Posed::new(&file, &part::open).unwrap_or_else(|error| panic!("{error}"));

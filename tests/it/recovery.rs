@@ -168,7 +168,7 @@ fn data_of_the_continuous_model_give_its_parameters_to_the_schemes_order() {
     ] {
         let options = fitted::with(|own| {
             own.fit.scheme = Some(scheme);
-            own.fit.starts = 1;
+            own.fit.starts = Some(1);
             own.theta = Some(THETA.map(|own| 1.02 * own).to_vec());
             own.fit.tolerance = 1e-12;
         });

@@ -35,7 +35,7 @@ fn best_of_random(trials: &[Trial], seed: u64, count: usize) -> f64 {
             trials,
             &with(|own| {
                 own.theta = Some(theta);
-                own.fit.starts = 1;
+                own.fit.starts = Some(1);
             }),
         )
     });
@@ -107,7 +107,7 @@ fn a_pole_that_runs_to_the_edge_of_eulers_stability_stays_at_it() {
         let trials = pilots::flights(&human, seed).unwrap();
         let options = with(|own| {
             own.fit.scheme = Some(Scheme::Euler);
-            own.fit.starts = 1;
+            own.fit.starts = Some(1);
             own.theta = Some(start.to_vec());
         });
         let fit = fitted(&trials, &options);

@@ -52,7 +52,7 @@ fn the_shipped_trials_give_the_same_bits() {
 
 #[test]
 fn random_starts_give_the_same_bits() {
-    alike_for_any_number_of_threads(&with(|own| own.fit.starts = 4));
+    alike_for_any_number_of_threads(&with(|own| own.fit.starts = Some(4)));
 }
 
 #[test]

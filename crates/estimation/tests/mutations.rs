@@ -164,7 +164,7 @@ fn mutations_of_problems_neither_panic_nor_hang() {
     let mutated: Vec<(&PathBuf, String, bool)> = mutated.collect();
     let of_one = |(path, text, is_fitted): &(&PathBuf, String, bool)| {
         let mut file = ProblemFile::parse(text, path).ok()?;
-        file.options.starts = 1;
+        file.options.starts = Some(1);
         file.options.max_iterations = 3;
         let problem = Posed::new(&file, &part::open).ok()?;
         if *is_fitted {

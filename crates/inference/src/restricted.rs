@@ -335,7 +335,9 @@ mod tests {
                 let mut partial = [a / (1.0 - b), b];
                 partial[k] = p;
                 let (whole, _) = likelihood.value(&partial);
-                let along = likelihood.along(&[a / (1.0 - b), b], k)(p);
+                let from = [a / (1.0 - b), b];
+                let along = likelihood.along(&from, k, likelihood.whitened(&from));
+                let (along, _) = restricted(&segments, along.at(p));
                 assert!((whole - along).abs() < 1e-9, "{whole} {along}");
             }
         }
