@@ -249,8 +249,8 @@ fn files_of_values_that_are_wrong_name_the_line() {
         ),
         (
             "v.csv",
-            "name;value\n",
-            "v.csv:1: the header is `name;value`; expected `name,value` or `name,value,unit`",
+            "name|value\n",
+            "v.csv:1: the header is `name|value`; expected `name,value` or `name,value,unit`",
         ),
         (
             "v.csv",

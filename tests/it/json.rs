@@ -153,7 +153,7 @@ fn every_key_of_a_fit_is_in_the_docs_and_every_key_of_the_docs_in_a_fit() {
         "--log=fit.jsonl",
     ];
     let fit = json(&folder.pilotage(&[&["fit", "problem.toml"], &flags[..]].concat()));
-    assert_eq!(fit["schema"], 2);
+    assert_eq!(fit["schema"], 3);
     keys.walk(&fit, "");
 
     let mut log = Keys::of(&["Lines of a log"]);

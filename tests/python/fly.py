@@ -208,7 +208,7 @@ def main():
                 # What the page offers is looked up at the end of a job.
                 joined(folder / "flights")
                 tab.click("#jobs button:has-text('Identify me')")
-                tab.wait_for_selector("#job .verdict", timeout=60_000)
+                tab.wait_for_selector("#job .verdict", timeout=180_000)
                 wrong += compared(tab)
             opened.close()
         print("\n".join(wrong) or json.dumps(results))

@@ -116,6 +116,19 @@ pub enum SeriesError {
         /// The unit found.
         found: String,
     },
+    /// A quote is open where the file ends.
+    #[error(
+        "{file}:{line}: the quote with which cell {cell} begins is not closed before the file ends; close it, or double a \
+         quote that belongs to the text"
+    )]
+    Unclosed {
+        /// The file.
+        file: String,
+        /// Line on which the row begins.
+        line: usize,
+        /// Number of the cell, from 1.
+        cell: usize,
+    },
     /// The number of cells of a row differs from the header.
     #[error(
         "{file}:{line}: {found} cells; expected {expected}, as in the header{}",

@@ -52,6 +52,19 @@ impl<'f, R: BufRead> Rows<'f, R> {
                     source,
                 },
             })?;
+            // Every line has an end, so that a last cell with one was not closed before the file ended.
+            if self
+                .row
+                .iter()
+                .next_back()
+                .is_some_and(|own| own.ends_with('\n'))
+            {
+                return Err(SeriesError::Unclosed {
+                    file: self.file.to_owned(),
+                    line: self.line(),
+                    cell: self.count(),
+                });
+            }
             if !more || self.cells().any(|cell| !cell.is_empty()) {
                 return Ok(more);
             }
@@ -152,5 +165,29 @@ fn failed<R>(lines: &Lines<R>, file: &str, source: io::Error) -> SeriesError {
             file: file.into(),
             source,
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_quote_that_is_not_closed_is_told_with_its_line() {
+        let rows = |text: &str| -> Result<usize, String> {
+            let mut rows = Rows::new(text.as_bytes(), "a.csv").map_err(|own| own.to_string())?;
+            let mut count = 0;
+            while rows.advance().map_err(|own| own.to_string())? {
+                count += 1;
+            }
+            Ok(count)
+        };
+        assert_eq!(rows("t,x\n0,\"a\nb\"\n1,2\n"), Ok(3));
+        assert_eq!(rows("t,x\n0,5\"\n1,\"2\"\n"), Ok(3));
+        let told = rows("t,x\n0,1\n1,\"2\n2,3\n").unwrap_err();
+        assert!(
+            told.starts_with("a.csv:3: the quote with which cell 2 begins"),
+            "{told}"
+        );
     }
 }

@@ -11,14 +11,13 @@ use std::io::{self, ErrorKind, LineWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// Keys of the object of `--json` that the last line repeats.
-const CLOSING: [&str; 8] = [
+const CLOSING: [&str; 7] = [
     "status",
     "converged",
     "iterations",
     "objective",
     "kkt",
     "curvature",
-    "seconds",
     "skipped",
 ];
 
@@ -96,6 +95,7 @@ impl Log {
         for key in CLOSING {
             line[key] = found[key].clone();
         }
+        line["seconds"] = found["seconds"]["total"].clone();
         self.line(&line);
         match self.failed {
             // A closed reader is no failure.

@@ -129,7 +129,8 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     };
     // A start that is better is the answer, though it has not converged.
     let lower = lower.and_then(|k| settled(posed, solved[k].as_ref()?, &|| watch.is_over()));
-    if let Some(own) = lower.filter(|own| is_better(own, &last)) {
+    let is_lower = |own: &Solved| is_better(own, &last) && is_flown(posed, own, &watch);
+    if let Some(own) = lower.filter(is_lower) {
         (refinement, last) = (Refinement::new(&own), own);
     }
     seconds.solve = lap(&mut clock);
@@ -219,15 +220,10 @@ fn best_flown(
     if matches!(posed.file.options.mesh, Mesh::Tolerance(_)) || answers.count() < 2 {
         return best;
     }
-    let is_flown = |own: &Solved| {
-        let simulated = check::simulated(posed, own, watch);
-        let most = MUCH * (own.solution.iterate.f / posed.factor).abs();
-        simulated.is_some_and(|own| own.objective <= most)
-    };
     let mut aside: Vec<(usize, Option<Solved>)> = Vec::new();
     let mut flies = false;
     while !flies && has_answer(solved) && !watch.is_over() {
-        flies = solved[best.0].as_ref().is_some_and(is_flown);
+        flies = (solved[best.0].as_ref()).is_some_and(|own| is_flown(posed, own, watch));
         if !flies {
             aside.push((best.0, solved[best.0].take()));
             best = best_of(solved, watch);
@@ -241,6 +237,16 @@ fn best_flown(
         solved[k] = own;
     }
     best
+}
+
+/// Whether the states of a solution follow the equations, as they do on a mesh that is refined.
+fn is_flown(posed: &Posed<'_>, own: &Solved, watch: &Watch<'_, '_>) -> bool {
+    if matches!(posed.file.options.mesh, Mesh::Tolerance(_)) {
+        return true;
+    }
+    let simulated = check::simulated(posed, own, watch);
+    let most = MUCH * (own.solution.iterate.f / posed.factor).abs();
+    simulated.is_some_and(|own| own.objective <= most)
 }
 
 /// The events of a solution whose states satisfy the equations.

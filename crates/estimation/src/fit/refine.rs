@@ -32,17 +32,22 @@ pub(super) fn finest(
         let own = solved[k].take().expect("a start that was solved");
         seen.push(objective(&own));
         found.push((k, refine(posed, (own, errors.take()), k, watch)));
-        // A mesh that stays coarse comes after all others.
+        // A mesh that stays coarse, or has no error that is known, comes after all others.
         let rank = |own: &(usize, (Solved, Refinement))| {
             let (solved, refinement) = &own.1;
-            (refinement.error > tolerance(posed), objective(solved))
+            let is_fine = refinement.error <= tolerance(posed) && has_converged(solved);
+            (!is_fine, objective(solved))
         };
         found.sort_by(|a, b| (rank(a).0.cmp(&rank(b).0)).then(rank(a).1.total_cmp(&rank(b).1)));
-        let least = objective(&found[0].1.0);
+        // Where none is fine, a worse one may be.
+        let least = match rank(&found[0]) {
+            (true, _) => f64::INFINITY,
+            (false, own) => own - SAME * own.abs(),
+        };
         let is_new = |f: f64| seen.iter().all(|own| (f - own).abs() > SAME * own.abs());
         let others = solved.iter().enumerate().filter_map(|(k, own)| {
             let f = objective(own.as_ref().filter(|own| has_converged(own))?);
-            (is_new(f) && f < least - SAME * least.abs()).then_some((k, f))
+            (is_new(f) && f < least).then_some((k, f))
         });
         match others.min_by(|a, b| a.1.total_cmp(&b.1)) {
             Some((next, _)) if seen.len() <= OTHERS && !watch.is_over() => k = next,

@@ -175,7 +175,8 @@ impl<'p> Recorded<'p> {
     }
 
     fn time_scale(&self) -> Option<Diagnostic> {
-        self.person.as_ref()?;
+        let mut parts = self.posed.joint.parts.iter();
+        parts.find(|(name, _)| name == PILOT)?;
         let runs = self.posed.data.iter();
         let [duration, step] =
             sampling::time_scale(runs.clone().map(|run| run.series.time.as_slice()))?;
