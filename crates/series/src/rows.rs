@@ -61,7 +61,8 @@ impl<'f, R: BufRead> Rows<'f, R> {
             {
                 return Err(SeriesError::Unclosed {
                     file: self.file.to_owned(),
-                    line: self.line(),
+                    // The end of the last line is none within the row.
+                    line: self.line() + 1,
                     cell: self.count(),
                 });
             }
