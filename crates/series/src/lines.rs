@@ -14,6 +14,8 @@ pub struct Lines<R> {
     handed: usize,
     /// Number of the last line passed on, from 1; 0 before the first.
     pub number: usize,
+    /// Number of quotes so far, outside comments.
+    pub quotes: usize,
     /// The first comment lines, at most ten thousand, without the leading `#` and surrounding space.
     pub comments: Vec<String>,
     /// The first byte of the last line that is not UTF-8, if any.
@@ -36,6 +38,7 @@ impl<R: BufRead> Lines<R> {
             line: Vec::new(),
             handed: 0,
             number: 0,
+            quotes: 0,
             comments: Vec::new(),
             wrong: None,
             is_endless: false,
@@ -103,8 +106,10 @@ impl<R: BufRead> Lines<R> {
             self.handed = '\u{feff}'.len_utf8();
         }
         let is_kept = self.comments.len() < COMMENTS;
-        if let Some(comment) = text[self.handed..].strip_prefix('#').filter(|_| is_kept) {
-            self.comments.push(comment.trim().to_owned());
+        match text[self.handed..].strip_prefix('#') {
+            Some(comment) if is_kept => self.comments.push(comment.trim().to_owned()),
+            Some(_) => {}
+            None => self.quotes += text.bytes().filter(|own| *own == b'"').count(),
         }
         Ok(())
     }

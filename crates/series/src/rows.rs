@@ -52,13 +52,9 @@ impl<'f, R: BufRead> Rows<'f, R> {
                     source,
                 },
             })?;
-            // Every line has an end, so that a last cell with one was not closed before the file ended.
-            if self
-                .row
-                .iter()
-                .next_back()
-                .is_some_and(|own| own.ends_with('\n'))
-            {
+            // Every line has an end: a last cell with one was not closed before the file ended, if a quote has no second.
+            let is_open = (self.row.iter().next_back()).is_some_and(|own| own.ends_with('\n'));
+            if is_open && self.reader.get_ref().quotes % 2 == 1 {
                 return Err(SeriesError::Unclosed {
                     file: self.file.to_owned(),
                     // The end of the last line is none within the row.

@@ -32,10 +32,12 @@ pub(super) fn finest(
         let own = solved[k].take().expect("a start that was solved");
         seen.push(objective(&own));
         found.push((k, refine(posed, (own, errors.take()), k, watch)));
-        // A mesh that stays coarse, or has no error that is known, comes after all others.
+        // A mesh that stays coarse, or has no error that is known, comes after all others, unless the iteration limit alone ended its
+        // refinement.
         let rank = |own: &(usize, (Solved, Refinement))| {
             let (solved, refinement) = &own.1;
             let is_fine = refinement.error <= tolerance(posed) && has_converged(solved);
+            let is_fine = is_fine || refinement.is_limited;
             (!is_fine, objective(solved))
         };
         found.sort_by(|a, b| (rank(a).0.cmp(&rank(b).0)).then(rank(a).1.total_cmp(&rank(b).1)));
