@@ -41,7 +41,7 @@ struct Args {
     #[arg(long, default_value_t = 10)]
     data_sets: u64,
     /// Starts of a fit.
-    #[arg(long, default_value_t = FlightOptions::default().fit.starts)]
+    #[arg(long, default_value_t = FlightOptions::default().fit.starts())]
     starts: usize,
     /// One human alone, by name.
     #[arg(long)]
@@ -217,8 +217,8 @@ impl Outcome {
 
     /// True if the fit itself reports that there may be a better optimum, or that it has not converged.
     fn reports_doubt(&self) -> bool {
-        let of_starts = |code: &str| ["alone", "lower-start"].contains(&code);
-        !self.fit.is_answer() || self.fit.diagnostics.iter().any(|d| of_starts(d.code()))
+        let is_alone = |code: &str| code == "alone";
+        !self.fit.is_answer() || self.fit.diagnostics.iter().any(|d| is_alone(d.code()))
     }
 
     fn to_json(&self, args: &Args) -> Value {
