@@ -127,7 +127,7 @@ fn line(flights: &TrialSet, scheme: Scheme, mesh: Mesh) -> Result<String, Failur
     let posed = Posed::new(&problem, &open)?;
     let once = || fit(&posed, &mut |_| ControlFlow::Continue(()));
     let fit = once();
-    let mut times = vec![fit.seconds];
+    let mut times = vec![fit.seconds.total()];
     times.extend((1..REPETITIONS).map(|_| once().seconds));
     times.sort_by(f64::total_cmp);
     let theta = (1..).map_while(|k| fit.value(&format!("pilot.theta{k}")));

@@ -34,7 +34,7 @@ fn main() -> Result<(), Failure> {
             scheme.name(),
             solved.solution.iterate.z.len(),
             fit.starts.iter().map(|own| own.iterations).sum::<usize>(),
-            fit.seconds,
+            fit.seconds.total(),
             fit.status,
             fit.objective
         );
