@@ -106,7 +106,10 @@ fn fitted(folder: &Path, vehicle: &str) -> Result<(f64, Fit), Failure> {
     let mut best: Option<(f64, Fit)> = None;
     for _ in 0..7 {
         let fit = fit(&posed, &mut |_| ControlFlow::Continue(()));
-        if best.as_ref().is_none_or(|best| fit.seconds.total() < best.0) {
+        if best
+            .as_ref()
+            .is_none_or(|best| fit.seconds.total() < best.0)
+        {
             best = Some((fit.seconds.total(), fit));
         }
     }

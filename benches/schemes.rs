@@ -128,7 +128,7 @@ fn line(flights: &TrialSet, scheme: Scheme, mesh: Mesh) -> Result<String, Failur
     let once = || fit(&posed, &mut |_| ControlFlow::Continue(()));
     let fit = once();
     let mut times = vec![fit.seconds.total()];
-    times.extend((1..REPETITIONS).map(|_| once().seconds));
+    times.extend((1..REPETITIONS).map(|_| once().seconds.total()));
     times.sort_by(f64::total_cmp);
     let theta = (1..).map_while(|k| fit.value(&format!("pilot.theta{k}")));
     let biases: Vec<f64> = (theta.zip(THETA))
