@@ -102,7 +102,7 @@ fn measured(
         "samples": flights.fit[0].time.len(),
         "unknowns": solved.solution.iterate.z.len(),
         "iterations": fit.starts.iter().map(|own| own.iterations).sum::<usize>(),
-        "seconds": fit.seconds.total().total(),
+        "seconds": fit.seconds.total(),
         "status": fit.status.as_str(),
         "memory_before": before,
         "memory": peak_memory(),
