@@ -18,15 +18,19 @@ const REGION: f64 = 3.84;
 
 /// Whether all parameters of unfinished solves are about the same.
 pub(super) fn are_near(a: &[f64], b: &[f64]) -> bool {
-    a.iter().zip(b).all(|(a, b)| !is_other(*a, *b, ROUGHLY))
+    are_within(a, b, ROUGHLY)
+}
+
+/// Whether all parameters are the same up to this relative difference.
+pub(super) fn are_within(a: &[f64], b: &[f64], relative: f64) -> bool {
+    a.iter().zip(b).all(|(a, b)| !is_other(*a, *b, relative))
 }
 
 /// Whether two converged solutions of the same objective have other parameters than a direction that the data leave open
 /// leads to.
 pub(super) fn are_apart(posed: &Posed<'_>, a: &Solved, b: &Solved) -> bool {
     let (here, there) = (a.theta(), b.theta());
-    let mut pairs = here.iter().zip(&there);
-    if !pairs.any(|(a, b)| is_other(*a, *b, SAME)) {
+    if are_within(&here, &there, SAME) {
         return false;
     }
     let linear = linearised(posed, &a.problem, &a.solution.iterate);
@@ -55,7 +59,7 @@ pub(super) fn others(
     let Some(here) = &thetas[best] else {
         return Others::default();
     };
-    let is_here = |own: &Vec<f64>| own.iter().zip(here).all(|(a, b)| !is_other(*a, *b, SAME));
+    let is_here = |own: &Vec<f64>| are_within(own, here, SAME);
     if thetas.iter().flatten().all(is_here) {
         return Others::default();
     }

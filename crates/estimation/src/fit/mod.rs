@@ -90,7 +90,9 @@ pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + Send +
 pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let (mut clock, mut seconds) = (Instant::now(), Seconds::default());
     let watch = Watch::new(observer, posed.file.options.starts());
-    let is_hopeless = before(posed).iter().any(Diagnostic::is_fatal);
+    // What makes any fit meaningless is all that is said of it.
+    let hopeless = before(posed);
+    let is_hopeless = hopeless.iter().any(Diagnostic::is_fatal);
     if is_hopeless {
         watch.end_at_start();
     }
@@ -137,7 +139,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     if posed.filter.is_some() {
         let mut found = predicted::predicted(posed, (last, refinement), begins, &watch);
         if is_hopeless {
-            (found.cut, found.diagnostics) = (None, before(posed));
+            (found.cut, found.diagnostics) = (None, hopeless);
         }
         seconds.solve += lap(&mut clock);
         found.seconds = seconds;
@@ -199,7 +201,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         found.beside = beside_inputs(posed, &found.runs, linear.as_ref().map(|own| &own.data));
     }
     found.diagnostics = match is_hopeless {
-        true => before(posed),
+        true => hopeless,
         false => diagnostics(posed, &last, &found),
     };
     seconds.diagnostics += lap(&mut clock);
@@ -217,7 +219,7 @@ fn best_flown(
 ) -> (usize, Option<Vec<Vec<f64>>>) {
     let mut best = best_of(solved, watch);
     let answers = solved.iter().flatten().filter(|own| has_converged(own));
-    if matches!(posed.file.options.mesh, Mesh::Tolerance(_)) || answers.count() < 2 {
+    if answers.count() < 2 {
         return best;
     }
     let mut aside: Vec<(usize, Option<Solved>)> = Vec::new();

@@ -1,6 +1,6 @@
 //! The race of the starts: all on a coarse mesh, and the best of those that ended apart on the whole one.
 
-use super::apart::{are_apart, are_near};
+use super::apart::{are_apart, are_near, are_within};
 use super::behind::Behind;
 use super::guided::{Entrants, guided};
 use super::raised::Begin;
@@ -30,8 +30,9 @@ const CLOSE: f64 = 0.1;
 /// Largest violation of the scaled constraints with which starts are compared.
 pub(super) const NEARLY: f64 = 0.1;
 
-/// Objectives with a smaller relative difference are equal.
+/// Objectives with a smaller relative difference are equal, and of these the parameters that a solve leaves open by as much.
 const EQUAL: f64 = 1e-8;
+const OPEN: f64 = 1e-4;
 
 /// Maximum number of continuations of a start that is better than the best converged one, each with a new iteration
 /// limit, and the least part of the objective that one must gain.
@@ -383,9 +384,12 @@ pub(super) fn best_of(
         .filter_map(|(k, own)| Some((k, own.as_ref()?)))
         .collect();
     // Those with the same parameters are one solution.
-    let theta = equal.iter().find(|own| own.0 == first);
-    let theta = theta.map(|own| own.1.theta()).unwrap_or_default();
-    let is_first = |(k, own): &(usize, &Solved)| *k == first || !is_same_to(&theta, &own.theta());
+    let theta = solved
+        .get(first)
+        .and_then(|own| Some(own.as_ref()?.theta()));
+    let theta = theta.unwrap_or_default();
+    let is_first =
+        |(k, own): &(usize, &Solved)| *k == first || !are_within(&theta, &own.theta(), OPEN);
     let equal: Vec<(usize, &Solved)> = equal.into_iter().filter(is_first).collect();
     if class > 0 || equal.len() < 2 || watch.is_over() {
         return (first, None);
@@ -402,12 +406,6 @@ pub(super) fn best_of(
         .into_iter()
         .min_by(|(_, a), (_, b)| largest(a).total_cmp(&largest(b)));
     best.map_or((first, None), |(k, errors)| (k, Some(errors)))
-}
-
-/// Whether parameters are equal up to what a solve leaves open.
-fn is_same_to(a: &[f64], b: &[f64]) -> bool {
-    let is_same = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-4 * a.abs().max(b.abs());
-    a.iter().zip(b).all(is_same)
 }
 
 /// Whether a start has converged.

@@ -76,18 +76,24 @@ impl Begin {
 
     /// The given and drawn starts alone.
     pub fn drawn(posed: &Posed<'_>) -> Self {
-        Self::from(posed, 0, posed.file.options.starts().min(BLOCK))
+        let none = Self {
+            raised: Vec::new(),
+            drawn: Vec::new(),
+            observed: Observed::new(posed),
+        };
+        none.next(posed, 0, posed.file.options.starts().min(BLOCK))
     }
 
-    /// The given and drawn starts from one of them on.
-    pub fn from(posed: &Posed<'_>, first: usize, count: usize) -> Self {
-        let observed = Observed::new(posed);
-        let all = if observed.is_some() { recorded } else { starts };
-        let drawn = all(posed, first + count).split_off(first);
+    /// The given and drawn starts from one of them on, alone.
+    pub fn next(self, posed: &Posed<'_>, first: usize, count: usize) -> Self {
+        let all = match self.observed {
+            Some(_) => recorded,
+            None => starts,
+        };
         Self {
             raised: Vec::new(),
-            drawn,
-            observed,
+            drawn: all(posed, first + count).split_off(first),
+            ..self
         }
     }
 

@@ -15,7 +15,7 @@ use crate::search::starts::{BLOCK, Start};
 use rayon::prelude::*;
 
 /// Maximum number of starts where none is given.
-const MOST_STARTS: usize = 96;
+const MOST_DRAWN: usize = 96;
 
 /// Iterations times variables of all starts after which no more are added: some ten seconds.
 const MOST_WORK: usize = 10_000_000;
@@ -61,13 +61,13 @@ pub(super) fn search<'a, 'o>(posed: &Posed<'_>, watch: Watch<'a, 'o>) -> Searche
     let is_wide = || posed.unknowns.iter().any(|(own, _)| own.is_wide());
     let most = match posed.file.options.starts {
         Some(starts) => starts,
-        None if is_wide() => MOST_STARTS,
+        None if is_wide() => MOST_DRAWN,
         None => BLOCK,
     };
     let is_given = posed.file.options.starts.is_some();
     while (BLOCK..most).contains(&drawn) && (is_given || has_more(&found)) && !found.watch.is_over()
     {
-        let begin = Begin::from(posed, drawn, BLOCK.min(most - drawn));
+        begin = begin.next(posed, drawn, BLOCK.min(most - drawn));
         drawn += begin.count();
         found.watch = found.watch.of(found.starts.len() + begin.count());
         let raced = raced(posed, &begin, &found.watch);
