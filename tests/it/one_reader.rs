@@ -362,25 +362,19 @@ fn inputs_values_and_tables_have_the_same_dialects() {
         assert!(notes.contains(note), "{notes}");
     }
     folder.write("t.csv", "a;b\n0;1,234\n1;2,345\n");
-    let ended = folder.pilotage(&["model", "check", "m.toml"]);
-    assert_eq!(ended.code, 2);
-    assert!(
-        ended
-            .stderr
-            .contains("t.csv:2: column `b`: `1,234` is 1.234 or 1234"),
-        "{}",
-        ended.stderr
+    let refuses = |words: &str, told: &str| {
+        let ended = folder.pilotage(&words.split(' ').collect::<Vec<_>>());
+        assert_eq!(ended.code, 2);
+        assert!(ended.stderr.contains(told), "{}", ended.stderr);
+    };
+    refuses(
+        "model check m.toml",
+        "t.csv:2: column `b`: `1,234` is 1.234 or 1234",
     );
     folder.write("t.csv", "a,b\n0,1\n1,2\n");
     folder.write("k.csv", "name;value\nk;1,234\n");
-    let words = "cosim m.toml --input in.csv --parameters k.csv --stop-time 1 --step 0.1 -o o.csv";
-    let ended = folder.pilotage(&words.split(' ').collect::<Vec<_>>());
-    assert_eq!(ended.code, 2);
-    assert!(
-        ended
-            .stderr
-            .contains("k.csv:2: column `value`: `1,234` is 1.234 or 1234"),
-        "{}",
-        ended.stderr
+    refuses(
+        "cosim m.toml --input in.csv --parameters k.csv --stop-time 1 --step 0.1 -o o.csv",
+        "k.csv:2: column `value`: `1,234` is 1.234 or 1234",
     );
 }
