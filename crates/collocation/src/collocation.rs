@@ -229,6 +229,14 @@ impl Collocation {
         }
     }
 
+    /// The part of run `j` in the objective.
+    pub fn run_objective(&self, z: &[f64], j: usize) -> f64 {
+        let layout = &self.layout.runs[j];
+        let [mut c, mut g] =
+            [layout.equalities(), layout.inequalities()].map(|own| vec![0.0; own.len()]);
+        self.evaluate_run(z, j, &mut c, &mut g)
+    }
+
     /// Objective, equalities and bounded signals of one run; `c` and `g` are those of this run.
     fn evaluate_run(&self, z: &[f64], j: usize, c: &mut [f64], g: &mut [f64]) -> f64 {
         let n = self.n_states();

@@ -38,7 +38,7 @@ pub struct Steps {
 
 impl Steps {
     /// Writes the values after this number of jumps.
-    fn write(&self, jumps: usize, out: &mut [f64]) {
+    pub(super) fn write(&self, jumps: usize, out: &mut [f64]) {
         if let Some(values) = self.values.get(jumps) {
             out[self.first..][..values.len()].copy_from_slice(values);
         }
@@ -175,7 +175,7 @@ impl Run {
     }
 
     /// Linear interpolation between sample `after` and the previous one.
-    fn inputs_between(&self, after: usize, time: f64, out: &mut [f64]) {
+    pub(super) fn inputs_between(&self, after: usize, time: f64, out: &mut [f64]) {
         let from = after.saturating_sub(1);
         let to = after.min(self.time.len() - 1);
         let span = self.time[to] - self.time[from];

@@ -29,7 +29,7 @@ pub struct Differentiated {
     columns: Vec<Vec<usize>>,
     /// Pairs `i ≤ j` of variables `[x; θ]` with a second derivative.
     pairs: Vec<(usize, usize)>,
-    values: Tape,
+    pub(super) values: Tape,
     /// First the outputs, the Jacobian entries and the gradients; then, for each pair, the weighted sum of the second
     /// derivatives of all rows. The weights are variables that follow those of the system.
     derivatives: Tape,

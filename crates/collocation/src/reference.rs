@@ -3,6 +3,7 @@
 use super::mesh::Run;
 use super::node::Differentiated;
 use nalgebra::DMatrix;
+use pilotage_expression::Registers;
 use pilotage_ode::{Method, Solver, SolverOptions, System};
 use std::convert::Infallible;
 
@@ -22,13 +23,17 @@ pub(super) struct Reference<'a> {
     pub patience: usize,
 }
 
-/// The right-hand side up to a sample, where inputs may jump.
+/// The right-hand side between two samples, at which inputs may jump.
 struct Flow<'a> {
     model: &'a Differentiated,
     run: &'a Run,
     theta: &'a [f64],
+    /// Registers of the model's values, in which what depends on θ alone is known.
+    registers: Registers<1>,
     u: Vec<f64>,
-    end: f64,
+    /// Sample at the end, and number of jumps of inputs before.
+    after: usize,
+    jumps: usize,
 }
 
 impl<'a> Reference<'a> {
@@ -45,12 +50,19 @@ impl<'a> Reference<'a> {
             method: Method::Automatic,
             longest_step: f64::INFINITY,
         };
+        let mut registers = model.values.registers();
+        for (k, value) in theta.iter().enumerate() {
+            registers.set(model.system.parameter(k), [*value]);
+        }
+        model.values.run(0, &mut registers);
         let flow = Flow {
             model,
             run,
             theta,
+            registers,
             u: vec![0.0; model.n_inputs()],
-            end: 0.0,
+            after: 0,
+            jumps: 0,
         };
         Self {
             flow,
@@ -92,7 +104,7 @@ impl<'a> Reference<'a> {
         stop: &Stop<'_>,
         see: &mut impl FnMut(f64, &[f64]),
     ) -> Option<Vec<f64>> {
-        self.flow.end = to;
+        self.flow.begin(from);
         self.solver.restart(from, x, false);
         while self.solver.time() < to {
             if *left == 0 || ((self.patience - *left).is_multiple_of(ASKED) && stop()) {
@@ -112,11 +124,16 @@ impl<'a> Reference<'a> {
 }
 
 impl Flow<'_> {
+    /// From here to the next sample or jump.
+    fn begin(&mut self, from: f64) {
+        let run = self.run;
+        self.after = run.time.partition_point(|t| *t <= from);
+        self.jumps = run.steps.time.partition_point(|t| *t <= from);
+    }
+
     fn take_inputs(&mut self, t: f64) {
-        match t < self.end {
-            true => self.run.inputs_at(t, &mut self.u),
-            false => self.run.inputs_before(self.end, &mut self.u),
-        }
+        self.run.inputs_between(self.after, t, &mut self.u);
+        self.run.steps.write(self.jumps, &mut self.u);
     }
 }
 
@@ -125,8 +142,20 @@ impl System for Flow<'_> {
 
     fn derivatives(&mut self, t: f64, x: &[f64], dx: &mut [f64]) -> Result<bool, Infallible> {
         self.take_inputs(t);
-        let rates = self.model.evaluate(t, x, &self.u, self.theta);
-        dx.copy_from_slice(&rates[..x.len()]);
+        let Self {
+            model, registers, ..
+        } = self;
+        registers.set(0, [t]);
+        for (i, value) in x.iter().enumerate() {
+            registers.set(model.system.state(i), [*value]);
+        }
+        for (i, value) in self.u.iter().enumerate() {
+            registers.set(model.system.input(i), [*value]);
+        }
+        model.values.run(1, registers);
+        for (rate, register) in dx.iter_mut().zip(model.values.outputs(0)) {
+            [*rate] = registers.get(*register);
+        }
         Ok(dx.iter().all(|v| v.is_finite()))
     }
 

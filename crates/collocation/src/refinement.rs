@@ -20,7 +20,10 @@ const SMALL: f64 = 1e-3;
 /// too long for any scheme.
 const MOST_STEPS: usize = 2000;
 /// Maximum number of parts into which an interval is divided at a time.
-const MOST_PARTS: f64 = 8.0;
+const MOST_PARTS: f64 = 16.0;
+/// Part of the tolerance at which a refinement aims: errors follow the order of the scheme only nearly, and one interval that exceeds
+/// it means another solve.
+const AIM: f64 = 0.7;
 
 impl Collocation {
     /// Relative local errors of the states of every run, for each interval of its mesh.
@@ -131,7 +134,7 @@ pub fn refined(run: &Run, errors: &[f64], scheme: Scheme, tolerance: f64) -> Vec
             None => scheme.order() + 1,
         };
         let parts = match *error > tolerance {
-            true => (error / tolerance).powf(1.0 / power as f64).ceil(),
+            true => (error / (AIM * tolerance)).powf(1.0 / power as f64).ceil(),
             false => 1.0,
         };
         let parts = parts.min(MOST_PARTS) as usize;

@@ -12,7 +12,7 @@
 
 use crate::burg;
 use crate::residuals::is_even;
-use crate::restricted::{LARGEST, Likelihood, golden, of_whitened};
+use crate::restricted::{LARGEST, Likelihood, add, golden, of_whitened};
 use nalgebra::DMatrix;
 use std::borrow::Cow;
 
@@ -207,32 +207,38 @@ impl Autoregression {
     /// `C` with `CᵀC = JᵀΣJ` for rows `J` at these times \[s\], where `Σ` is the covariance of as many values of the
     /// process.
     pub fn coloured(&self, rows: &DMatrix<f64>, time: &[f64]) -> DMatrix<f64> {
-        let mut out = rows.clone();
+        let size = rows.ncols();
+        // One row after the other.
+        let mut out = rows.transpose();
         for t in (0..rows.nrows()).rev() {
-            let own = out.row(t).into_owned();
+            let (before, own) = out.as_mut_slice().split_at_mut(t * size);
+            let own = &mut own[..size];
             let (predictor, left) = self.step(t, time);
             for (k, a) in predictor.iter().enumerate() {
-                let mut before = out.row_mut(t - 1 - k);
-                before += *a * &own;
+                add(&mut before[(t - 1 - k) * size..][..size], *a, own);
             }
-            out.set_row(t, &((self.variance * left).sqrt() * own));
+            let deviation = (self.variance * left).sqrt();
+            own.iter_mut().for_each(|own| *own *= deviation);
         }
-        out
+        out.transpose()
     }
 
     /// `L⁻¹ J` for rows `J` at these times \[s\], where `LLᵀ` is the covariance of as many values: each entry is the
     /// one-step prediction error over its standard deviation.
     pub fn whitened(&self, rows: &DMatrix<f64>, time: &[f64]) -> DMatrix<f64> {
-        let mut out = DMatrix::zeros(rows.nrows(), rows.ncols());
+        let size = rows.ncols();
+        let by_row = rows.transpose();
+        let mut out = by_row.clone();
         for t in 0..rows.nrows() {
+            let own = &mut out.as_mut_slice()[t * size..][..size];
             let (predictor, left) = self.step(t, time);
-            let mut own = rows.row(t).into_owned();
             for (k, a) in predictor.iter().enumerate() {
-                own -= *a * rows.row(t - 1 - k);
+                add(own, -a, &by_row.as_slice()[(t - 1 - k) * size..][..size]);
             }
-            out.set_row(t, &(own / (self.variance * left).sqrt()));
+            let deviation = (self.variance * left).sqrt();
+            own.iter_mut().for_each(|own| *own /= deviation);
         }
-        out
+        out.transpose()
     }
 
     /// Simulates the process at these times \[s\] from innovations of unit variance, stationary from the first value

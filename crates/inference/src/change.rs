@@ -22,7 +22,7 @@ const ROWS: usize = 10;
 const MARGIN: f64 = 0.15;
 /// Most and fewest times that are tried, and the multiplications that they may take.
 const TIMES: [usize; 2] = [8, 29];
-const WORK: f64 = 1e9;
+const WORK: f64 = 2.5e8;
 /// Most legs of a run beside which the noise is estimated, and rows of a leg for each parameter.
 const LEGS: usize = 3;
 const LEG: usize = 15;
@@ -291,7 +291,7 @@ impl<'i> Test<'i> {
         let moved = own.projected.tr_mul(&rows);
         // What constants of the run and its own unknowns follow.
         for constant in [&own.basis, &basis(&own.projected)] {
-            let inside = constant * constant.tr_mul(&rows);
+            let inside = constant * (constant.transpose() * &rows);
             rows -= inside;
         }
         let coloured = self.of.coloured_rows(j, &rows, &self.processes);
@@ -302,7 +302,7 @@ impl<'i> Test<'i> {
         };
         Scores {
             scores: DMatrix::from_column_slice(d, self.courses.len(), scores.as_slice()),
-            covariance: coloured.tr_mul(&coloured),
+            covariance: coloured.transpose() * &coloured,
             squares: (0..self.courses.len()).map(square).collect(),
             information: own.information(),
             moved,

@@ -151,7 +151,7 @@ fn gram(runs: &[Pair], most: usize, process: &Autoregression) -> DMatrix<f64> {
         let columns = columns.iter().flat_map(|own| own.column_iter());
         let columns = DMatrix::from_columns(&columns.collect::<Vec<_>>());
         let columns = process.whitened(&columns, &run.time);
-        gram += without(columns.tr_mul(&columns), all);
+        gram += without(columns.transpose() * &columns, all);
     }
     without(gram, 2 * most + 2)
 }

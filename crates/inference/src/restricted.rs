@@ -18,15 +18,25 @@ const STILL: f64 = 5e-3;
 pub struct Likelihood<'s> {
     segments: &'s [Segment],
     most: usize,
-    /// For each segment and i ≤ j the factor of `a_i a_j` in `Σ_t w_t w_tᵀ` with `w_t = Σ_i a_i x_(t-i)`, over the rows
-    /// from `most` on: `Σ_t x_(t-i) x_(t-j)ᵀ`, plus its transpose if i ≠ j.
-    products: Vec<Vec<DMatrix<f64>>>,
+    sums: Vec<Sums>,
 }
+
+/// What the likelihood takes of a segment. Symmetric matrices are kept as their upper triangles, row by row.
+struct Sums {
+    /// For all [`pairs`] of lags the factor of `a_i a_j` in `Σ_t w_t w_tᵀ` with `w_t = Σ_i a_i x_(t-i)`, over the rows from `most` on:
+    /// `Σ_t x_(t-i) x_(t-j)ᵀ`, plus its transpose if i ≠ j.
+    products: Vec<f64>,
+    /// The rows before these, one after the other.
+    early: Vec<f64>,
+}
+
+/// Upper triangle of the Gram matrix of the whitened rows of a segment, and the log determinant of their covariance.
+type Whitened = (Vec<f64>, f64);
 
 impl<'s> Likelihood<'s> {
     pub fn new(segments: &'s [Segment], most: usize) -> Self {
         Self {
-            products: segments.iter().map(|own| products(own, most)).collect(),
+            sums: segments.iter().map(|own| Sums::of(own, most)).collect(),
             segments,
             most,
         }
@@ -37,37 +47,34 @@ impl<'s> Likelihood<'s> {
         restricted(self.segments, self.whitened(partial).into_iter())
     }
 
-    /// For each segment the Gram matrix of its whitened rows, and the log determinant of its covariance.
-    fn whitened(&self, partial: &[f64]) -> Vec<(DMatrix<f64>, f64)> {
+    fn whitened(&self, partial: &[f64]) -> Vec<Whitened> {
         let process = Autoregression::new(partial);
-        let of = |(own, products): (&Segment, &Vec<DMatrix<f64>>)| {
-            let mut gram = self.interior(&process, products);
+        let of = |(own, sums): (&Segment, &Sums)| {
+            let size = own.rows.ncols();
+            let mut gram = self.interior(&process, (&sums.products, triangle(size)));
             let mut sum = 0.0;
             for t in 0..self.most.min(own.rows.nrows()) {
                 let order = t.min(partial.len());
                 let (predictor, left) = (&process.predictors[order], process.left[order]);
-                sum += add_row(&mut gram, own, t, predictor, left);
+                sum += add_row(&mut gram, (&sums.early, size), t, predictor, left);
             }
             (gram, sum)
         };
-        self.segments.iter().zip(&self.products).map(of).collect()
+        self.segments.iter().zip(&self.sums).map(of).collect()
     }
 
-    /// Gram matrix of the whitened rows from `most` on.
-    fn interior(&self, process: &Autoregression, products: &[DMatrix<f64>]) -> DMatrix<f64> {
+    /// Gram matrix of the whitened rows from `most` on, from the products of a segment.
+    fn interior(&self, process: &Autoregression, (products, size): (&[f64], usize)) -> Vec<f64> {
         let predictor = &process.predictors[process.predictors.len() - 1];
         let a = |lag: usize| match lag {
             0 => 1.0,
             _ => predictor.get(lag - 1).map_or(0.0, |a| -a),
         };
-        let size = products[0].nrows();
-        let mut gram = DMatrix::zeros(size, size);
-        for ((i, j), product) in pairs(self.most).zip(products) {
+        let mut gram = vec![0.0; size];
+        for ((i, j), product) in pairs(self.most).zip(products.chunks_exact(size)) {
             let factor = a(i) * a(j);
             if factor != 0.0 {
-                gram.iter_mut()
-                    .zip(product)
-                    .for_each(|(sum, own)| *sum += factor * own);
+                add(&mut gram, factor, product);
             }
         }
         gram
@@ -75,7 +82,7 @@ impl<'s> Likelihood<'s> {
 
     /// The whitened products as functions of one partial autocorrelation `p`, from those at its present value. They are quadratic
     /// in it, since predictors are linear in it; the error variances of lower orders are proportional to `1/(1 - p²)`.
-    fn along(&self, partial: &[f64], k: usize, here: Vec<(DMatrix<f64>, f64)>) -> Along {
+    fn along(&self, partial: &[f64], k: usize, here: Vec<Whitened>) -> Along {
         let own = partial[k];
         // Two more places, away from this one.
         let others = match own.abs() < 0.25 {
@@ -89,14 +96,17 @@ impl<'s> Likelihood<'s> {
         });
         let [p, q] = others;
         // Newton's divided differences.
-        let slope = |from: &DMatrix<f64>, to: &DMatrix<f64>, by: f64| (to - from) / by;
+        let slope = |from: &[f64], to: &[f64], by: f64| -> Vec<f64> {
+            let pairs = from.iter().zip(to);
+            pairs.map(|(from, to)| (to - from) / by).collect()
+        };
         let polynomials = here
             .into_iter()
             .zip(one.iter().zip(&two))
             .zip(self.segments);
         let polynomials = polynomials.map(|(((gram, sum), (one, two)), segment)| {
             let first = slope(&gram, &one.0, p - own);
-            let second = (slope(&one.0, &two.0, q - p) - &first) / (q - own);
+            let second = slope(&first, &slope(&one.0, &two.0, q - p), q - own);
             let early = segment.rows.nrows().min(k + 1) as f64;
             Polynomial {
                 terms: [gram, first, second],
@@ -143,7 +153,7 @@ struct Along {
 
 /// Those of a segment, in Newton's form.
 struct Polynomial {
-    terms: [DMatrix<f64>; 3],
+    terms: [Vec<f64>; 3],
     places: [f64; 2],
     /// Number of rows that are predicted by fewer values than the partial autocorrelation's order.
     early: f64,
@@ -152,13 +162,12 @@ struct Polynomial {
 }
 
 impl Along {
-    fn at(&self, p: f64) -> impl Iterator<Item = (DMatrix<f64>, f64)> {
+    fn at(&self, p: f64) -> impl Iterator<Item = Whitened> {
         self.polynomials.iter().map(move |own| {
             let [constant, first, second] = &own.terms;
             let [a, b] = own.places.map(|place| p - place);
-            let mut gram = constant.clone();
-            let terms = first.iter().zip(second);
-            (gram.iter_mut().zip(terms)).for_each(|(sum, (f, s))| *sum += a * (f + b * s));
+            let terms = constant.iter().zip(first).zip(second);
+            let gram = terms.map(|((c, f), s)| c + a * (f + b * s)).collect();
             (gram, own.determinant - own.early * (1.0 - p * p).ln())
         })
     }
@@ -169,42 +178,73 @@ fn pairs(most: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..=most).flat_map(move |i| (i..=most).map(move |j| (i, j)))
 }
 
-/// Products of the rows of a segment at all [`pairs`] of lags. Those at `i + 1, j + 1` differ from those at `i, j` only
-/// in their first and last rows.
-fn products(of: &Segment, most: usize) -> Vec<DMatrix<f64>> {
-    let (rows, size) = (&of.rows, of.rows.ncols());
-    let count = rows.nrows().saturating_sub(most);
-    if count == 0 {
-        return vec![DMatrix::zeros(size, size); pairs(most).count()];
-    }
-    let lagged = |lag: usize| rows.rows(most - lag, count);
-    let mut diagonals: Vec<DMatrix<f64>> =
-        (0..=most).map(|j| lagged(0).tr_mul(&lagged(j))).collect();
-    let mut all = Vec::new();
-    for i in 0..=most {
-        for (apart, product) in diagonals[..=most - i].iter_mut().enumerate() {
-            let j = i + apart;
-            if i > 0 {
-                let product_of = |t: usize| rows.row(t - i).transpose() * rows.row(t - j);
-                *product += product_of(most);
-                *product -= product_of(rows.nrows());
-            }
-            all.push(match apart {
-                0 => product.clone(),
-                _ => &*product + product.transpose(),
-            });
-        }
-    }
-    all
+/// Number of entries of the upper triangle of a matrix.
+fn triangle(size: usize) -> usize {
+    size * (size + 1) / 2
 }
 
-/// Adds a whitened row to the Gram matrix; returns the logarithm of its variance.
-fn add_row(gram: &mut DMatrix<f64>, of: &Segment, t: usize, predictor: &[f64], left: f64) -> f64 {
-    let mut row = of.rows.row(t).into_owned();
-    for (k, a) in predictor.iter().enumerate() {
-        row -= *a * of.rows.row(t - 1 - k);
+/// Adds a multiple.
+pub fn add(sum: &mut [f64], factor: f64, own: &[f64]) {
+    let pairs = sum.iter_mut().zip(own);
+    pairs.for_each(|(sum, own)| *sum += factor * own);
+}
+
+impl Sums {
+    /// Products at `i + 1, j + 1` differ from those at `i, j` only in their first and last rows.
+    fn of(of: &Segment, most: usize) -> Self {
+        let (rows, size) = (&of.rows, of.rows.ncols());
+        let by_row = rows.transpose();
+        let early = rows.nrows().min(most) * size;
+        let early = by_row.as_slice()[..early].to_vec();
+        let count = rows.nrows().saturating_sub(most);
+        if count == 0 {
+            return Self {
+                products: vec![0.0; pairs(most).count() * triangle(size)],
+                early,
+            };
+        }
+        let lagged = |lag: usize| rows.rows(most - lag, count);
+        let mut diagonals: Vec<DMatrix<f64>> =
+            (0..=most).map(|j| lagged(0).tr_mul(&lagged(j))).collect();
+        let mut products = Vec::with_capacity(pairs(most).count() * triangle(size));
+        for i in 0..=most {
+            for (apart, product) in diagonals[..=most - i].iter_mut().enumerate() {
+                let j = i + apart;
+                if i > 0 {
+                    for (sign, t) in [(1.0, most), (-1.0, rows.nrows())] {
+                        product.ger(sign, &by_row.column(t - i), &by_row.column(t - j), 1.0);
+                    }
+                }
+                let twice = |(k, l): (usize, usize)| match apart {
+                    0 => product[(k, l)],
+                    _ => product[(k, l)] + product[(l, k)],
+                };
+                products.extend(pairs(size - 1).map(twice));
+            }
+        }
+        Self { products, early }
     }
-    *gram += row.transpose() * row / left;
+}
+
+/// Adds a whitened row, of rows one after the other, to the triangle of the Gram matrix; returns the logarithm of its variance.
+fn add_row(
+    gram: &mut [f64],
+    (rows, size): (&[f64], usize),
+    t: usize,
+    predictor: &[f64],
+    left: f64,
+) -> f64 {
+    let row = |t: usize| &rows[t * size..(t + 1) * size];
+    let mut own = row(t).to_vec();
+    for (k, a) in predictor.iter().enumerate() {
+        add(&mut own, -a, row(t - 1 - k));
+    }
+    let mut gram = gram;
+    for k in 0..size {
+        let (first, rest) = gram.split_at_mut(size - k);
+        add(first, own[k] / left, &own[k..]);
+        gram = rest;
+    }
     left.ln()
 }
 
@@ -215,58 +255,55 @@ pub fn of_whitened<'p>(
     step: impl Fn(&Segment, usize) -> (Cow<'p, [f64]>, f64),
 ) -> (f64, f64) {
     let whitened = segments.iter().map(|own| {
-        let (mut gram, mut sum) = (DMatrix::zeros(own.rows.ncols(), own.rows.ncols()), 0.0);
+        let (by_row, size) = (own.rows.transpose(), own.rows.ncols());
+        let (mut gram, mut sum) = (vec![0.0; triangle(size)], 0.0);
         for t in 0..own.rows.nrows() {
             let (predictor, left) = step(own, t);
-            sum += add_row(&mut gram, own, t, &predictor, left);
+            let rows = (by_row.as_slice(), size);
+            sum += add_row(&mut gram, rows, t, &predictor, left);
         }
         (gram, sum)
     });
     restricted(segments, whitened)
 }
 
-/// −2 log restricted likelihood up to a constant, and the variance, from the whitened products of each segment and the
-/// log determinant of its covariance.
-fn restricted(
-    segments: &[Segment],
-    whitened: impl Iterator<Item = (DMatrix<f64>, f64)>,
-) -> (f64, f64) {
+/// −2 log restricted likelihood up to a constant, and the variance, from the whitened products of each segment.
+fn restricted(segments: &[Segment], whitened: impl Iterator<Item = Whitened>) -> (f64, f64) {
     let shared = segments[0].rows.ncols() - segments[0].own;
     let (mut sum, mut rank, mut count) = (0.0, 0, 0);
-    let mut rest = DMatrix::zeros(shared, shared);
+    let mut rest = vec![0.0; triangle(shared)];
     for (own, (mut gram, determinant)) in segments.iter().zip(whitened) {
-        let (log, own_rank) = eliminate(&mut gram, own.own);
+        let (log, own_rank) = eliminate(&mut gram, own.rows.ncols(), own.own);
         sum += log + determinant;
         rank += own_rank;
         count += own.rows.nrows();
-        let first = own.own;
-        rest += gram.view((first, first), (gram.nrows() - first, gram.nrows() - first));
+        let first = gram.len() - rest.len();
+        add(&mut rest, 1.0, &gram[first..]);
     }
-    let last = rest.nrows() - 1;
-    let (log, own_rank) = eliminate(&mut rest, last);
+    let (log, own_rank) = eliminate(&mut rest, shared, shared - 1);
     let degrees = count.saturating_sub(rank + own_rank).max(1) as f64;
-    let variance = (rest[(last, last)] / degrees).max(f64::MIN_POSITIVE);
+    let variance = (rest[rest.len() - 1] / degrees).max(f64::MIN_POSITIVE);
     (sum + log + degrees * variance.ln(), variance)
 }
 
-/// Eliminates the first columns. Returns the sum of the logarithms of the pivots and their number; `gram` becomes the
-/// Schur complement.
-fn eliminate(gram: &mut DMatrix<f64>, count: usize) -> (f64, usize) {
-    let (n, diagonal) = (gram.nrows(), gram.diagonal());
+/// Eliminates the first columns of a matrix of this size, given as its upper triangle. Returns the sum of the logarithms of the pivots
+/// and their number; the last rows become the Schur complement.
+fn eliminate(gram: &mut [f64], size: usize, count: usize) -> (f64, usize) {
+    let first = |k: usize| triangle(size) - triangle(size - k);
+    let diagonal: Vec<f64> = (0..count).map(|k| gram[first(k)]).collect();
     let (mut log, mut rank) = (0.0, 0);
-    for k in 0..count {
-        let pivot = gram[(k, k)];
-        if pivot <= ROUNDING * diagonal[k] || pivot <= 0.0 {
+    for (k, whole) in diagonal.into_iter().enumerate() {
+        let (own, mut rest) = gram[first(k)..].split_at_mut(size - k);
+        let pivot = own[0];
+        if pivot <= ROUNDING * whole || pivot <= 0.0 {
             continue;
         }
         log += pivot.ln();
         rank += 1;
-        for i in k + 1..n {
-            let factor = gram[(i, k)] / pivot;
-            for j in k + 1..n {
-                let change = factor * gram[(k, j)];
-                gram[(i, j)] -= change;
-            }
+        for i in 1..own.len() {
+            let (row, others) = rest.split_at_mut(own.len() - i);
+            add(row, -own[i] / pivot, &own[i..]);
+            rest = others;
         }
     }
     (log, rank)

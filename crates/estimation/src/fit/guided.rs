@@ -10,7 +10,7 @@ use crate::search::begin::begin_some;
 use crate::search::observed::Observed;
 use crate::search::solved::Solved;
 use crate::search::starts::Start;
-use pilotage_collocation::coarser;
+use pilotage_collocation::{Collocation, coarser};
 use pilotage_sqp::{SqpOptions, Status};
 use rayon::prelude::*;
 
@@ -77,7 +77,8 @@ pub(super) fn guided(
     let led = starts.par_iter().enumerate().filter_map(|(number, start)| {
         let is_over = number > 0 && watch.is_over();
         let own = || {
-            let found = led(posed, observed, (first + number, start), &runs, watch)?;
+            let of = |plain: &Collocation| observed.of(plain, &runs);
+            let found = led(posed, &of, (first + number, start), &runs, watch)?;
             Some(Guided { number, ..found })
         };
         (!is_over).then(own).flatten()
@@ -108,6 +109,25 @@ pub(super) fn guided(
     entrants
 }
 
+/// The objective of a few runs alone with the parameters that fit these, from a start. None if all runs are few, or that leads nowhere.
+pub(super) fn few(
+    posed: &Posed<'_>,
+    (number, start): (usize, &Start),
+    watch: &Watch<'_, '_>,
+) -> Option<f64> {
+    let runs = some(posed);
+    let is_less = runs.len() < posed.runs.len();
+    let led = is_less.then(|| led(posed, &Collocation::clone, (number, start), &runs, watch));
+    Some(led.flatten()?.objective)
+}
+
+/// The objective of the same runs in a solution of all.
+pub(super) fn of_few(posed: &Posed<'_>, solved: &Solved) -> f64 {
+    let z = &solved.solution.iterate.z;
+    let runs = some(posed).into_iter();
+    runs.map(|j| solved.problem.run_objective(z, j)).sum()
+}
+
 /// Runs that together have few samples, spread over all.
 fn some(posed: &Posed<'_>) -> Vec<usize> {
     const FEWEST: usize = 2;
@@ -123,10 +143,10 @@ fn some(posed: &Posed<'_>) -> Vec<usize> {
     spread(taken.unwrap_or(count)).collect()
 }
 
-/// A start with the parameters that fit the corrected equations of these runs. None if there is no such fit.
+/// A start with the parameters that fit the equations of these runs, such as corrected ones. None if there is no such fit.
 fn led(
     posed: &Posed<'_>,
-    observed: &Observed,
+    equations: &dyn Fn(&Collocation) -> Collocation,
     (number, start): (usize, &Start),
     runs: &[usize],
     watch: &Watch<'_, '_>,
@@ -137,7 +157,7 @@ fn led(
         ..sqp_options(posed, LEG)
     };
     let (plain, z) = begin_some(posed, start, runs.to_vec(), &|| watch.is_over());
-    let whole = observed.of(&plain, runs);
+    let whole = equations(&plain);
     let mut from = match coarser(&whole) {
         Some(coarse) => {
             let z = whole.carried(&z, &coarse);

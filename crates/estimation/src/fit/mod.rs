@@ -149,13 +149,16 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         Status::UndefinedStart => trouble::at_start(posed, &starts[0]),
         _ => None,
     };
-    let simulated = check::simulated(posed, &last, &watch);
+    let (simulated, of_states) = rayon::join(
+        || check::simulated(posed, &last, &watch),
+        || Fit::of(posed, &last),
+    );
     let mut found = Fit {
         trouble,
         starts: ends,
         simulated_objective: simulated.as_ref().map(|own| own.objective),
         refinement,
-        ..Fit::of(posed, &last)
+        ..of_states
     };
     let looped = Looped::of(posed, &last);
     found.cuts = looped.as_ref().map(Looped::cuts).unwrap_or_default();

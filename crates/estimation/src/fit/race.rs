@@ -2,7 +2,7 @@
 
 use super::apart::{are_apart, are_near, are_within};
 use super::behind::Behind;
-use super::guided::{Entrants, guided};
+use super::guided::{Entrants, few, guided, of_few};
 use super::raised::Begin;
 use super::solve::{once, rescaled, rescaled_with, solve};
 use super::watch::Watch;
@@ -27,6 +27,9 @@ const FINALISTS: usize = 3;
 /// Part of the best objective up to which others are not far behind: that of a coarse mesh or of corrected equations is another.
 const CLOSE: f64 = 0.1;
 
+/// Part of the objective of a few runs below which the given start has found a valley there that coarse meshes hide.
+const HIDDEN: f64 = 0.8;
+
 /// Largest violation of the scaled constraints with which starts are compared.
 pub(super) const NEARLY: f64 = 0.1;
 
@@ -46,6 +49,8 @@ struct Scout {
     /// The runs on the whole mesh, if the heat was on a coarser one.
     whole: Option<Vec<Run>>,
     solved: Solved,
+    /// The objective of a few runs alone on their whole meshes, if it was fitted to these first.
+    few: Option<f64>,
     /// Whether it was given up for a better start.
     is_lost: bool,
 }
@@ -81,6 +86,10 @@ pub(super) fn raced(posed: &Posed<'_>, begin: &Begin, watch: &Watch<'_, '_>) -> 
 fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
     let Entrants { all, mut same } = entrants;
     let is_race = all.len() > 1;
+    let given = all
+        .first()
+        .filter(|own| own.0 == 0)
+        .map(|own| own.1.clone());
     let mut solved: Vec<Option<Solved>> = same.iter().map(|_| None).collect();
     // Most starts from the order below reach one optimum: the first goes there alone, the others as long as they may find
     // another.
@@ -99,6 +108,7 @@ fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
     }
     scouts
         .sort_by(|a, b| (a.is_lost.cmp(&b.is_lost)).then(a.objective().total_cmp(&b.objective())));
+    let few = scouts.iter().find_map(|own| own.few);
     let best = [false, true].map(|is_coarse| best_on(&scouts, is_coarse));
     let (mut open, mut left): (Vec<Scout>, Vec<Scout>) = (Vec::new(), Vec::new());
     let mut settled: Vec<(usize, f64)> = Vec::new();
@@ -130,12 +140,24 @@ fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
         }
     }
     // Those on a coarse mesh are compared with what others have found on the whole one.
-    let known = known(
+    let known = self::known(
         open.iter()
             .filter(|own| own.whole.is_none())
             .map(|own| &own.solved),
     );
-    finish(posed, (open, known), &mut solved, watch);
+    // The best one alone, and the others as long as they may beat it.
+    let others = open.split_off(open.len().min(1));
+    let number = open.first().map(|own| own.number);
+    finish(posed, (open, known.clone()), &mut solved, watch);
+    let first = number.and_then(|k| solved[k].as_ref());
+    let is_passed = |few: f64| first.is_none_or(|own| few < HIDDEN * of_few(posed, own));
+    let is_passed = few.is_some_and(is_passed);
+    let known = self::known(first.into_iter()).into_iter().chain(known);
+    let known = known.min_by(|a, b| a.0.total_cmp(&b.0));
+    finish(posed, (others, known), &mut solved, watch);
+    if let Some(given) = given.filter(|_| is_passed && !watch.is_over()) {
+        as_given(posed, &given, (&mut solved, &mut same), watch);
+    }
     match has_answer(&solved) {
         true => left
             .into_iter()
@@ -161,6 +183,30 @@ fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
     Raced { solved, same }
 }
 
+/// Solves the given start on the whole mesh, for which a better valley was found than coarse meshes have led to. What else it has found
+/// is left to the next start that has found it, too.
+fn as_given(
+    posed: &Posed<'_>,
+    start: &Start,
+    (solved, same): (&mut [Option<Solved>], &mut [usize]),
+    watch: &Watch<'_, '_>,
+) {
+    let see = |iteration: &_| watch.see(0, 0, iteration);
+    let from = begin(posed, start, &|| watch.is_over());
+    let own = solve(posed, from, posed.most_iterations, &see);
+    let others = (1..same.len()).filter(|k| same[*k] == 0);
+    let others: Vec<usize> = others.collect();
+    match (others.first(), &solved[0]) {
+        (None, Some(before)) if before.nearly() <= own.nearly() => return,
+        (None, _) => {}
+        (Some(next), _) => {
+            solved[*next] = solved[0].take();
+            others.iter().for_each(|k| same[*k] = *next);
+        }
+    }
+    (same[0], solved[0]) = (0, Some(own));
+}
+
 /// The lowest objective of those that have converged on such a mesh, where objectives are others than on the other one; of all
 /// if none has.
 fn best_on(scouts: &[Scout], is_coarse: bool) -> f64 {
@@ -183,8 +229,8 @@ pub(super) fn is_close(objective: f64, best: f64) -> bool {
 }
 
 /// Solves a start, of several for some iterations, on a coarse mesh if that is much smaller. If there are several starts, the
-/// given one is solved as it is, since a coarser mesh could lead all of them past a narrow valley; and so is one from the order
-/// below, which may have a pole that is too fast for a coarse mesh.
+/// given one is solved as it is, since a coarser mesh could lead all of them past a narrow valley (of long runs a few are solved so,
+/// which tells whether it does); and so is one from the order below, which may have a pole that is too fast for a coarse mesh.
 fn scout(
     posed: &Posed<'_>,
     (number, is_race, known): (usize, bool, Option<f64>),
@@ -198,8 +244,13 @@ fn scout(
     };
     let behind = Mutex::new(Behind::new(known.filter(|_| start.is_raised)));
     let see = |iteration: &_| ahead(&behind, watch, number, iteration);
-    let (whole, z) = begin(posed, &start, &|| watch.is_over());
     let is_as_it_is = start.is_raised || is_race && number == 0 && !start.is_fitted;
+    let few = match is_as_it_is && !start.is_raised {
+        true => few(posed, (number, &start), watch),
+        false => None,
+    };
+    let is_as_it_is = is_as_it_is && few.is_none();
+    let (whole, z) = begin(posed, &start, &|| watch.is_over());
     let coarse = || coarser(&whole).or_else(|| rougher(&whole));
     let coarse = if is_as_it_is { None } else { coarse() };
     let (from, whole) = match coarse {
@@ -217,6 +268,7 @@ fn scout(
         number,
         start,
         whole,
+        few,
         is_lost: solved.solution.status == Status::Stopped,
         solved,
     }

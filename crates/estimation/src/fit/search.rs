@@ -10,8 +10,10 @@ use super::tumbles::Tumbles;
 use super::watch::Watch;
 use crate::posed::Posed;
 use crate::result::saturated;
-use crate::search::solved::SAME;
+use crate::search::solved::{SAME, Solved};
 use crate::search::starts::{BLOCK, Start};
+use pilotage_collocation::Collocation;
+use pilotage_sqp::Problem;
 use rayon::prelude::*;
 
 /// Maximum number of starts where none is given.
@@ -123,6 +125,10 @@ pub(super) fn saturated<'a, 'o>(
         // The same point in the equations that saturate.
         let free = &before.problem;
         let problem = free.with_equations(posed.model.clone(), free.runs.clone());
+        if has_converged(&before) && is_solution_of(&problem, &before) {
+            let solution = before.solution;
+            return Some(Solved { problem, solution });
+        }
         let from = (problem, before.solution.iterate.z.clone());
         let see = |iteration: &_| watch.see(k, 0, iteration);
         let mut own = solve(posed, from, limit, &see);
@@ -151,4 +157,23 @@ pub(super) fn saturated<'a, 'o>(
     };
     found.add(raced, starts);
     found
+}
+
+/// Whether a solution is that of the same problem with equations that saturate, too: none of its outputs comes near a limit, where
+/// they would differ by much more than by rounding.
+fn is_solution_of(saturating: &Collocation, own: &Solved) -> bool {
+    const ROUNDING: f64 = 1e-12;
+    let z = &own.solution.iterate.z;
+    let evaluated = |problem: &Collocation| {
+        let mut c = vec![0.0; problem.n_equalities()];
+        let mut g = vec![0.0; problem.limits().0.len()];
+        let f = problem.evaluate(z, &mut c, &mut g);
+        (f, c, g)
+    };
+    let [(f, c, g), (of, oc, og)] = [saturating, &own.problem].map(evaluated);
+    let is_same = |a: &[f64], b: &[f64]| {
+        let pairs = a.iter().zip(b);
+        a.len() == b.len() && pairs.fold(0.0_f64, |most, (a, b)| most.max((a - b).abs())) < ROUNDING
+    };
+    (f - of).abs() <= ROUNDING * of.abs() && is_same(&c, &oc) && is_same(&g, &og)
 }

@@ -16,6 +16,7 @@ use pilotage_inference::{Data, Direction, Inference};
 use pilotage_sqp::Iterate;
 use pilotage_text::counted;
 use pilotage_text::number::short;
+use rayon::prelude::*;
 
 /// Maximum number of starts at which the problem is linearised.
 const STARTS: usize = 3;
@@ -70,16 +71,22 @@ pub fn beforehand(posed: &Posed<'_>, stop: &Stop<'_>) -> Beforehand {
     // Where no search can lead to an answer, the reason is all there is to say.
     let is_hopeless = before(posed).iter().any(Diagnostic::is_fatal);
     let has_fmu = posed.joint.parts.iter().any(|(_, part)| part.fmu.is_some());
+    let identifiability = || match has_fmu || posed.filter.is_some() || is_hopeless {
+        // Process noise does not affect a simulation.
+        true => None,
+        false => identifiability(posed, stop),
+    };
+    let contradicting = || match is_hopeless {
+        true => Vec::new(),
+        false => contradicting(posed),
+    };
+    let (identifiability, contradicting) = rayon::join(identifiability, contradicting);
     Beforehand {
         starved: excitation
             .as_ref()
             .and_then(|own| own.starved(asked, signals))
             .filter(|_| !is_hopeless),
-        // Process noise does not affect a simulation.
-        identifiability: match has_fmu || posed.filter.is_some() || is_hopeless {
-            true => None,
-            false => identifiability(posed, stop),
-        },
+        identifiability,
         undriven: match posed.file.inputs.is_empty()
             && posed.filter.is_none()
             && !sets_inputs(posed)
@@ -87,10 +94,7 @@ pub fn beforehand(posed: &Posed<'_>, stop: &Stop<'_>) -> Beforehand {
             true => posed.joint.model.inputs.clone(),
             false => Vec::new(),
         },
-        contradicting: match is_hopeless {
-            true => Vec::new(),
-            false => contradicting(posed),
-        },
+        contradicting,
         excitation,
     }
 }
@@ -164,7 +168,7 @@ fn identifiability(posed: &Posed<'_>, stop: &Stop<'_>) -> Option<Identifiability
         return None;
     }
     let count = posed.file.options.starts().min(STARTS);
-    let all = starts(posed, count).into_iter();
+    let all = starts(posed, count).into_par_iter();
     let known: Vec<Data> = all
         .filter_map(|start| at_start(posed, &start, stop))
         .collect();

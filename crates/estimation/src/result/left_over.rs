@@ -9,6 +9,7 @@ use nalgebra::DMatrix;
 use pilotage_inference::crossed::{Crossed, Pair};
 use pilotage_inference::residuals::Explained;
 use pilotage_inference::{Autoregression, Data, Run};
+use rayon::prelude::*;
 
 /// Residuals of a signal in a run at recorded samples, in standard deviations, and their times \[s\].
 fn known(run: &RunFit, k: usize, noise: Noise) -> (Vec<f64>, Vec<f64>) {
@@ -19,7 +20,7 @@ fn known(run: &RunFit, k: usize, noise: Noise) -> (Vec<f64>, Vec<f64>) {
 /// The autoregressive process of the residuals of each measured signal. None if nothing was recorded, if the states
 /// found do not satisfy the equations, or if a filter predicts the next sample.
 pub fn processes(posed: &Posed<'_>, fit: &Fit) -> Vec<Option<Autoregression>> {
-    let measured = posed.file.measured.iter().enumerate();
+    let measured = posed.file.measured.par_iter().enumerate();
     let process = |(k, own): (usize, &Measured)| {
         let series = fit.runs.iter().map(|run| known(run, k, own.noise));
         let series: Vec<_> = series.filter(|(values, _)| !values.is_empty()).collect();
@@ -70,37 +71,34 @@ pub(crate) fn beside_inputs(
         .collect();
     columns.sort_unstable();
     columns.dedup();
-    let mut all = Vec::new();
-    for (k, measured) in posed.file.measured.iter().enumerate() {
-        for column in &columns {
-            let pairs = posed
-                .data
-                .iter()
-                .zip(runs)
-                .enumerate()
-                .map(|(j, (own, run))| {
-                    let series = &own.series;
-                    let input = series
-                        .column(column)
-                        .map(|own| filled(&series.time, &own.values));
-                    let own = data.and_then(|data| data.runs.get(j));
-                    let (left, gradients) = own
-                        .and_then(|own| linearised(own, signal_of(posed, k)?, posed.origins[j]))
-                        .unwrap_or_else(|| (known(run, k, measured.noise), Default::default()));
-                    Pair {
-                        gradients,
-                        ..pair(left, (&series.time, input.as_deref()))
-                    }
-                });
-            let pairs: Vec<Pair> = pairs.collect();
-            all.extend(Crossed::of(&pairs).map(|crossed| Beside {
-                measured: measured.column.value.clone(),
-                input: (*column).to_owned(),
-                crossed,
-            }));
-        }
-    }
-    all
+    let beside = |(k, column): (usize, &str)| {
+        let measured = &posed.file.measured[k];
+        let all = posed.data.iter().zip(runs).enumerate();
+        let pairs = all.map(|(j, (own, run))| {
+            let series = &own.series;
+            let input = series
+                .column(column)
+                .map(|own| filled(&series.time, &own.values));
+            let own = data.and_then(|data| data.runs.get(j));
+            let (left, gradients) = own
+                .and_then(|own| linearised(own, signal_of(posed, k)?, posed.origins[j]))
+                .unwrap_or_else(|| (known(run, k, measured.noise), Default::default()));
+            Pair {
+                gradients,
+                ..pair(left, (&series.time, input.as_deref()))
+            }
+        });
+        let pairs: Vec<Pair> = pairs.collect();
+        Crossed::of(&pairs).map(|crossed| Beside {
+            measured: measured.column.value.clone(),
+            input: column.to_owned(),
+            crossed,
+        })
+    };
+    let measured = 0..posed.file.measured.len();
+    let pairs = measured.flat_map(|k| columns.iter().map(move |column| (k, *column)));
+    let pairs: Vec<(usize, &str)> = pairs.collect();
+    pairs.into_par_iter().filter_map(beside).collect()
 }
 
 /// Values and their times \[s\].

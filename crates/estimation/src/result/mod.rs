@@ -36,6 +36,7 @@ use pilotage_inference::crossed::Crossed;
 use pilotage_inference::residuals::Explained;
 use pilotage_inference::spectrum::Describing;
 use pilotage_sqp::{Kkt, Status};
+use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -288,7 +289,7 @@ impl Fit {
     pub(crate) fn runs(posed: &Posed<'_>, problem: &Collocation, z: &[f64]) -> Vec<RunFit> {
         let theta = problem.physical_theta(z);
         let run = |j: usize| run_fit(posed, problem, j, &problem.states_at_samples(z, j), &theta);
-        (0..posed.runs.len()).map(run).collect()
+        (0..posed.runs.len()).into_par_iter().map(run).collect()
     }
 
     /// Evaluates a solution.
@@ -300,7 +301,8 @@ impl Fit {
             .map(|j| problem.states_at_samples(z, j))
             .collect();
         let run = |j: usize| run_fit(posed, problem, j, &states[j], &theta);
-        let runs: Vec<RunFit> = (0..posed.runs.len()).map(run).collect();
+        let runs = (0..posed.runs.len()).into_par_iter().map(run);
+        let runs: Vec<RunFit> = runs.collect();
         let (mut chi2, mut surprise, mut samples) = (0.0, 0.0, 0);
         for (j, run) in runs.iter().enumerate() {
             let weight = posed.data[j].line.weight;

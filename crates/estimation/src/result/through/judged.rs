@@ -5,6 +5,7 @@ use crate::posed::Posed;
 use nalgebra::{DMatrix, DVector};
 use pilotage_inference::outliers::median;
 use pilotage_inference::sampling::median_step;
+use rayon::prelude::*;
 
 /// Number of delays on either side.
 const DELAYS: i32 = 20;
@@ -54,19 +55,13 @@ pub fn judged(posed: &Posed<'_>, drivers: usize) -> Option<Response> {
         return None;
     }
     let at = |factor: f64| windows(posed, (drivers, factor), &spreads);
-    let left = |all: &[Window]| {
-        Some(
-            Sums::of(all, drivers, 0.0)
-                .with(&vec![Some(0.0); drivers])?
-                .0,
-        )
-    };
+    let left = |sums: &Sums| Some(sums.with(&vec![Some(0.0); drivers])?.0);
     let as_it_is = at(1.0)?;
-    let now = left(&as_it_is)?;
-    let rows = Sums::of(&as_it_is, drivers, 0.0).rows;
-    let noise = rows as f64 * noise(posed, &spreads);
+    let sums = Sums::of(&as_it_is, drivers, 0.0);
+    let now = left(&sums)?;
+    let noise = sums.rows as f64 * noise(posed, &spreads);
     // Without the inputs.
-    let (still, _) = Sums::of(&as_it_is, drivers, 0.0).with(&vec![Some(-1.0); drivers])?;
+    let (still, _) = sums.with(&vec![Some(-1.0); drivers])?;
     let moved = still - noise;
     if moved < noise {
         return None;
@@ -74,7 +69,8 @@ pub fn judged(posed: &Posed<'_>, drivers: usize) -> Option<Response> {
     let explained = |squares: f64| 1.0 - (squares - noise).max(0.0) / moved;
     let mut best = (1.0, now, as_it_is);
     for factor in OTHERS.into_iter().filter(|_| explained(now) < ENOUGH) {
-        let other = at(factor).and_then(|all| Some((factor, left(&all)?, all)));
+        let other =
+            at(factor).and_then(|all| Some((factor, left(&Sums::of(&all, drivers, 0.0))?, all)));
         best = other.filter(|other| other.1 < best.1).unwrap_or(best);
     }
     let (base, _, all) = best;
@@ -127,7 +123,8 @@ impl Sums {
             curvature: DMatrix::zeros(count, count),
             rows: 0,
         };
-        for Left { residuals, inputs } in all.iter().map(|own| own.left(later)) {
+        let left = all.par_iter().map(|own| own.left(later));
+        for Left { residuals, inputs } in left.collect::<Vec<Left>>() {
             sums.squares += residuals.norm_squared();
             sums.slopes += inputs.transpose() * &residuals;
             sums.curvature += inputs.transpose() * &inputs;

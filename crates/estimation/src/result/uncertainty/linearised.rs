@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, DVector, RowDVector};
 use pilotage_collocation::{Collocation, Loss, Recording, Sensitivities, Sensitivity};
 use pilotage_inference::{Data, Noise, Row, Run};
 use pilotage_sqp::Iterate;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// The terms of a measured signal in the objective: its residual, and its noise level if that is sought.
@@ -28,8 +29,7 @@ pub(crate) fn linearised(
     let outputs = outputs(problem, &at.z);
     let noises = noises(posed, &problem.runs, &outputs);
     let priors = signals..problem.measured;
-    let (mut runs, mut shared_priors) = (Vec::new(), Vec::new());
-    for (j, own) in found.runs.iter().enumerate() {
+    let of_run = |(j, own): (usize, &Sensitivity)| {
         let place = Place {
             recordings: &problem.runs[j].measured,
             noises: &noises,
@@ -38,14 +38,20 @@ pub(crate) fn linearised(
             sensitivity: own,
             factor: posed.factor,
         };
-        let mut rows = Rows::default();
+        let mut rows = Rows::new(posed.shared + own.free.len());
+        let mut shared_priors = Vec::new();
         let of_signals = terms.iter().flat_map(|terms| place.add(*terms, &mut rows));
         let of_signals = of_signals.collect();
         let prior = place.add_priors(priors.clone(), posed.shared, &mut rows, &mut shared_priors);
-        runs.push(rows.run(own, posed.shared, of_signals, prior));
-    }
-    let (prior, prior_residuals): (Vec<RowDVector<f64>>, Vec<f64>) =
-        shared_priors.into_iter().unzip();
+        (
+            rows.run(own, posed.shared, of_signals, prior),
+            shared_priors,
+        )
+    };
+    let runs = found.runs.par_iter().enumerate().map(of_run);
+    let (runs, shared_priors): (Vec<Run>, Vec<Vec<_>>) = runs.unzip();
+    let shared_priors = shared_priors.into_iter().flatten();
+    let (prior, prior_residuals): (Vec<RowDVector<f64>>, Vec<f64>) = shared_priors.unzip();
     let prior = match prior.is_empty() {
         true => DMatrix::zeros(0, posed.shared),
         false => DMatrix::from_rows(&prior),
@@ -217,10 +223,10 @@ struct Place<'a> {
     factor: f64,
 }
 
-/// Derivatives with respect to `[θ; own unknowns]`, and residuals.
-#[derive(Default)]
+/// Derivatives with respect to `[θ; own unknowns]`, row after row, and residuals.
 struct Rows {
-    derivatives: Vec<RowDVector<f64>>,
+    width: usize,
+    derivatives: Vec<f64>,
     residuals: Vec<f64>,
     time: Vec<f64>,
 }
@@ -239,29 +245,33 @@ impl Place<'_> {
         self.sensitivity.outputs[term].row(sample).into_owned()
     }
 
+    /// Adds `scale` times the gradient of a term to entries of a row.
+    fn write(&self, (term, sample): (usize, usize), scale: f64, row: &mut [f64]) {
+        let own = self.sensitivity.outputs[term].row(sample);
+        let pairs = row.iter_mut().zip(own.iter());
+        pairs.for_each(|(row, own)| *row += scale * own);
+    }
+
     /// Adds the rows of a signal: those of its location, and those of its level if that is sought.
     fn add(&self, terms: Terms, rows: &mut Rows) -> Vec<Range<usize>> {
         let values = self.values(terms.residual);
         let first = rows.residuals.len();
         for (sample, row) in &values {
-            let mut gradient = self.gradient(terms.residual, *sample);
+            let gradient = rows.add(row.location, self.time[*sample]);
+            let scale = row.location_scale;
+            self.write((terms.residual, *sample), scale, gradient);
             if let Some(level) = terms.level {
                 // The part of the derivative of (h - y)/sd that comes from sd does not belong to the location.
                 let z = self.outputs[terms.residual][*sample];
-                gradient += 0.5 * z * self.gradient(level, *sample);
+                self.write((level, *sample), 0.5 * z * scale, gradient);
             }
-            rows.add(
-                row.location_scale * gradient,
-                row.location,
-                self.time[*sample],
-            );
         }
         let middle = rows.residuals.len();
         let levels = terms.level.map(|level| {
             for (sample, row) in &values {
                 // The term is 2 ln sd.
-                let gradient = 0.5 * self.gradient(level, *sample);
-                rows.add(row.level_scale * gradient, row.level, self.time[*sample]);
+                let gradient = rows.add(row.level, self.time[*sample]);
+                self.write((level, *sample), 0.5 * row.level_scale, gradient);
             }
             middle..rows.residuals.len()
         });
@@ -282,7 +292,9 @@ impl Place<'_> {
         {
             let gradient = row.location_scale * self.gradient(term, sample);
             match gradient.columns_range(shared..).amax() > 0.0 {
-                true => rows.add(gradient, row.location, self.time[sample]),
+                true => rows
+                    .add(row.location, self.time[sample])
+                    .copy_from_slice(gradient.as_slice()),
                 false => {
                     others.push((gradient.columns(0, shared).into_owned(), row.location));
                 }
@@ -293,10 +305,22 @@ impl Place<'_> {
 }
 
 impl Rows {
-    fn add(&mut self, gradient: RowDVector<f64>, residual: f64, time: f64) {
-        self.derivatives.push(gradient);
+    fn new(width: usize) -> Self {
+        Self {
+            width,
+            derivatives: Vec::new(),
+            residuals: Vec::new(),
+            time: Vec::new(),
+        }
+    }
+
+    /// Adds a row without derivatives, and returns these.
+    fn add(&mut self, residual: f64, time: f64) -> &mut [f64] {
         self.time.push(time);
         self.residuals.push(residual);
+        let first = self.derivatives.len();
+        self.derivatives.resize(first + self.width, 0.0);
+        &mut self.derivatives[first..]
     }
 
     fn run(
@@ -306,14 +330,10 @@ impl Rows {
         signals: Vec<Range<usize>>,
         prior: Range<usize>,
     ) -> Run {
-        let width = shared + of.free.len();
-        let all = match self.derivatives.is_empty() {
-            true => DMatrix::zeros(0, width),
-            false => DMatrix::from_rows(&self.derivatives),
-        };
+        let all = DMatrix::from_row_slice(self.residuals.len(), self.width, &self.derivatives);
         Run {
             shared: all.columns(0, shared).into_owned(),
-            own: all.columns(shared, width - shared).into_owned(),
+            own: all.columns(shared, self.width - shared).into_owned(),
             own_scales: of.scales.clone().into(),
             residuals: DVector::from_vec(self.residuals),
             time: self.time,
