@@ -80,7 +80,15 @@ fn with_named(files: &[PathBuf]) -> Vec<PathBuf> {
     let mut left = files.to_vec();
     while let Some(file) = left.pop() {
         if !all.contains(&file) {
-            left.extend(named_by(&file));
+            // A table names no files.
+            let is_table = file
+                .extension()
+                .is_some_and(|own| own.eq_ignore_ascii_case("csv"));
+            left.extend(if is_table {
+                Vec::new()
+            } else {
+                named_by(&file)
+            });
             all.push(file);
         }
     }

@@ -12,8 +12,9 @@ use pilotage_sqp::{Iteration, Solution, SqpOptions, Status};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-/// Relative error of the reference solution.
-const REFERENCE_TOLERANCE: f64 = 1e-10;
+/// Relative error of a step of the reference solution: this part of the errors that are asked for, between these limits.
+const REFERENCE_PART: f64 = 0.01;
+const REFERENCE_TOLERANCES: [f64; 2] = [1e-10, 1e-8];
 /// Fraction of a state's scale below which its magnitude does not matter.
 const SMALL: f64 = 1e-3;
 /// Maximum number of steps of the reference solution in a part of an interval; if it needs more, the interval is far
@@ -30,11 +31,13 @@ impl Collocation {
     ///
     /// From the states at the start of an interval, the equations are solved with error control to the samples inside
     /// it and to its end, with an L-stable method if they are stiff. The error is the largest difference of a state
-    /// there, divided by the largest magnitude of that state on the mesh of the run plus 10⁻³ of its scale. Errors
-    /// below 10⁻⁹ are rounding; without a solution, or if stopped, the error is infinite.
-    pub fn mesh_errors(&self, z: &[f64], stop: &Stop<'_>) -> Vec<Vec<f64>> {
+    /// there, divided by the largest magnitude of that state on the mesh of the run plus 10⁻³ of its scale. It is
+    /// known to about a hundredth of `tolerance`, but not below 10⁻⁹, nor worse than 10⁻⁷; without a solution, or if stopped, the error is infinite.
+    pub fn mesh_errors(&self, z: &[f64], tolerance: f64, stop: &Stop<'_>) -> Vec<Vec<f64>> {
         let mut errors = vec![Vec::new(); self.runs.len()];
-        parallel::each(&mut errors, |j, out| *out = self.run_errors(z, j, stop));
+        parallel::each(&mut errors, |j, out| {
+            *out = self.run_errors(z, j, tolerance, stop)
+        });
         errors
     }
 
@@ -52,13 +55,15 @@ impl Collocation {
             .collect()
     }
 
-    fn run_errors(&self, z: &[f64], j: usize, stop: &Stop<'_>) -> Vec<f64> {
+    fn run_errors(&self, z: &[f64], j: usize, tolerance: f64, stop: &Stop<'_>) -> Vec<f64> {
         let (run, path) = (&self.runs[j], Path::new(self, z, j));
         let theta = self.physical_theta(z);
         let nodes: Vec<Vec<f64>> = run.mesh.iter().map(|t| path.at(*t)).collect();
         let magnitudes = self.sizes(&nodes);
         let of = (&*self.model.tapes, run);
-        let mut reference = Reference::new(of, &theta, &magnitudes, REFERENCE_TOLERANCE);
+        let [least, most] = REFERENCE_TOLERANCES;
+        let tolerance = (REFERENCE_PART * tolerance).clamp(least, most);
+        let mut reference = Reference::new(of, &theta, &magnitudes, tolerance);
         reference.patience = MOST_STEPS;
         let error = |(ends, first): (&[f64], &Vec<f64>)| {
             let (mut time, mut x, mut worst) = (ends[0], first.clone(), 0.0_f64);
@@ -171,7 +176,7 @@ pub fn solve_refined(
     let mut round = 0;
     loop {
         let solution = solve(&problem, z, options, observer);
-        let errors = problem.mesh_errors(&solution.iterate.z, &|| false);
+        let errors = problem.mesh_errors(&solution.iterate.z, tolerance, &|| false);
         let is_exact = errors.iter().flatten().all(|error| *error <= tolerance);
         if is_exact || round == rounds || solution.status != Status::Converged {
             return Refined {

@@ -108,7 +108,7 @@ fn local_errors_are_those_of_the_exact_solution() {
             let states = problem.states_at_samples(&z, 0);
             let at = |t: f64| states[time.iter().position(|s| *s == t).unwrap()][0];
             let largest = mesh.iter().fold(0.0_f64, |m, t| m.max(at(*t).abs()));
-            let found = problem.mesh_errors(&z, &|| false).remove(0);
+            let found = problem.mesh_errors(&z, 1e-8, &|| false).remove(0);
             assert_eq!(found.len(), 10);
             for (ends, found) in mesh.windows(2).zip(found) {
                 let stops = time.iter().filter(|t| (ends[0]..=ends[1]).contains(t));
@@ -139,7 +139,7 @@ fn inputs_jump_where_errors_are_estimated() {
     let decay = (-0.5_f64).exp();
     let exact = [1.0 - decay, (x[1] + 1.0) * decay - 1.0];
     let largest = x.iter().fold(0.0_f64, |m, x| m.max(x.abs())) + 1e-3;
-    let found = &problem.mesh_errors(&z, &|| false)[0];
+    let found = &problem.mesh_errors(&z, 1e-8, &|| false)[0];
     for (found, error) in found.iter().zip([x[1] - exact[0], x[3] - exact[1]]) {
         assert!(
             (found - error.abs() / largest).abs() < 1e-9,
@@ -158,7 +158,7 @@ fn local_errors_fall_with_the_order_of_the_scheme() {
             // Of the first interval, which begins alike.
             let error = |intervals: u32| {
                 let (problem, z) = simulated(2.0, scheme, intervals, between);
-                problem.mesh_errors(&z, &|| false)[0][0]
+                problem.mesh_errors(&z, 1e-8, &|| false)[0][0]
             };
             let order = if between {
                 scheme.degree()

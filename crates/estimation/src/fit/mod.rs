@@ -220,7 +220,7 @@ fn best_flown(
     solved: &mut [Option<Solved>],
     watch: &Watch<'_, '_>,
 ) -> (usize, Option<Vec<Vec<f64>>>) {
-    let mut best = best_of(solved, watch);
+    let mut best = best_of(posed, solved, watch);
     let answers = solved.iter().flatten().filter(|own| has_converged(own));
     if answers.count() < 2 {
         return best;
@@ -231,7 +231,7 @@ fn best_flown(
         flies = (solved[best.0].as_ref()).is_some_and(|own| is_flown(posed, own, watch));
         if !flies {
             aside.push((best.0, solved[best.0].take()));
-            best = best_of(solved, watch);
+            best = best_of(posed, solved, watch);
         }
     }
     // Where none flies, it is the best after all.

@@ -4,6 +4,7 @@ use super::apart::{are_apart, are_near, are_within};
 use super::behind::Behind;
 use super::guided::{Entrants, few, guided, of_few};
 use super::raised::Begin;
+use super::refine;
 use super::solve::{once, rescaled, rescaled_with, solve};
 use super::watch::Watch;
 use crate::posed::Posed;
@@ -26,6 +27,9 @@ const FINALISTS: usize = 3;
 
 /// Part of the best objective up to which others are not far behind: that of a coarse mesh or of corrected equations is another.
 const CLOSE: f64 = 0.1;
+
+/// How many times what a coarse mesh has taken from the best objective others may be behind there.
+const FARTHER: f64 = 2.0;
 
 /// Part of the objective of a few runs below which the given start has found a valley there that coarse meshes hide.
 const HIDDEN: f64 = 0.8;
@@ -147,9 +151,21 @@ fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
     );
     // The best one alone, and the others as long as they may beat it.
     let others = open.split_off(open.len().min(1));
-    let number = open.first().map(|own| own.number);
+    let best = open.first().map(|own| (own.number, own.objective()));
     finish(posed, (open, known.clone()), &mut solved, watch);
-    let first = number.and_then(|k| solved[k].as_ref());
+    let first = best.and_then(|(k, coarse)| Some((solved[k].as_ref()?, coarse)));
+    // Those that were behind by more than a coarse mesh takes from an objective stay so.
+    let is_behind = |own: &Scout| {
+        let first = first.filter(|(own, _)| has_converged(own));
+        let behind = first.map_or(0.0, |(first, coarse)| {
+            let taken = (first.solution.iterate.f - coarse).abs();
+            own.objective() - coarse - FARTHER * taken.max(SAME * coarse.abs())
+        });
+        own.whole.is_some() && own.has_converged() && behind > 0.0
+    };
+    let (behind, others): (Vec<_>, Vec<_>) = others.into_iter().partition(is_behind);
+    left.extend(behind);
+    let first = first.map(|own| own.0);
     let is_passed = |few: f64| first.is_none_or(|own| few < HIDDEN * of_few(posed, own));
     let is_passed = few.is_some_and(is_passed);
     let known = self::known(first.into_iter()).into_iter().chain(known);
@@ -420,6 +436,7 @@ pub(super) fn better(solved: &[Option<Solved>]) -> Option<usize> {
 /// the one with the smallest mesh error is selected, since on a coarse mesh other parameters may fit equally well.
 /// These errors are returned too.
 pub(super) fn best_of(
+    posed: &Posed<'_>,
     solved: &[Option<Solved>],
     watch: &Watch<'_, '_>,
 ) -> (usize, Option<Vec<Vec<f64>>>) {
@@ -447,9 +464,11 @@ pub(super) fn best_of(
         return (first, None);
     }
     let errors = |(k, own): (usize, &Solved)| {
-        let errors = own
-            .problem
-            .mesh_errors(&own.solution.iterate.z, &|| watch.is_over());
+        let errors =
+            own.problem
+                .mesh_errors(&own.solution.iterate.z, refine::tolerance(posed), &|| {
+                    watch.is_over()
+                });
         (k, errors)
     };
     let all: Vec<(usize, Vec<Vec<f64>>)> = equal.into_par_iter().map(errors).collect();

@@ -146,7 +146,7 @@ fn raised(posed: &Posed<'_>, is_many: bool, watch: &Watch<'_, '_>) -> Option<Vec
     if !has_answer(&solved) {
         return None;
     }
-    let (best, _) = best_of(&solved, &quiet);
+    let (best, _) = best_of(&below, &solved, &quiet);
     let best = solved[best].take()?;
     let other = another(&best, &solved);
     let order = file.order_of(&instance)? as usize;

@@ -59,7 +59,7 @@ pub(super) fn finest(
 }
 
 /// The error up to which a mesh is refined.
-fn tolerance(posed: &Posed<'_>) -> f64 {
+pub(super) fn tolerance(posed: &Posed<'_>) -> f64 {
     match posed.file.options.mesh {
         Mesh::Tolerance(tolerance) => tolerance,
         Mesh::Step(_) | Mesh::Samples => f64::INFINITY,
@@ -78,7 +78,9 @@ fn refine(
     let tolerance = tolerance(posed);
     let mut refinement = Refinement::new(&solved);
     loop {
-        let errors = known.take().unwrap_or_else(|| errors(&solved, watch));
+        let errors = known
+            .take()
+            .unwrap_or_else(|| errors(posed, &solved, watch));
         refinement.is_done = watch.over().is_none();
         refinement.take(&solved, &errors);
         let is_end =
@@ -116,8 +118,9 @@ impl Refinement {
     }
 }
 
-fn errors(solved: &Solved, watch: &Watch<'_, '_>) -> Vec<Vec<f64>> {
-    (solved.problem).mesh_errors(&solved.solution.iterate.z, &|| watch.is_over())
+fn errors(posed: &Posed<'_>, solved: &Solved, watch: &Watch<'_, '_>) -> Vec<Vec<f64>> {
+    let z = &solved.solution.iterate.z;
+    (solved.problem).mesh_errors(z, tolerance(posed), &|| watch.is_over())
 }
 
 /// The problem on a mesh refined where its errors are large, and its variables there. None if it has too many

@@ -49,7 +49,7 @@ pub(super) fn search<'a, 'o>(posed: &Posed<'_>, watch: Watch<'a, 'o>) -> Searche
     if !begin.drawn.is_empty()
         && let Some(tumbles) = tumbles
     {
-        let (best, _) = best_of(&found.solved, &watch);
+        let (best, _) = best_of(posed, &found.solved, &watch);
         let own = found.solved[best].take();
         found.solved[best] = own.map(|own| tumbles.improved(posed, own, best, &watch));
     }
@@ -136,7 +136,7 @@ pub(super) fn saturated<'a, 'o>(
         Some(own)
     });
     found.raced.solved = solved.collect();
-    let (best, _) = best_of(&found.raced.solved, &found.watch);
+    let (best, _) = best_of(posed, &found.raced.solved, &found.watch);
     let best = found.raced.solved[best].as_ref();
     let is_answer = best.is_some_and(|own| {
         let at = (&own.problem, &own.solution.iterate.z[..]);

@@ -43,7 +43,7 @@ pub struct Beforehand {
 /// starts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Identifiability {
-    /// Number of starts.
+    /// Number of starts that were looked at: one, if all is clear there.
     pub starts: usize,
     /// Singular values of the sensitivity at the given start, in descending order. Each parameter's column has length
     /// 1.
@@ -168,11 +168,20 @@ fn identifiability(posed: &Posed<'_>, stop: &Stop<'_>) -> Option<Identifiability
         return None;
     }
     let count = posed.file.options.starts().min(STARTS);
-    let all = starts(posed, count).into_par_iter();
-    let known: Vec<Data> = all
-        .filter_map(|start| at_start(posed, &start, stop))
-        .collect();
     let names = names(posed);
+    let mut all = starts(posed, count);
+    let others = all.split_off(1.min(count));
+    let mut known: Vec<Data> = Vec::new();
+    known.extend(at_start(posed, &all[0], stop));
+    // Where it shows nothing at the first, others need not be looked at.
+    if !known
+        .first()
+        .is_some_and(|own| is_clear(posed, &names, own))
+    {
+        let others = others.par_iter();
+        let others = others.filter_map(|start| at_start(posed, start, stop));
+        known.extend(others.collect::<Vec<Data>>());
+    }
     let each: Vec<Inference<'_>> = known
         .iter()
         .filter_map(|own| Inference::new(own).ok())
@@ -192,6 +201,14 @@ fn identifiability(posed: &Posed<'_>, stop: &Stop<'_>) -> Option<Identifiability
         flat: flat.map(|own| words::direction(own, &names)).collect(),
         weak: weak(posed, &names, &deviations, first.data),
         deviations: names.into_iter().zip(deviations).collect(),
+    })
+}
+
+/// Whether all parameters are determined there, none of them poorly.
+fn is_clear(posed: &Posed<'_>, names: &[String], data: &Data) -> bool {
+    let inference = Inference::new(data).ok();
+    inference.is_some_and(|own| {
+        own.directions.is_empty() && weak(posed, names, &deviations(&own), data).is_empty()
     })
 }
 
