@@ -91,7 +91,7 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let (mut clock, mut seconds) = (Instant::now(), Seconds::default());
     let watch = Watch::new(observer, posed.file.options.starts());
     // What makes any fit meaningless is all that is said of it.
-    let hopeless = before(posed);
+    let hopeless = before(posed).to_vec();
     let is_hopeless = hopeless.iter().any(Diagnostic::is_fatal);
     if is_hopeless {
         watch.end_at_start();

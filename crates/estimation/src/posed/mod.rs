@@ -24,6 +24,7 @@ use crate::posed::switches::Switches;
 use crate::posed::unknowns::{Parameters, Unknown};
 use crate::problem::error::ProblemError;
 use crate::problem::file::{Initial, Limits, ProblemFile};
+use crate::result::diagnostic::Diagnostic;
 use crate::system::joint::Joint;
 use crate::system::part::{Part, with_locals};
 use nalgebra::{Complex, DMatrix};
@@ -33,7 +34,7 @@ use pilotage_expression::{Function, Graph, Operation, System};
 use pilotage_filter::Filter;
 use pilotage_linear::eigenvalues;
 use std::borrow::Cow;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Maximum number of mesh intervals of all runs together.
 pub(crate) const MOST_INTERVALS: usize = 400_000;
@@ -88,6 +89,8 @@ pub struct Posed<'f> {
     pub left_out: Vec<String>,
     /// Iteration limit of each start: that of the file; less without the limits of outputs, where a solve only leads on.
     pub(crate) most_iterations: usize,
+    /// What the recordings alone give to doubt, once it has been looked for.
+    pub(crate) before: OnceLock<Vec<Diagnostic>>,
 }
 
 /// Whether expressions of these variables are selected between, or have magnitudes.
@@ -307,6 +310,7 @@ impl<'f> Posed<'f> {
             switches,
             left_out,
             most_iterations: file.options.max_iterations,
+            before: OnceLock::new(),
         })
     }
 }

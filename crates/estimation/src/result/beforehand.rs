@@ -10,13 +10,12 @@ use crate::result::through::{Contradicting, contradicting};
 use crate::result::uncertainty::{linearised, names, words};
 use crate::search::begin::begin_whole;
 use crate::search::starts::{Start, starts};
-use pilotage_collocation::Stop;
+use pilotage_collocation::{Stop, coarser, rougher};
 use pilotage_inference::spectrum::{Excitation, Starved};
 use pilotage_inference::{Data, Direction, Inference};
 use pilotage_sqp::Iterate;
 use pilotage_text::counted;
 use pilotage_text::number::short;
-use rayon::prelude::*;
 
 /// Maximum number of starts at which the problem is linearised.
 const STARTS: usize = 3;
@@ -43,7 +42,7 @@ pub struct Beforehand {
 /// starts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Identifiability {
-    /// Number of starts that were looked at: one, if all is clear there.
+    /// Number of starts that were looked at: no more than it takes to see all parameters determined.
     pub starts: usize,
     /// Singular values of the sensitivity at the given start, in descending order. Each parameter's column has length
     /// 1.
@@ -169,52 +168,62 @@ fn identifiability(posed: &Posed<'_>, stop: &Stop<'_>) -> Option<Identifiability
     }
     let count = posed.file.options.starts().min(STARTS);
     let names = names(posed);
-    let mut all = starts(posed, count);
-    let others = all.split_off(1.min(count));
-    let mut known: Vec<Data> = Vec::new();
-    known.extend(at_start(posed, &all[0], stop));
-    // Where it shows nothing at the first, others need not be looked at.
-    if !known
-        .first()
-        .is_some_and(|own| is_clear(posed, &names, own))
-    {
-        let others = others.par_iter();
-        let others = others.filter_map(|start| at_start(posed, start, stop));
-        known.extend(others.collect::<Vec<Data>>());
+    let mut found: Option<Identifiability> = None;
+    let mut directions = Vec::new();
+    let mut is_open = vec![true; names.len()];
+    for start in starts(posed, count) {
+        let Some(data) = at_start(posed, &start, stop) else {
+            continue;
+        };
+        let Ok(own) = Inference::new(&data) else {
+            continue;
+        };
+        let pairs = is_open.iter_mut().zip(&own.flat);
+        pairs.for_each(|(open, flat)| *open &= flat);
+        let mut least = deviations(&own);
+        match &found {
+            None => directions = own.directions.clone(),
+            Some(before) => {
+                let pairs = least.iter_mut().zip(&before.deviations);
+                pairs.for_each(|(own, (_, before))| *own = own.min(*before));
+            }
+        }
+        let is_flat = |own: &&Direction| {
+            let mut parts = own.0.iter().enumerate().filter(|(_, part)| **part != 0.0);
+            parts.all(|(k, _)| is_open[k])
+        };
+        let flat = directions.iter().filter(is_flat);
+        let next = Identifiability {
+            starts: found.as_ref().map_or(0, |own| own.starts) + 1,
+            flat: flat.map(|own| words::direction(own, &names)).collect(),
+            weak: weak(posed, &names, &least, &data),
+            deviations: names.iter().cloned().zip(least).collect(),
+            singular_values: match found {
+                Some(before) => before.singular_values,
+                None => own.singular_values.clone(),
+            },
+        };
+        let is_clear = next.flat.is_empty() && next.weak.is_empty();
+        found = Some(next);
+        if is_clear {
+            break;
+        }
     }
-    let each: Vec<Inference<'_>> = known
-        .iter()
-        .filter_map(|own| Inference::new(own).ok())
-        .collect();
-    let first = each.first()?;
-    let least = |a: Vec<f64>, b: Vec<f64>| a.iter().zip(&b).map(|(a, b)| a.min(*b)).collect();
-    let deviations: Vec<f64> = each.iter().map(deviations).reduce(least)?;
-    let is_open = |k: usize| each.iter().all(|own| own.flat[k]);
-    let is_flat = |own: &&Direction| {
-        let mut parts = own.0.iter().enumerate().filter(|(_, part)| **part != 0.0);
-        parts.all(|(k, _)| is_open(k))
-    };
-    let flat = first.directions.iter().filter(is_flat);
-    Some(Identifiability {
-        starts: each.len(),
-        singular_values: first.singular_values.clone(),
-        flat: flat.map(|own| words::direction(own, &names)).collect(),
-        weak: weak(posed, &names, &deviations, first.data),
-        deviations: names.into_iter().zip(deviations).collect(),
-    })
-}
-
-/// Whether all parameters are determined there, none of them poorly.
-fn is_clear(posed: &Posed<'_>, names: &[String], data: &Data) -> bool {
-    let inference = Inference::new(data).ok();
-    inference.is_some_and(|own| {
-        own.directions.is_empty() && weak(posed, names, &deviations(&own), data).is_empty()
-    })
+    found
 }
 
 /// The problem, linearised at a start. None if that is not finite, or the states there do not follow the equations.
 fn at_start(posed: &Posed<'_>, start: &Start, stop: &Stop<'_>) -> Option<Data> {
-    let (problem, z) = begin_whole(posed, start, stop)?;
+    let (whole, z) = begin_whole(posed, start, stop)?;
+    // Of long runs means of a few samples say the same.
+    let coarse = coarser(&whole).or_else(|| rougher(&whole));
+    let (problem, z) = match coarse {
+        Some(coarse) => {
+            let z = whole.carried(&z, &coarse);
+            (coarse, z)
+        }
+        None => (whole, z),
+    };
     let at = Iterate::new(&problem, z);
     Some(linearised(posed, &problem, &at)?.data)
 }

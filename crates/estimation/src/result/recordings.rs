@@ -55,13 +55,15 @@ struct Recorded<'p> {
 }
 
 /// All that needs no fit, what makes any fit meaningless first. Where nothing moves, samples are of no interest.
-pub fn before(posed: &Posed<'_>) -> Vec<Diagnostic> {
-    let mut all = of_recordings(posed, None);
-    if all.contains(&Diagnostic::ConstantData) {
-        all.retain(Diagnostic::is_fatal);
-    }
-    all.sort_by_key(|own| !own.is_fatal());
-    all
+pub fn before<'p>(posed: &'p Posed<'_>) -> &'p [Diagnostic] {
+    posed.before.get_or_init(|| {
+        let mut all = of_recordings(posed, None);
+        if all.contains(&Diagnostic::ConstantData) {
+            all.retain(Diagnostic::is_fatal);
+        }
+        all.sort_by_key(|own| !own.is_fatal());
+        all
+    })
 }
 
 /// All of these diagnostics, without those that the residuals of an answer tell better.

@@ -14,8 +14,8 @@ const GROWTH: f64 = 3.0;
 const DELAYS: f64 = 0.125;
 /// Least number of samples of a piece for each initial state and factor.
 const FEWEST: usize = 4;
-/// Largest number of samples of all pieces: more tell little more.
-const MOST: usize = 20_000;
+/// About the largest number of samples of all pieces, which are spread over the runs: more tell little more.
+const MOST: usize = 6000;
 /// Error tolerance of the simulations, and step of the differences, relative to the sizes of states.
 const TOLERANCE: f64 = 1e-7;
 const STEP: f64 = 1e-3;
@@ -57,19 +57,23 @@ pub fn windows(
     let growth = poles.iter().map(|pole| pole.re).fold(0.0, f64::max);
     let least = FEWEST * (posed.states.len() + 2 * drivers + 1);
     let mut all: Vec<(usize, Window)> = Vec::new();
-    let mut samples = 0;
+    let samples: usize = posed.runs.iter().map(|run| run.time.len()).sum();
+    let (every, mut pieces) = (samples.div_ceil(MOST), 0..);
     for (j, run) in posed.runs.iter().enumerate() {
         let (first, last) = (run.time[0], run.time[run.time.len() - 1]);
         let length = ((last - first) / PIECES).min(GROWTH / growth);
         let count = ((last - first) / length).ceil() as usize;
-        for piece in 0..count.min(MOST) {
+        for piece in 0..count.min(samples) {
             let begin = first + piece as f64 * length;
             let from = run.time.partition_point(|t| *t < begin);
             let to = run.time.partition_point(|t| *t <= begin + length);
-            if to - from < least || samples > MOST {
+            if to - from < least
+                || !pieces
+                    .next()
+                    .is_some_and(|k: usize| k.is_multiple_of(every))
+            {
                 continue;
             }
-            samples += to - from;
             let mut own = Window::new(posed, j, from..to, spreads);
             own.longest = DELAYS * length;
             if own.seen().count() >= least {
