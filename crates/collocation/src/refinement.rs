@@ -24,7 +24,7 @@ const MOST_STEPS: usize = 2000;
 const MOST_PARTS: f64 = 16.0;
 /// Part of the tolerance at which a refinement aims: errors follow the order of the scheme only nearly, and one interval that exceeds
 /// it means another solve.
-const AIM: f64 = 0.7;
+const AIM: f64 = 0.5;
 
 impl Collocation {
     /// Relative local errors of the states of every run, for each interval of its mesh.
