@@ -8,6 +8,7 @@ use crate::search::solved::STIFF_SCHEME;
 use crate::search::starts::{Start, starts};
 use pilotage_collocation::{Bound, Collocation, Course, Quality, Run, Scales, Scheme, Stop};
 use rayon::prelude::*;
+use std::collections::HashMap;
 
 /// Approximate maximum number of nodes added to the samples on initial meshes.
 const MOST_NODES: usize = 4000;
@@ -25,6 +26,9 @@ const TOLERANCE: f64 = 1e-6;
 
 /// The same where a simulation only provides states, and no mesh.
 const GUESS: f64 = 1e-3;
+
+/// Smallest scale of a state, relative to the largest of its instance in its unit.
+const NEGLIGIBLE: f64 = 1e-6;
 
 /// A state that stays below this fraction of its assumed size is simulated again with its actual size.
 const TINY: f64 = 0.1;
@@ -274,12 +278,31 @@ fn sizes(posed: &Posed<'_>, initial: &[f64]) -> Vec<f64> {
         .collect()
 }
 
+/// What a state's magnitude can be compared with: states of its instance in its unit.
+fn kind<'p>(posed: &'p Posed<'_>, name: &'p str) -> (&'p str, Option<&'p str>) {
+    let instance = name.split_once('.').map_or("", |(instance, _)| instance);
+    let about = posed.joint.variables.get(name);
+    (instance, about.and_then(|own| own.unit.as_deref()))
+}
+
 /// Magnitudes of states and parameters.
 pub(crate) fn scales(posed: &Posed<'_>, courses: &[Course], theta: &[f64]) -> Scales {
     let sizes: Vec<Vec<f64>> = courses.iter().map(Course::sizes).collect();
     let largest = |k: usize| sizes.iter().map(|own| own[k]).fold(0.0, f64::max);
+    // Of a chain the far end may hardly move with these parameters, and move with others.
+    let kinds: Vec<_> = posed
+        .states
+        .iter()
+        .map(|own| kind(posed, &own.name))
+        .collect();
+    let mut most: HashMap<(&str, Option<&str>), f64> = HashMap::new();
+    for (k, kind) in kinds.iter().enumerate() {
+        let most = most.entry(*kind).or_default();
+        *most = most.max(largest(k));
+    }
     let state = |k: usize| {
-        let seen = Some(largest(k)).filter(|size| *size > 0.0);
+        let seen = largest(k).max(NEGLIGIBLE * most[&kinds[k]]);
+        let seen = Some(seen).filter(|size| *size > 0.0);
         posed.states[k].nominal.or(seen).unwrap_or(1.0)
     };
     let mut parameters: Vec<f64> = theta.iter().map(|value| value.abs()).collect();
