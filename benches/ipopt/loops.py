@@ -105,6 +105,33 @@ def tracking_loop(x, target, p):
     return rates, {"vehicle.position": position, "pilot.stick": arm}
 
 
+def linear_loop(x, target, p):
+    """The linear pilot of order 3 in observable canonical form with K/s."""
+    position, stick = x["vehicle.position"], x["pilot.x1"]
+    error = target[0] - position
+    rates = {
+        "pilot.x1": x["pilot.x2"] + p["pilot.theta6"] * error - p["pilot.theta3"] * stick,
+        "pilot.x2": x["pilot.x3"] + p["pilot.theta5"] * error - p["pilot.theta2"] * stick,
+        "pilot.x3": p["pilot.theta4"] * error - p["pilot.theta1"] * stick,
+        "vehicle.position": 10.0 * stick,
+    }
+    return rates, {"vehicle.position": position, "pilot.stick": stick}
+
+
+def person(name, *measured):
+    """Ten runs of a person, as recorded in a laboratory, and a linear pilot: what is measured of stick and position."""
+    signals = {"vehicle.position": ("position", 0.2), "pilot.stick": ("stick", 0.03)}
+    theta = [216, 108, 18, 21.6, 0, 0]
+    return Case(
+        name, "linear", "integrator", linear_loop, "trapezoid",
+        humans=[(0.2, 0.0, 0.23, 12)], size=1.0, runs=10, samples=1351,
+        measured={signal: signals[signal] for signal in measured},
+        limited=["pilot.stick"],
+        sought={f"pilot.theta{k + 1}": Sought(value) for k, value in enumerate(theta)},
+        free=["pilot.x1", "pilot.x2", "pilot.x3", "vehicle.position"],
+    )  # fmt: skip
+
+
 CASES = [
     Case(
         "precision", "precision", "double_integrator", precision_loop, "hermite-simpson",
@@ -151,4 +178,7 @@ CASES = [
         free=["vehicle.position"],
         missing=0.03,
     ),
+    person("person", "vehicle.position", "pilot.stick"),
+    person("person-stick", "pilot.stick"),
+    person("person-position", "vehicle.position"),
 ]  # fmt: skip
