@@ -40,7 +40,7 @@ pub fn fitted(trials: &[Trial], options: &FlightOptions) -> Fit {
 pub fn recorded(trials: &[Trial]) -> Vec<Diagnostic> {
     let file = FlightOptions::default().problem(&set(trials));
     let file = file.expect("flights with positions");
-    before(&Posed::new(&file, &open).expect("a problem")).to_vec()
+    before(&Posed::new(&file, &open).expect("a problem"))
 }
 
 /// θ of the fitted pilot.

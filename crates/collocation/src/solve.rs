@@ -62,8 +62,16 @@ impl Collocation {
         let scales = &self.model.scales;
         let mut z = Vec::with_capacity(self.layout.theta + theta.len());
         for (grid, (time, states)) in self.grids.iter().zip(runs) {
+            let mut after = 0;
             for t in &grid.times {
-                let to = time.partition_point(|s| s < t).clamp(1, time.len() - 1);
+                // Most times follow each other.
+                if after > 0 && time[after - 1] >= *t {
+                    after = time.partition_point(|s| s < t);
+                }
+                while after < time.len() && time[after] < *t {
+                    after += 1;
+                }
+                let to = after.clamp(1, time.len() - 1);
                 let span = time[to] - time[to - 1];
                 let c = if span > 0.0 {
                     (t - time[to - 1]) / span

@@ -222,7 +222,7 @@ fn checks(set: &TrialSet) -> Result<Vec<Diagnostic>, Failure> {
                 ..set.clone()
             };
             let file = FlightOptions::default().problem(&alone)?;
-            found.extend_from_slice(before(&Posed::new(&file, &flights::open)?));
+            found.extend(before(&Posed::new(&file, &flights::open)?));
         }
     }
     Ok(found)

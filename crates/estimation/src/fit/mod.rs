@@ -53,7 +53,7 @@ use crate::result::diagnostics::diagnostics;
 use crate::result::events::{Events, events};
 use crate::result::left_over::beside_inputs;
 use crate::result::loops::Looped;
-use crate::result::recordings::before;
+use crate::result::recordings::hopeless;
 use crate::result::uncertainty::{Unsure, linearised, method, uncertainty};
 use crate::result::{Fit, MUCH, Seconds, StartEnd, lap};
 use crate::search::solved::{Refinement, Solved};
@@ -91,8 +91,8 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
     let (mut clock, mut seconds) = (Instant::now(), Seconds::default());
     let watch = Watch::new(observer, posed.file.options.starts());
     // What makes any fit meaningless is all that is said of it.
-    let hopeless = before(posed).to_vec();
-    let is_hopeless = hopeless.iter().any(Diagnostic::is_fatal);
+    let hopeless = hopeless(posed);
+    let is_hopeless = !hopeless.is_empty();
     if is_hopeless {
         watch.end_at_start();
     }

@@ -149,7 +149,9 @@ fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
             .filter(|own| own.whole.is_none())
             .map(|own| &own.solved),
     );
-    // The best one alone, and the others as long as they may beat it.
+    // Of those on coarse meshes the best one alone, and the others as long as they may beat it.
+    let (mut open, whole): (Vec<_>, Vec<_>) = open.into_iter().partition(|own| own.whole.is_some());
+    finish(posed, (whole, known.clone()), &mut solved, watch);
     let others = open.split_off(open.len().min(1));
     let best = open.first().map(|own| (own.number, own.objective()));
     finish(posed, (open, known.clone()), &mut solved, watch);
@@ -161,7 +163,7 @@ fn race(posed: &Posed<'_>, entrants: Entrants, watch: &Watch<'_, '_>) -> Raced {
             let taken = (first.solution.iterate.f - coarse).abs();
             own.objective() - coarse - FARTHER * taken.max(SAME * coarse.abs())
         });
-        own.whole.is_some() && own.has_converged() && behind > 0.0
+        own.has_converged() && behind > 0.0
     };
     let (behind, others): (Vec<_>, Vec<_>) = others.into_iter().partition(is_behind);
     left.extend(behind);

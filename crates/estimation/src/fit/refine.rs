@@ -112,6 +112,10 @@ impl Refinement {
     /// Records the data of a mesh.
     fn take(&mut self, solved: &Solved, errors: &[Vec<f64>]) {
         let largest = errors.iter().flatten().copied().fold(0.0, f64::max);
+        self.gain = match self.rounds {
+            0 => 1.0,
+            _ => largest / self.error,
+        };
         self.error = if self.is_done { largest } else { f64::NAN };
         self.intervals = errors.iter().map(Vec::len).sum();
         self.scheme = solved.problem.scheme;

@@ -24,7 +24,6 @@ use crate::posed::switches::Switches;
 use crate::posed::unknowns::{Parameters, Unknown};
 use crate::problem::error::ProblemError;
 use crate::problem::file::{Initial, Limits, ProblemFile};
-use crate::result::diagnostic::Diagnostic;
 use crate::system::joint::Joint;
 use crate::system::part::{Part, with_locals};
 use nalgebra::{Complex, DMatrix};
@@ -89,8 +88,8 @@ pub struct Posed<'f> {
     pub left_out: Vec<String>,
     /// Iteration limit of each start: that of the file; less without the limits of outputs, where a solve only leads on.
     pub(crate) most_iterations: usize,
-    /// What the recordings alone give to doubt, once it has been looked for.
-    pub(crate) before: OnceLock<Vec<Diagnostic>>,
+    /// Whether the recordings alone make any fit meaningless, once that has been looked for.
+    pub(crate) is_hopeless: OnceLock<bool>,
 }
 
 /// Whether expressions of these variables are selected between, or have magnitudes.
@@ -310,7 +309,7 @@ impl<'f> Posed<'f> {
             switches,
             left_out,
             most_iterations: file.options.max_iterations,
-            before: OnceLock::new(),
+            is_hopeless: OnceLock::new(),
         })
     }
 }

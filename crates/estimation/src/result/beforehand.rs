@@ -5,7 +5,7 @@ use crate::posed::{Posed, Stands};
 use crate::result::Fit;
 use crate::result::describing::excitation;
 use crate::result::diagnostic::Diagnostic;
-use crate::result::recordings::before;
+use crate::result::recordings::hopeless;
 use crate::result::through::{Contradicting, contradicting};
 use crate::result::uncertainty::{linearised, names, words};
 use crate::search::begin::begin_whole;
@@ -68,7 +68,7 @@ pub fn beforehand(posed: &Posed<'_>, stop: &Stop<'_>) -> Beforehand {
         .count();
     let signals = posed.file.measured.len();
     // Where no search can lead to an answer, the reason is all there is to say.
-    let is_hopeless = before(posed).iter().any(Diagnostic::is_fatal);
+    let is_hopeless = !hopeless(posed).is_empty();
     let has_fmu = posed.joint.parts.iter().any(|(_, part)| part.fmu.is_some());
     let identifiability = || match has_fmu || posed.filter.is_some() || is_hopeless {
         // Process noise does not affect a simulation.

@@ -321,5 +321,7 @@ fn of_mesh(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
             rounds: (refinement.rounds == Refinement::MOST).then_some(refinement.rounds),
         });
     }
-    (change > MOVES).then_some(Diagnostic::MeshMoves(change))
+    // Another refinement would move it by about as much less as the error has become.
+    let left = change * refinement.gain.min(1.0);
+    (left > MOVES).then_some(Diagnostic::MeshMoves(change))
 }

@@ -55,15 +55,26 @@ struct Recorded<'p> {
 }
 
 /// All that needs no fit, what makes any fit meaningless first. Where nothing moves, samples are of no interest.
-pub fn before<'p>(posed: &'p Posed<'_>) -> &'p [Diagnostic] {
-    posed.before.get_or_init(|| {
-        let mut all = of_recordings(posed, None);
-        if all.contains(&Diagnostic::ConstantData) {
-            all.retain(Diagnostic::is_fatal);
-        }
-        all.sort_by_key(|own| !own.is_fatal());
-        all
-    })
+pub fn before(posed: &Posed<'_>) -> Vec<Diagnostic> {
+    let mut all = of_recordings(posed, None);
+    if all.contains(&Diagnostic::ConstantData) {
+        all.retain(Diagnostic::is_fatal);
+    }
+    all.sort_by_key(|own| !own.is_fatal());
+    all
+}
+
+/// The same where they make any fit meaningless; otherwise none.
+pub(crate) fn hopeless(posed: &Posed<'_>) -> Vec<Diagnostic> {
+    if posed.is_hopeless.get() == Some(&false) {
+        return Vec::new();
+    }
+    let mut all = before(posed);
+    let is_hopeless = all.iter().any(Diagnostic::is_fatal);
+    if !*posed.is_hopeless.get_or_init(|| is_hopeless) {
+        all.clear();
+    }
+    all
 }
 
 /// All of these diagnostics, without those that the residuals of an answer tell better.

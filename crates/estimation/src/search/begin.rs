@@ -290,19 +290,17 @@ pub(crate) fn scales(posed: &Posed<'_>, courses: &[Course], theta: &[f64]) -> Sc
     let sizes: Vec<Vec<f64>> = courses.iter().map(Course::sizes).collect();
     let largest = |k: usize| sizes.iter().map(|own| own[k]).fold(0.0, f64::max);
     // Of a chain the far end may hardly move with these parameters, and move with others.
-    let kinds: Vec<_> = posed
-        .states
-        .iter()
-        .map(|own| kind(posed, &own.name))
-        .collect();
+    let states = &posed.joint.model.states;
+    let kinds: Vec<_> = states.iter().map(|name| kind(posed, name)).collect();
     let mut most: HashMap<(&str, Option<&str>), f64> = HashMap::new();
     for (k, kind) in kinds.iter().enumerate() {
         let most = most.entry(*kind).or_default();
         *most = most.max(largest(k));
     }
     let state = |k: usize| {
-        let seen = largest(k).max(NEGLIGIBLE * most[&kinds[k]]);
-        let seen = Some(seen).filter(|size| *size > 0.0);
+        let negligible = kinds.get(k).map_or(0.0, |kind| NEGLIGIBLE * most[kind]);
+        let seen = Some(largest(k)).filter(|size| *size > 0.0);
+        let seen = seen.map(|size| size.max(negligible));
         posed.states[k].nominal.or(seen).unwrap_or(1.0)
     };
     let mut parameters: Vec<f64> = theta.iter().map(|value| value.abs()).collect();

@@ -85,6 +85,8 @@ pub struct Refinement {
     pub intervals: usize,
     /// Largest estimated relative error of a state; NaN if it was not estimated.
     pub error: f64,
+    /// The error over that of the mesh before; 1 without a refinement.
+    pub gain: f64,
     /// Change of each shared parameter by the last refinement, relative to its scale.
     pub changes: Vec<f64>,
     /// Iterations of all solves.
@@ -112,6 +114,7 @@ impl Refinement {
                 .map(|run| run.mesh.len() - 1)
                 .sum(),
             error: f64::NAN,
+            gain: 1.0,
             changes: Vec::new(),
             iterations: solved.solution.work.iterations,
             scheme: solved.problem.scheme,
