@@ -6,6 +6,7 @@
 
 mod assembly;
 pub mod data;
+pub mod delayed;
 pub(crate) mod followed;
 pub(crate) mod interval;
 pub(crate) mod names;
@@ -110,7 +111,7 @@ impl<'f> Posed<'f> {
     /// Whether derivatives of the equations may jump with states or parameters: they have kinks, or are those of FMUs.
     pub(crate) fn may_have_kinks(&self) -> bool {
         let mut parts = self.joint.parts.iter();
-        parts.any(|(_, part)| part.fmu.is_some()) || self.has_kinks()
+        parts.any(|(_, part)| part.fmu.is_some() || !part.delayed.is_empty()) || self.has_kinks()
     }
 
     /// Whether the equations select between expressions of states or parameters, take magnitudes of them or look them up in
@@ -214,7 +215,10 @@ impl<'f> Posed<'f> {
     /// # Errors
     /// When anything in it is inconsistent. The error states file, line and column.
     pub fn new(file: &'f ProblemFile, open: Open<'_>) -> Result<Self, ProblemError> {
-        let joint = Joint::new(&file.system, opened(file, open)?)?;
+        let joint = Joint::new(
+            &file.system,
+            delayed::with_delays(file, opened(file, open)?, None)?,
+        )?;
         let is_limited = |(_, part): &(String, Part)| part.limits.iter().any(Option::is_some);
         if file.options.limits == Limits::Constrain || !joint.parts.iter().any(is_limited) {
             return Self::of(file, joint, None);
@@ -232,7 +236,8 @@ impl<'f> Posed<'f> {
     /// # Errors
     /// As [`Self::new`].
     pub(crate) fn unlimited(file: &'f ProblemFile, open: Open<'_>) -> Result<Self, ProblemError> {
-        Self::of(file, Joint::new(&file.system, opened(file, open)?)?, None)
+        let parts = delayed::with_delays(file, opened(file, open)?, None)?;
+        Self::of(file, Joint::new(&file.system, parts)?, None)
     }
 
     /// The problem without limits of outputs if these saturate, otherwise itself.
