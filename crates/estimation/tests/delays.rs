@@ -1,6 +1,6 @@
-//! Delays without an order: exact where they take recorded inputs alone.
+//! Delays without an order: exact where they take recorded inputs alone, and else of an order that is raised.
 
-use pilotage_estimation::{Fit, Posed, ProblemFile, fit, part};
+use pilotage_estimation::{Fit, Posed, ProblemFile, fit_delays, part};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -93,7 +93,7 @@ fn fitted_with(problem: &str, model: &str, hold: Hold, [u, x]: [&[f64]; 2], opti
     );
     let file = ProblemFile::parse(&text, &folder.path().join("problem.toml")).unwrap();
     let posed = Posed::new(&file, &part::open).unwrap();
-    let fit = fit(&posed, &mut |_| ControlFlow::Continue(()));
+    let (_, fit) = fit_delays(&posed, &mut |_| ControlFlow::Continue(()));
     assert!(fit.is_answer(), "{:?} {:?}", fit.status, fit.diagnostics);
     fit
 }
@@ -131,7 +131,7 @@ fn off(fit: &Fit, truth: [f64; 3]) -> [(f64, bool); 3] {
 /// Whatever part of a sample the delay is, and whatever is between the samples.
 #[test]
 fn a_delay_of_a_recorded_input_is_exact() {
-    for (shape, name) in [(square as fn(usize) -> f64, "square"), (rough, "rough")] {
+    for shape in [square as fn(usize) -> f64, rough] {
         let u: Vec<f64> = (0..COUNT).map(shape).collect();
         for hold in [Hold::Zero, Hold::Linear] {
             for tau in [1.3, 1.317, 0.03] {
@@ -139,6 +139,7 @@ fn a_delay_of_a_recorded_input_is_exact() {
                 let x = response(&u, hold, truth);
                 let fit = fitted(&model("gain * delay(u, tau)"), hold, [&u, &x], "");
                 assert_near(values(&fit), truth, 2e-6);
+                assert_eq!(fit.delays, None);
             }
         }
     }
@@ -252,5 +253,53 @@ fn delays_are_seen_on_any_mesh() {
             &options,
         );
         assert_near(values(&fit), truth, most);
+    }
+}
+
+/// A delay between two lags is that of the recorded input, which is exact: order by order the estimates come to those of the same
+/// system with the delay in front, within what they are said to move.
+#[test]
+fn the_order_is_raised_until_the_estimates_stay() {
+    const FIRST: f64 = 0.4;
+    let [gain, lag, tau] = TRUE;
+    let model = |first: &str, second: &str| {
+        let rate = format!("({second} - x) / lag");
+        let whole = model("").replace("( - x) / lag", &rate);
+        whole + &format!("first.der = \"({first} - first) / {FIRST}\"\n")
+    };
+    let sine = |k: usize| (0.05 * k as f64).sin() + (0.13 * k as f64).sin();
+    let signals: [(fn(usize) -> f64, f64, usize, bool); 3] = [
+        (sine, 0.03, 8, true),
+        (square, 0.1, 18, true),
+        (square, 0.001, 27, false),
+    ];
+    for (shape, deviation, order, is_enough) in signals {
+        let u: Vec<f64> = (0..COUNT).map(shape).collect();
+        // Partial fractions of two lags in series.
+        let [one, two] = [FIRST, lag].map(|own| response(&u, Hold::Zero, [gain, own, tau]));
+        let noise = noise(3, deviation);
+        let pairs = one.iter().zip(&two).zip(noise);
+        let pure = |one: &f64, two: &f64| (FIRST * one - lag * two) / (FIRST - lag);
+        let x: Vec<f64> = pairs.map(|((one, two), e)| pure(one, two) + e).collect();
+        let exact = model("delay(u, tau)", "gain * first");
+        let exact = fitted(&exact, Hold::Zero, [&u, &x], "starts = 1\n");
+        let raised = model("u", "gain * delay(first, tau)");
+        let raised = fitted(&raised, Hold::Zero, [&u, &x], "starts = 1\n");
+        let own = raised.delays.as_ref().unwrap();
+        assert_eq!((own.order, own.is_enough), (order, is_enough), "{own:?}");
+        assert_eq!(own.words().contains("a wider band"), !is_enough);
+        if is_enough {
+            let distances = off(&raised, values(&exact));
+            assert!(
+                distances.iter().all(|own| own.0.abs() < 0.2),
+                "{distances:?}"
+            );
+            assert!(off(&raised, TRUE).iter().all(|own| own.1));
+            assert!(
+                raised.refinement.iterations < 70,
+                "{}",
+                raised.refinement.iterations
+            );
+        }
     }
 }

@@ -23,8 +23,8 @@ pub enum Delayed {
 impl Delayed {
     /// The order that stands for none, unless another is asked for.
     pub const ORDER: usize = 2;
-    /// Highest order that may be asked for: that of a delay over which a signal changes its sign eight times.
-    pub const HIGHEST: usize = 12;
+    /// Highest order that is asked for.
+    pub const HIGHEST: usize = 27;
 }
 
 /// Maximum number of operations of a model: a tape of that size still takes only milliseconds per step.

@@ -1,7 +1,7 @@
 //! The connected instances of a problem: one model with variables named `instance.variable`.
 
-use crate::posed::delayed::DelayedInput;
 use crate::problem::error::ProblemError;
+use crate::system::delayed::DelayedInput;
 use crate::system::part::{About, Part};
 use pilotage_cosim::SystemDescription;
 use pilotage_cosim::description::{Spanned, Wire};

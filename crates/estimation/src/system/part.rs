@@ -1,7 +1,7 @@
 //! The instances of a problem as equations.
 
-use crate::posed::delayed::DelayedInput;
 use crate::problem::error::ProblemError;
+use crate::system::delayed::DelayedInput;
 use pilotage_cosim::description::{InstanceDescription, InstanceSource, Interface};
 use pilotage_expression::{Function, Graph, Model, Node, Opaque, System};
 use pilotage_fmi_equations::{Calls, EquationsError, FmuEquations, Variable as FmuVariable};
