@@ -63,3 +63,52 @@ fn a_fit_says_the_order_of_its_delays() {
     let given = folder.pilotage(&["fit", "p.toml", "--json", "--force"]);
     assert!(given.json()["delays"].is_null(), "{given:?}");
 }
+
+/// A lag behind a delay of an input that steps at 0, and a delay of that lag: in `model simulate`, and as FMUs of both versions, which
+/// are valid. An importer that solves the equations has an approximation.
+#[test]
+fn simulations_and_fmus_have_exact_delays() {
+    let folder = Folder::new();
+    folder.write(
+        "m.toml",
+        "[model]\nname = \"m\"\n[inputs]\nu = 0\n[parameters]\ntau = { start = 0.3, unit = \"s\" }\n\
+         [states]\nx.der = \"(delay(u, tau) - x) / 0.2\"\n[outputs]\ny.value = \"delay(x, 2 * tau)\"\n",
+    );
+    let run = |words: &str| {
+        let ended = folder.pilotage(&words.split(' ').collect::<Vec<_>>());
+        assert_eq!(ended.code, 0, "{words}: {ended:?}");
+    };
+    let ends = |column: &str| -> [f64; 2] {
+        let text = folder.read("r.csv");
+        let rows: Vec<Vec<&str>> = text.lines().map(|row| row.split(',').collect()).collect();
+        let is_it = |name: &&str| name.split(' ').next().unwrap().ends_with(column);
+        let place = rows[0].iter().position(is_it).expect("a column");
+        let last = rows.last().unwrap();
+        [0, place].map(|k| last[k].parse().unwrap())
+    };
+    let exact = |t: f64| 1.0 - (-(t - 0.9) / 0.2).exp();
+    let off = || {
+        let [t, y] = ends("y");
+        (y - exact(t)).abs()
+    };
+    // A delay shorter than the step, and longer ones.
+    for step in ["0.7", "0.1", "0.05"] {
+        run(&format!(
+            "model simulate m.toml --set u=1 --stop-time 1.4 --step {step} -o r.csv --force"
+        ));
+        assert!(off() < 1e-8, "{step}: {}", off());
+    }
+    for version in ["2", "3"] {
+        run(&format!("export m.toml -o m{version}.fmu --fmi {version}"));
+        run(&format!("validate m{version}.fmu"));
+        for step in ["0.7", "0.1"] {
+            let words = format!(
+                "cosim m{version}.fmu --set u=1 --stop-time 1.4 --step {step} -o r.csv --force"
+            );
+            run(&words);
+            assert!(off() < 1e-8, "{version}, {step}: {}", off());
+            run(&(words + " --kind me"));
+            assert!((1e-4..0.1).contains(&off()), "{version}, {step}: {}", off());
+        }
+    }
+}

@@ -224,7 +224,7 @@ impl<E: Equations + Send> Component for NativeComponent<E> {
         ];
         let system = StateSpace::from_columns(names, |k| {
             let seed = [(knowns[k], 1.0)];
-            Ok::<_, ComponentError>(self.simulation.directional_derivative(&unknowns, &seed))
+            Ok::<_, ComponentError>(self.simulation.linear_derivative(&unknowns, &seed))
         })?;
         Ok(system.into())
     }
@@ -313,4 +313,5 @@ fn copy(from: &Snapshot, to: &mut Snapshot) {
     to.tolerance = from.tolerance;
     to.is_stiff = from.is_stiff;
     to.handled = from.handled;
+    to.history.clone_from(&from.history);
 }

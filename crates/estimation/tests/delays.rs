@@ -28,6 +28,9 @@ enum Hold {
     Linear,
 }
 
+/// A signal by its samples.
+type Shape = fn(usize) -> f64;
+
 /// A square wave of period 4 s that begins at 0.
 fn square(k: usize) -> f64 {
     match k {
@@ -131,7 +134,7 @@ fn off(fit: &Fit, truth: [f64; 3]) -> [(f64, bool); 3] {
 /// Whatever part of a sample the delay is, and whatever is between the samples.
 #[test]
 fn a_delay_of_a_recorded_input_is_exact() {
-    for shape in [square as fn(usize) -> f64, rough] {
+    for shape in [square as Shape, rough] {
         let u: Vec<f64> = (0..COUNT).map(shape).collect();
         for hold in [Hold::Zero, Hold::Linear] {
             for tau in [1.3, 1.317, 0.03] {
@@ -193,7 +196,7 @@ fn an_approximation_is_off() {
         let model = model.replace("tau = { start = 2,", "tau = { start = 1,");
         let fit = fitted_with(&problem, &model, Hold::Zero, [&u, &x], "starts = 1\n");
         let own = &fit.uncertainty.as_ref().unwrap().intervals[0][0];
-        (fit.value("m.tau").unwrap(), own.clone())
+        (fit.value("m.tau").unwrap(), *own)
     };
     let (value, own) = tau("delay(u, tau)");
     assert!(
@@ -268,7 +271,7 @@ fn the_order_is_raised_until_the_estimates_stay() {
         whole + &format!("first.der = \"({first} - first) / {FIRST}\"\n")
     };
     let sine = |k: usize| (0.05 * k as f64).sin() + (0.13 * k as f64).sin();
-    let signals: [(fn(usize) -> f64, f64, usize, bool); 3] = [
+    let signals: [(Shape, f64, usize, bool); 3] = [
         (sine, 0.03, 8, true),
         (square, 0.1, 18, true),
         (square, 0.001, 27, false),

@@ -70,6 +70,11 @@ impl<E: Equations> Instance<E> {
     /// An instance of the model, at its start values.
     pub fn new(equations: E, kind: InterfaceType) -> Self {
         let simulation = Simulation::new(equations);
+        // An importer that solves the equations knows states alone.
+        let simulation = match kind {
+            InterfaceType::CoSimulation => simulation,
+            InterfaceType::ModelExchange => simulation.with_states_for_delays(),
+        };
         Self {
             kind,
             guid: simulation.table().guid(),
