@@ -112,3 +112,52 @@ fn simulations_and_fmus_have_exact_delays() {
         }
     }
 }
+
+/// The loop K e^(-jωτ)/(jω): crossover K, margins 90° - K τ and π/(2 K τ), of a model file; an FMU has an approximation of order 2.
+#[test]
+fn loops_have_delays_as_they_are() {
+    let folder = Folder::new();
+    folder.write(
+        "pilot.toml",
+        "[model]\nname = \"pilot\"\n[inputs]\nerror = 0\n[parameters]\ntau = { start = 0.4, unit = \"s\" }\n\
+         [outputs]\nstick.value = \"1.5 * delay(-error, tau)\"\n",
+    );
+    folder.write(
+        "vehicle.toml",
+        "[model]\nname = \"vehicle\"\n[inputs]\nstick = 0\n[states]\nz.der = \"stick\"\n[outputs]\nplace.value = \"z\"\n",
+    );
+    let found = |pilot: &str| {
+        let words = format!(
+            "linearize {pilot} vehicle.toml --connect pilot.stick=vehicle.stick --connect vehicle.place=pilot.error \
+             --loop pilot.stick=vehicle.stick --json"
+        );
+        let ended = folder.pilotage(&words.split(' ').collect::<Vec<_>>());
+        assert_eq!(ended.code, 0, "{ended:?}");
+        let own = ended.json()["loops"][0].clone();
+        let number = |list: &str, key: &str| own[list][0][key].as_f64().unwrap();
+        [
+            number("gainCrossings", "frequency"),
+            number("gainCrossings", "phaseMargin"),
+            number("phaseCrossings", "gainMargin"),
+        ]
+    };
+    let pi = std::f64::consts::PI;
+    let exact = [1.5, pi / 2.0 - 0.6, pi / 1.2];
+    let [file, fmu] = ["pilot.toml", "pilot.fmu"].map(|name| {
+        if name.ends_with("fmu") {
+            assert_eq!(
+                folder
+                    .pilotage(&["export", "pilot.toml", "-o", "pilot.fmu"])
+                    .code,
+                0
+            );
+        }
+        let found = found(name);
+        [0, 1, 2].map(|k| (found[k] - exact[k]).abs())
+    });
+    assert!(file.iter().all(|off| *off < 1e-9), "{file:?}");
+    assert!(
+        fmu[2] > 0.01 && fmu.iter().all(|off| *off < 0.05),
+        "{fmu:?}"
+    );
+}

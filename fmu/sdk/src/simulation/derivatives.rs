@@ -2,7 +2,7 @@
 
 use super::Simulation;
 use crate::structure::evaluate;
-use crate::{Equations, Table};
+use crate::{At, Equations, Table};
 use num_dual::Dual64;
 
 impl<E: Equations> Simulation<E> {
@@ -61,6 +61,47 @@ impl<E: Equations> Simulation<E> {
         unknowns.iter().map(|index| all[*index].eps).collect()
     }
 
+    /// Times of the delays that are exact \[s\].
+    pub fn delay_times(&self) -> Vec<f64> {
+        let mut times = Vec::new();
+        if self.n_delays > 0 {
+            let p = &self.now.values[self.table.parameters()];
+            self.equations.delays(p, &mut times);
+        }
+        times
+    }
+
+    /// As [`directional_derivative`](Self::directional_derivative) with a change of one of the delayed signals, too, if any: the
+    /// unknowns, then the signals that are delayed.
+    ///
+    /// # Panics
+    /// As [`directional_derivative`](Self::directional_derivative).
+    pub fn delayed_derivative(
+        &self,
+        unknowns: &[usize],
+        seeds: &[(usize, f64)],
+        delayed: Option<usize>,
+    ) -> Vec<f64> {
+        let (values, states) = self.seeded(seeds);
+        let parts = self
+            .delayed()
+            .enumerate()
+            .map(|(k, own)| Dual64::new(own[0], if delayed == Some(k) { 1.0 } else { 0.0 }));
+        let parts: Vec<Dual64> = parts.collect();
+        let time = Dual64::from_re(self.now.time);
+        let all = self.evaluated(time, &values, &states, &parts);
+        let mut signals = vec![Dual64::from_re(0.0); parts.len()];
+        let at = At {
+            time,
+            x: &states,
+            u: &[&values[self.table.inputs()], &parts].concat(),
+            p: &values[self.table.parameters()],
+        };
+        self.equations.signals(at, &mut signals);
+        let unknowns = unknowns.iter().map(|index| all[*index].eps);
+        unknowns.chain(signals.iter().map(|own| own.eps)).collect()
+    }
+
     /// Derivatives of the weighted sum of `seeds`, pairs of an unknown's index and its part, with respect to each
     /// known: `Σ part · ∂unknown/∂known`.
     ///
@@ -77,6 +118,14 @@ impl<E: Equations> Simulation<E> {
 
     /// All variables with their derivatives in the direction of `seeds`.
     fn forward(&self, seeds: &[(usize, f64)], is_exact: bool) -> Vec<Dual64> {
+        let (values, states) = self.seeded(seeds);
+        let delayed = self.delayed().filter(|_| is_exact);
+        let delayed: Vec<Dual64> = delayed.map(|own| Dual64::from_re(own[0])).collect();
+        self.evaluated(Dual64::from_re(self.now.time), &values, &states, &delayed)
+    }
+
+    /// Values and states with their parts of `seeds`.
+    fn seeded(&self, seeds: &[(usize, f64)]) -> (Vec<Dual64>, Vec<Dual64>) {
         let (mut values, mut states) = self.lifted();
         for &(index, part) in seeds {
             match known(&self.table, index) {
@@ -89,9 +138,7 @@ impl<E: Equations> Simulation<E> {
                 (None, None) => panic!("variable {index} is no known"),
             }
         }
-        let delayed = self.delayed().filter(|_| is_exact);
-        let delayed: Vec<Dual64> = delayed.map(|own| Dual64::from_re(own[0])).collect();
-        self.evaluated(Dual64::from_re(self.now.time), &values, &states, &delayed)
+        (values, states)
     }
 
     /// All variables with their derivatives. Dual numbers have none for `√u + x` by `x` where `u` is 0, since 0·∞ is not a
