@@ -34,7 +34,9 @@ pub fn fit_delays<'f>(posed: &Posed<'f>, observer: &mut Observer<'_>) -> (Option
         is_enough: false,
     };
     let mut last = None;
-    for order in ORDERS.into_iter().filter(|own| *own > order) {
+    // A filter keeps the order with which its initial guess was found.
+    let orders = ORDERS.into_iter().filter(|_| posed.filter.is_none());
+    for order in orders.filter(|own| *own > order) {
         let before = last.as_ref().unwrap_or(posed);
         let from = found.solved.clone().filter(|_| found.is_answer());
         let raised = from.and_then(|from| Some((before.raised(order).ok()?, from)));

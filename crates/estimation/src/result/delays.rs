@@ -31,7 +31,7 @@ impl DelayOrder {
             false if order == Delayed::HIGHEST => {
                 "; the data have a wider band than the highest order follows"
             }
-            false => "; none above it was found to be as good",
+            false => "; no higher one was reached",
         }
     }
 }
