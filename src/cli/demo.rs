@@ -109,7 +109,7 @@ impl Demo {
     }
 
     fn fit(&self, task: &Task, posed: &Posed<'_>) -> Result<Fit, Failure> {
-        let (mut found, _) = fit::solved(posed, Watch::new(Deadline::after(None), None, false));
+        let (_, mut found, _) = fit::solved(posed, Watch::new(Deadline::after(None), None, false));
         task.doubt(&mut found);
         for own in fit::planned(posed, Some(&self.path("pilot.toml")))? {
             own.write(posed, &found)?;

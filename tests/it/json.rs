@@ -1,7 +1,7 @@
 //! docs/json.md has every key that a fit prints, and nothing else.
 
 use crate::command::{Ended, Folder, example};
-use crate::{compare, describing, selection};
+use crate::{compare, delays, describing, selection};
 use serde_json::Value;
 use std::collections::BTreeSet;
 
@@ -196,6 +196,11 @@ fn every_key_of_a_fit_is_in_the_docs_and_every_key_of_the_docs_in_a_fit() {
         ];
         keys.walk(&json(&folder.pilotage(&words)), "");
     }
+
+    keys.walk(
+        &json(&delays::folder().pilotage(&["fit", "p.toml", "--json"])),
+        "",
+    );
 
     let folder = describing::flown();
     let third = folder.read("sines/run3.csv");

@@ -18,6 +18,7 @@ mod command;
 mod compare;
 mod cosim;
 mod cosim_command;
+mod delays;
 mod demo;
 mod describing;
 mod diagnostics;

@@ -131,6 +131,9 @@ impl Grid {
             }
             out[n_inputs] = *time;
         }
+        if let Some(window) = run.steps.window {
+            grid.open_windows(run, window, n_inputs);
+        }
         // A sample is compared at its own inputs, also before a jump.
         for (sample, point) in grid.observed.iter().enumerate() {
             let first = point * (n_inputs + 1);
@@ -214,6 +217,33 @@ impl Grid {
             times.push((at(point.c), point.c == 1.0));
         }
         self.elements.push(element);
+    }
+
+    /// Tells the points of each element where the part of the mesh that they stand for begins and ends: the element, or if it has many
+    /// points, what is nearest to them.
+    fn open_windows(&mut self, run: &Run, window: usize, n_inputs: usize) {
+        const FEW: usize = 3;
+        let mut inputs = vec![0.0; n_inputs];
+        for element in &self.elements {
+            let points = &element.tableau.points;
+            let start = self.times[element.first];
+            let middle = |k: usize| 0.5 * (points[k].c + points[k + 1].c);
+            let ends = |k: usize| match points.len() {
+                ..=FEW => [0.0, 1.0],
+                count => [
+                    if k == 0 { 0.0 } else { middle(k - 1) },
+                    if k + 1 == count { 1.0 } else { middle(k) },
+                ],
+            };
+            let own = &self.element_points[element.points..];
+            for (k, point) in own[..points.len()].iter().enumerate() {
+                for (place, c) in ends(k).into_iter().enumerate() {
+                    run.inputs_at(start + c * element.h, &mut inputs);
+                    let first = *point as usize * (n_inputs + 1);
+                    self.inputs[first + window + place] = inputs[window + place];
+                }
+            }
+        }
     }
 
     /// Determines or adds the point of each sample.

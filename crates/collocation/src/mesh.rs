@@ -34,6 +34,9 @@ pub struct Steps {
     pub time: Vec<f64>,
     /// Their values before the first time, and after each.
     pub values: Vec<Vec<f64>>,
+    /// Index of the first of two inputs that tell a collocation point where the part of the mesh that it stands for begins and ends:
+    /// there they have their values at these times, elsewhere those at the point.
+    pub window: Option<usize>,
 }
 
 impl Steps {
@@ -52,6 +55,7 @@ impl Steps {
         Self {
             first: self.first,
             values: values.cloned().collect(),
+            window: self.window,
             time,
         }
     }
@@ -167,8 +171,12 @@ impl Run {
         self.steps.write(jumps, out);
     }
 
-    /// True if inputs may jump at this time, that is, if it has two samples or is one of [`Self::steps`].
+    /// True if inputs may jump at this time, that is, if it has two samples or is one of [`Self::steps`], or if parts of the mesh have
+    /// inputs of their own.
     pub(super) fn jumps_at(&self, time: f64) -> bool {
+        if self.steps.window.is_some() {
+            return true;
+        }
         let first = self.time.partition_point(|t| *t < time);
         let mut steps = self.steps.time.iter();
         self.time.get(first + 1) == Some(&time) || steps.any(|own| *own == time)

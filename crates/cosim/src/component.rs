@@ -152,11 +152,26 @@ pub struct Linear {
     pub system: StateSpace,
     /// How it was found.
     pub note: Option<String>,
+    /// The system in which delays are not approximated, if there are any.
+    pub delayed: Option<DelayedLinear>,
+}
+
+/// A linear system with delays.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DelayedLinear {
+    /// The system. For each delay the delayed signal is an input after the others, and what is delayed an output.
+    pub system: StateSpace,
+    /// The delays \[s\].
+    pub times: Vec<f64>,
 }
 
 impl From<StateSpace> for Linear {
     fn from(system: StateSpace) -> Self {
-        Self { system, note: None }
+        Self {
+            system,
+            note: None,
+            delayed: None,
+        }
     }
 }
 

@@ -11,6 +11,9 @@ use pilotage_linear::{AlgebraicLoop, Margins, Response, Sampled, StateSpace, Wir
 use pilotage_text::suggestion::{did_you_mean, suggestion};
 use thiserror::Error;
 
+/// Number of phase crossings of a loop with delays that are kept.
+const PHASE_CROSSINGS: usize = 5;
+
 /// Why a coupled system cannot be linearized.
 #[derive(Debug, Error)]
 pub enum LinearizeError {
@@ -60,6 +63,19 @@ pub struct Linearization {
     pub constant: Vec<String>,
     /// For parts without known derivatives: how they were linearized.
     pub notes: Vec<String>,
+    /// The same with the delays of the parts, if there are any that `parts` approximate.
+    pub delayed: Option<Delayed>,
+}
+
+/// Linear systems with delays and the wires between them.
+#[derive(Debug, Clone)]
+pub struct Delayed {
+    /// The components side by side, with inputs and outputs for delays.
+    pub parts: StateSpace,
+    /// Wires between them, in the order of those of the approximation.
+    pub wires: Vec<Wire>,
+    /// Output, input and time \[s\] of each delay.
+    pub delays: Vec<(usize, usize, f64)>,
 }
 
 /// Frequency response of a loop at the cut.
@@ -94,12 +110,32 @@ pub fn linearize(
         })
         .collect();
     let mut parts: Vec<StateSpace> = Vec::new();
+    let mut exact: Vec<StateSpace> = Vec::new();
+    let mut delays: Vec<(usize, usize, f64)> = Vec::new();
     let mut notes = Vec::new();
     let mut look = |component: &mut dyn Component| {
-        let Linear { system, note } = component.linearize(clock.step())?;
+        let Linear {
+            system,
+            note,
+            delayed,
+        } = component.linearize(clock.step())?;
         system.check_finite()?;
         let instance = &names[parts.len()];
         notes.extend(note.map(|note| format!("`{instance}` {note}")));
+        let count = |of: fn(&StateSpace) -> usize| -> usize { exact.iter().map(of).sum() };
+        let outputs = count(|own| own.outputs.len()) + system.outputs.len();
+        let inputs = count(|own| own.inputs.len()) + system.inputs.len();
+        let times = delayed.iter().flat_map(|own| own.times.iter().copied());
+        let ends = times.enumerate();
+        delays.extend(ends.map(|(k, time)| (outputs + k, inputs + k, time)));
+        if let Some(own) = &delayed {
+            own.system.check_finite()?;
+            notes.push(format!(
+                "`{instance}` has delays without an order: loops have them as e^(-jωτ), poles and matrices as Padé's approximation"
+            ));
+        }
+        let own = delayed.map_or_else(|| system.clone(), |own| own.system);
+        exact.push(prefixed(own, instance));
         parts.push(prefixed(system, instance));
         Ok(())
     };
@@ -108,6 +144,14 @@ pub fn linearize(
     let is_complete = parts.len() == names.len();
     let linearization = is_complete.then(|| Linearization {
         notes,
+        delayed: (!delays.is_empty()).then(|| {
+            let Linearization { parts, wires, .. } = wired(&exact, &connections);
+            Delayed {
+                parts,
+                wires,
+                delays,
+            }
+        }),
         ..wired(&parts, &connections)
     });
     Ok((run, linearization))
@@ -145,6 +189,7 @@ fn wired(parts: &[StateSpace], connections: &[(String, String, Option<f64>)]) ->
         wires,
         constant,
         notes: Vec::new(),
+        delayed: None,
     }
 }
 
@@ -189,7 +234,7 @@ impl Linearization {
         })
     }
 
-    /// The loop cut at a wire, in continuous time.
+    /// The loop cut at a wire, in continuous time, with the delays themselves.
     ///
     /// # Errors
     /// If there is no loop, or an algebraic loop has no solution.
@@ -197,7 +242,25 @@ impl Linearization {
     /// # Panics
     /// If there is no such wire.
     pub fn loop_at(&self, wire: usize) -> Result<Loop, LinearizeError> {
-        let (response, margins) = self.parts.open_loop(&self.wires, wire)?.margins();
+        let open = self.parts.open_loop(&self.wires, wire)?;
+        let (response, margins) = match &self.delayed {
+            None => open.margins(),
+            Some(own) => {
+                let others = own.wires.iter().enumerate().filter(|(w, _)| *w != wire);
+                let others: Vec<Wire> = others.map(|(_, wire)| *wire).collect();
+                let closed = own.parts.closed(&others)?;
+                let Wire {
+                    output,
+                    input,
+                    factor,
+                } = own.wires[wire];
+                let (response, margins) = open.margins_of(|omega| {
+                    let value = closed.transfer_with_delays((output, input), &own.delays, omega);
+                    value * -factor
+                });
+                (response, margins.limited(PHASE_CROSSINGS))
+            }
+        };
         self.looped(wire, response, margins)
     }
 

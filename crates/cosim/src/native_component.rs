@@ -1,14 +1,15 @@
 //! Rust models as components, without FMUs. They run the same [`Simulation`] as the exported FMUs.
 
 use super::component::{
-    Abilities, Component, ComponentError, Experiment, Linear, Progress, Role, Unit, Value,
-    ValueKind, Variable,
+    Abilities, Component, ComponentError, DelayedLinear, Experiment, Linear, Progress, Role, Unit,
+    Value, ValueKind, Variable,
 };
 use pilotage_linear::StateSpace;
 use pilotage_models::AnyModel;
 use pilotage_sdk::simulation::Snapshot;
 use pilotage_sdk::structure::{Structure, Unknown};
 use pilotage_sdk::{Equations, Simulation, Table, variable};
+use std::convert::Infallible;
 use thiserror::Error;
 
 /// Why a native component rejects a call.
@@ -222,11 +223,32 @@ impl<E: Equations + Send> Component for NativeComponent<E> {
             named(&knowns[n..]),
             named(&unknowns[n..]),
         ];
+        let times = self.simulation.delay_times();
+        let delayed = (!times.is_empty()).then(|| {
+            let [states, mut inputs, mut outputs] = names.clone();
+            let channels = (0..times.len()).map(|k| format!("delay {k}"));
+            inputs.extend(channels.clone());
+            outputs.extend(channels);
+            let column = |k: usize| -> Result<Vec<f64>, Infallible> {
+                let seed = knowns.get(k).map(|known| (*known, 1.0));
+                let delay = k.checked_sub(knowns.len());
+                let seeds: Vec<_> = seed.into_iter().collect();
+                Ok((self.simulation).delayed_derivative(&unknowns, &seeds, delay))
+            };
+            let Ok(system) = StateSpace::from_columns([states, inputs, outputs], column);
+            DelayedLinear {
+                system: system.without_idle_states(),
+                times,
+            }
+        });
         let system = StateSpace::from_columns(names, |k| {
             let seed = [(knowns[k], 1.0)];
-            Ok::<_, ComponentError>(self.simulation.directional_derivative(&unknowns, &seed))
+            Ok::<_, ComponentError>(self.simulation.linear_derivative(&unknowns, &seed))
         })?;
-        Ok(system.into())
+        Ok(Linear {
+            delayed,
+            ..system.into()
+        })
     }
 
     fn abilities(&self) -> Abilities {
@@ -313,4 +335,5 @@ fn copy(from: &Snapshot, to: &mut Snapshot) {
     to.tolerance = from.tolerance;
     to.is_stiff = from.is_stiff;
     to.handled = from.handled;
+    to.history.clone_from(&from.history);
 }

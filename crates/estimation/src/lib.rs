@@ -60,7 +60,7 @@ pub mod search;
 pub mod studies;
 pub mod system;
 
-pub use fit::{evaluate, fit};
+pub use fit::{evaluate, fit, fit_delays};
 pub use innovations::Ahead;
 pub use posed::Posed;
 pub use problem::error::ProblemError;

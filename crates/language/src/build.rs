@@ -11,6 +11,22 @@ use pilotage_expression::{Function, Graph, Node, Operator};
 /// Highest order of a delay.
 const HIGHEST_ORDER: usize = 5;
 
+/// What stands in the equations for a delay without an order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Delayed {
+    /// Padé's approximation of this order.
+    Pade(usize),
+    /// An input of the model, after the declared ones, whose values whoever uses the model provides.
+    Input,
+}
+
+impl Delayed {
+    /// The order that stands for none, unless another is asked for.
+    pub const ORDER: usize = 2;
+    /// Highest order that is asked for.
+    pub const HIGHEST: usize = 27;
+}
+
 /// Maximum number of operations of a model: a tape of that size still takes only milliseconds per step.
 const MOST_OPERATIONS: usize = 200_000;
 
@@ -30,6 +46,8 @@ pub(crate) struct Built {
     pub(crate) starts: Vec<Node>,
     /// Time of each delay, and its byte offset in the text.
     pub(crate) taus: Vec<(Node, usize)>,
+    /// The delays without an order.
+    pub(crate) free: Vec<FreeDelay>,
     /// For each formula, in order of computation, the nodes of its parts.
     pub(crate) parts: Vec<(Formula, Vec<Node>)>,
 }
@@ -43,19 +61,37 @@ pub(crate) struct DelayState {
     pub(crate) signal: String,
 }
 
-/// Builds the graph of a checked file.
+/// A delay without an order.
+#[derive(Debug, Clone)]
+pub struct FreeDelay {
+    /// The variable whose expression contains the delay.
+    pub of: String,
+    /// What stands for it.
+    pub by: Delayed,
+    /// Name of its input, or of its first state.
+    pub name: String,
+    /// The delayed signal.
+    pub signal: Node,
+    /// The delay \[s\].
+    pub tau: Node,
+}
+
+/// Builds the graph of a checked file. `by` says what stands for each delay without an order, Padé's approximation of
+/// [`Delayed::ORDER`] for those beyond its end.
 pub(crate) fn build(
     file: &ModelFile,
     scope: &Scope<'_>,
     tables: &Tables,
+    by: &[Delayed],
 ) -> Result<Built, ModelFileError> {
-    let delays = delay_states(file, scope)?;
-    let states = file.states.len() + delays.len();
+    let numbered = numbered(file, scope, by)?;
+    let states = file.states.len() + numbered.states.len();
     let mut graph = Graph::default();
-    let variables = 1 + states + file.inputs.len() + file.parameters.len();
+    let inputs = file.inputs.len() + numbered.inputs;
+    let variables = 1 + states + inputs + file.parameters.len();
     let all: Vec<Node> = (0..variables).map(|k| graph.variable(k)).collect();
     let (x, rest) = all[1..].split_at(states);
-    let (u, p) = rest.split_at(file.inputs.len());
+    let (u, p) = rest.split_at(inputs);
     let count = file.locals.len() + file.outputs.len();
     let zero = graph.constant(0.0);
     let mut builder = Builder {
@@ -66,18 +102,18 @@ pub(crate) fn build(
         x,
         u,
         p,
-        next_delay: file.states.len(),
+        places: Vec::new(),
         rates_of_delays: Vec::new(),
         computed: vec![zero; count],
         parts: Vec::new(),
         taus: Vec::new(),
+        free: numbered.free,
         graph,
     };
-    // Delays are numbered in the order of states, locals, outputs.
-    let first_delays = first_delays(file, scope);
     for &k in &scope.order {
-        if let Some(formula) = &scope.computed(k).value {
-            builder.next_delay = first_delays[file.states.len() + k];
+        let variable = scope.computed(k);
+        if let Some(formula) = &variable.value {
+            builder.places = numbered.places[file.states.len() + k].clone();
             builder.computed[k] = builder.formula(formula)?;
         }
     }
@@ -90,7 +126,7 @@ pub(crate) fn build(
     }
     let mut derivatives = Vec::new();
     for (k, state) in file.states.iter().enumerate() {
-        builder.next_delay = first_delays[k];
+        builder.places = numbered.places[k].clone();
         if let Some(formula) = &state.value {
             derivatives.push(builder.formula(formula)?);
         }
@@ -108,7 +144,8 @@ pub(crate) fn build(
     });
     let limits = limits.collect::<Result<Vec<_>, ModelFileError>>()?;
     Ok(Built {
-        delays,
+        delays: numbered.states,
+        free: builder.free,
         derivatives,
         computed: builder.computed,
         limits,
@@ -119,74 +156,137 @@ pub(crate) fn build(
     })
 }
 
-/// The delays of an expression: the part of each call, the part of its order, and the order if it is valid.
-fn delays(expression: &Expression) -> impl Iterator<Item = (Part, Part, Option<usize>)> {
+/// The delays of an expression: the part of each call, and the part of its order if it has one.
+fn delays(expression: &Expression) -> impl Iterator<Item = (Part, Option<Part>)> {
     let terms = expression.terms.iter().enumerate();
     terms.filter_map(|(part, term)| match term {
-        Term::Call(Name::Delay, arguments) => {
-            let order = match expression.terms[arguments[2]] {
-                Term::Number(order) if order.fract() == 0.0 => Some(order),
-                _ => None,
-            };
-            let order = order.filter(|order| (1.0..=HIGHEST_ORDER as f64).contains(order));
-            Some((part, arguments[2], order.map(|order| order as usize)))
-        }
+        Term::Call(Name::Delay, arguments) => Some((part, arguments.get(2).copied())),
         _ => None,
     })
 }
 
-/// The states of all delays, in the order of states, locals and outputs.
-fn delay_states(file: &ModelFile, scope: &Scope<'_>) -> Result<Vec<DelayState>, ModelFileError> {
-    let mut found: Vec<DelayState> = Vec::new();
-    for (variable, formula) in scope.formulas() {
+/// Place of a delay among the states or inputs.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    by: Delayed,
+    /// Index of its first state, or of its input.
+    first: usize,
+    /// Number of the delay among those without an order.
+    free: Option<usize>,
+}
+
+/// The delays of a file.
+#[derive(Default)]
+struct Numbered {
+    /// States of all delays, in the order of states, locals and outputs.
+    states: Vec<DelayState>,
+    /// Number of delays that are inputs.
+    inputs: usize,
+    /// For each state, local and output the places of its delays.
+    places: Vec<Vec<Place>>,
+    /// Those without an order.
+    free: Vec<FreeDelay>,
+}
+
+/// Numbers all delays, in the order of states, locals and outputs.
+fn numbered(
+    file: &ModelFile,
+    scope: &Scope<'_>,
+    by: &[Delayed],
+) -> Result<Numbered, ModelFileError> {
+    let count = file.locals.len() + file.outputs.len();
+    let computed = (0..count).map(|k| scope.computed(k));
+    let mut found = Numbered::default();
+    for variable in file.states.iter().chain(computed) {
+        found.places.push(Vec::new());
+        let Some(formula) = &variable.value else {
+            continue;
+        };
         let expression = &formula.expression;
         let mut number = 0;
-        for (part, order_part, order) in delays(expression) {
-            let order = order.ok_or_else(|| {
-                let fault = Fault::DelayOrder {
-                    found: expression.shown(order_part).to_owned(),
-                    limit: HIGHEST_ORDER,
-                };
-                file.at(formula.byte(order_part), fault)
-            })?;
-            for _ in 0..order {
+        for (part, order) in delays(expression) {
+            let mut free = None;
+            let own = match order {
+                Some(order) => Delayed::Pade(given_order(file, formula, order)?),
+                None => {
+                    free = Some(found.free.len());
+                    let asked = by.get(found.free.len()).copied();
+                    asked.unwrap_or(Delayed::Pade(Delayed::ORDER))
+                }
+            };
+            let mut name = || {
                 number += 1;
                 let name = format!("{}_delay_{number}", variable.name);
                 if file.variables().any(|(own, _)| own.name == name) {
                     let of = variable.name.clone();
                     return Err(file.at(variable.byte, Fault::Clash { name, of }));
                 }
-                let signal = match &expression.terms[part] {
-                    Term::Call(_, arguments) => expression.shown(arguments[0]),
-                    _ => "",
-                };
-                found.push(DelayState {
-                    name,
+                Ok(name)
+            };
+            let (first, first_name) = match own {
+                Delayed::Input => {
+                    found.inputs += 1;
+                    (file.inputs.len() + found.inputs - 1, name()?)
+                }
+                Delayed::Pade(order) => {
+                    let first = found.states.len();
+                    let signal = match &expression.terms[part] {
+                        Term::Call(_, arguments) => expression.shown(arguments[0]),
+                        _ => "",
+                    };
+                    for _ in 0..order {
+                        found.states.push(DelayState {
+                            name: name()?,
+                            of: variable.name.clone(),
+                            signal: signal.to_owned(),
+                        });
+                    }
+                    (file.states.len() + first, found.states[first].name.clone())
+                }
+            };
+            if free.is_some() {
+                // Its nodes follow when it is built.
+                let unknown = Graph::default().constant(0.0);
+                found.free.push(FreeDelay {
                     of: variable.name.clone(),
-                    signal: signal.to_owned(),
+                    by: own,
+                    name: first_name,
+                    signal: unknown,
+                    tau: unknown,
                 });
             }
+            let place = Place {
+                by: own,
+                first,
+                free,
+            };
+            found
+                .places
+                .last_mut()
+                .into_iter()
+                .for_each(|own| own.push(place));
         }
     }
     Ok(found)
 }
 
-/// For each state, local and output, the index of the first state of its delays.
-fn first_delays(file: &ModelFile, scope: &Scope<'_>) -> Vec<usize> {
-    let mut next = file.states.len();
-    let count = file.locals.len() + file.outputs.len();
-    let computed = (0..count).map(|k| scope.computed(k));
-    let all = file.states.iter().chain(computed);
-    let of = |formula: &Formula| -> usize {
-        let orders = delays(&formula.expression).map(|(_, _, order)| order.unwrap_or_default());
-        orders.sum()
-    };
-    let mut firsts = Vec::new();
-    for variable in all {
-        firsts.push(next);
-        next += variable.value.as_ref().map_or(0, of);
+/// The order that a delay gives.
+fn given_order(file: &ModelFile, formula: &Formula, part: Part) -> Result<usize, ModelFileError> {
+    let expression = &formula.expression;
+    match expression.terms[part] {
+        Term::Number(order)
+            if order.fract() == 0.0 && (1.0..=HIGHEST_ORDER as f64).contains(&order) =>
+        {
+            Ok(order as usize)
+        }
+        _ => {
+            let fault = Fault::DelayOrder {
+                found: expression.shown(part).to_owned(),
+                limit: HIGHEST_ORDER,
+            };
+            Err(file.at(formula.byte(part), fault))
+        }
     }
-    firsts
 }
 
 struct Builder<'f> {
@@ -198,12 +298,13 @@ struct Builder<'f> {
     x: &'f [Node],
     u: &'f [Node],
     p: &'f [Node],
-    /// Index of the first state of the next delay.
-    next_delay: usize,
+    /// Places of the delays of the next formula that are left.
+    places: Vec<Place>,
     rates_of_delays: Vec<(usize, Node)>,
     computed: Vec<Node>,
     parts: Vec<(Formula, Vec<Node>)>,
     taus: Vec<(Node, usize)>,
+    free: Vec<FreeDelay>,
 }
 
 /// A condition, and whether it must hold or must not hold.
@@ -289,11 +390,16 @@ impl Builder<'_> {
                         self.graph.lookup(&curve, taken[1])
                     }
                     (Name::Delay, _) => {
-                        let order = match expression.terms[arguments[2]] {
-                            Term::Number(order) => order as usize,
-                            _ => 1,
-                        };
-                        self.delay(taken[0], taken[1], order)
+                        let place = self.places.remove(0);
+                        if let Some(own) = place.free {
+                            (self.free[own].signal, self.free[own].tau) = (taken[0], taken[1]);
+                        }
+                        match place.by {
+                            Delayed::Pade(order) => {
+                                self.delay(taken[0], taken[1], (place.first, order))
+                            }
+                            Delayed::Input => self.u[place.first],
+                        }
                     }
                     _ => self.call(*name, &taken),
                 }
@@ -429,9 +535,7 @@ impl Builder<'_> {
     /// A signal delayed by `tau`, by a Padé approximation of order `n` in numerator and denominator. With
     /// `Q(s) = Σ c_k (τ s)^k` the delayed signal is `Q(-s)/Q(s) u`; the states are `w_k = c_{k-1} (τ s)^{k-1}/Q(s) u`,
     /// all in the unit of the signal.
-    fn delay(&mut self, signal: Node, tau: Node, order: usize) -> Node {
-        let first = self.next_delay;
-        self.next_delay += order;
+    fn delay(&mut self, signal: Node, tau: Node, (first, order): (usize, usize)) -> Node {
         let graph = &mut self.graph;
         let states = &self.x[first..first + order];
         let sum = states

@@ -1,6 +1,6 @@
 //! A checked model file as expressions.
 
-use crate::build::{self, Built};
+use crate::build::{self, Built, Delayed, FreeDelay};
 use crate::error::{Fault, ModelFileError, unread};
 use crate::file::{Formula, LONGEST, ModelFile, Variable};
 use crate::scope::Scope;
@@ -27,6 +27,8 @@ pub struct Compiled {
     pub limits: Vec<Option<[Node; 2]>>,
     /// The states of delays.
     pub delays: Vec<DelayState>,
+    /// The delays without an order.
+    pub free_delays: Vec<FreeDelay>,
     starts: Vec<Node>,
     /// Time of each delay, and its byte offset in the text.
     taus: Vec<(Node, usize)>,
@@ -116,7 +118,7 @@ pub fn parse(
     let scope = Scope::of(&file)?;
     let tables = Tables::read(&file, &scope, read_table)?;
     units::check(&file, &scope, &tables)?;
-    let built = build::build(&file, &scope, &tables)?;
+    let built = build::build(&file, &scope, &tables, &[])?;
     let compiled = assemble(file, tables, built);
     compiled.check_starts()?;
     Ok(compiled)
@@ -142,9 +144,18 @@ fn assemble(file: ModelFile, tables: Tables, built: Built) -> Compiled {
     let mut states = names(&file.states);
     states.extend(delays.iter().map(|state| state.name.clone()));
     let all = [names(&file.locals), names(&file.outputs)].concat();
+    let mut inputs = names(&file.inputs);
+    let is_input = |own: &&FreeDelay| own.by == Delayed::Input;
+    inputs.extend(
+        built
+            .free
+            .iter()
+            .filter(is_input)
+            .map(|own| own.name.clone()),
+    );
     let system = System {
         states: states.len(),
-        inputs: file.inputs.len(),
+        inputs: inputs.len(),
         parameters: file.parameters.len(),
         derivatives: built.derivatives,
         outputs: kept.iter().map(|k| built.computed[*k]).collect(),
@@ -153,7 +164,7 @@ fn assemble(file: ModelFile, tables: Tables, built: Built) -> Compiled {
     let model = Model {
         system,
         states,
-        inputs: names(&file.inputs),
+        inputs,
         parameters: names(&file.parameters),
         outputs: kept.iter().map(|k| all[*k].clone()).collect(),
     };
@@ -161,6 +172,7 @@ fn assemble(file: ModelFile, tables: Tables, built: Built) -> Compiled {
         limits: kept.iter().map(|k| built.limits[*k]).collect(),
         starts: built.starts,
         taus: built.taus,
+        free_delays: built.free,
         parts: built.parts,
         tables: tables.files,
         model,
@@ -170,6 +182,21 @@ fn assemble(file: ModelFile, tables: Tables, built: Built) -> Compiled {
 }
 
 impl Compiled {
+    /// The same file with this in place of each delay without an order, in the order of
+    /// [`free_delays`](Self::free_delays).
+    ///
+    /// # Errors
+    /// If a variable of the file has the name of a state that an order needs.
+    pub fn with_delays(&self, by: &[Delayed]) -> Result<Self, ModelFileError> {
+        let tables = Tables {
+            files: self.tables.clone(),
+        };
+        let file = self.file.clone();
+        let scope = Scope::of(&file)?;
+        let built = build::build(&file, &scope, &tables, by)?;
+        Ok(assemble(file.clone(), tables, built))
+    }
+
     /// Start values of the parameters.
     pub fn parameters(&self) -> Vec<f64> {
         let all = self.file.parameters.iter();

@@ -125,7 +125,7 @@ impl Expressions {
         }
         let tables = Tables::default();
         units::check(file, &scope, &tables)?;
-        let built = build::build(file, &scope, &tables)?;
+        let built = build::build(file, &scope, &tables, &[])?;
         Ok(CompiledExpressions {
             graph: built.graph,
             nodes: built.computed,

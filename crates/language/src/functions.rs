@@ -81,7 +81,7 @@ pub(crate) const FUNCTIONS: [Function; 22] = [
     taking(Name::Sat, "sat", 2..=3, "sat(x, limit)"),
     taking(Name::Deadzone, "deadzone", 2..=3, "deadzone(x, width)"),
     taking(Name::If, "if", 3..=3, "if(a > b, x, y)"),
-    taking(Name::Delay, "delay", 3..=3, "delay(signal, tau, order)"),
+    taking(Name::Delay, "delay", 2..=3, "delay(signal, tau, order)"),
     taking(Name::Table, "table", 2..=2, "table('file.csv', x)"),
 ];
 

@@ -57,6 +57,7 @@ mod token;
 pub mod typeset;
 mod units;
 
+pub use build::{Delayed, FreeDelay};
 pub use compiled::{Compiled, Trouble, parse, read};
 pub use error::{Fault, ModelFileError};
 pub use expressions::Expressions;

@@ -256,6 +256,19 @@ impl Margins {
         self
     }
 
+    /// The same with this number of phase crossings at most: those with gain margins nearest to 1. A delay turns the phase without
+    /// end.
+    #[must_use]
+    pub fn limited(mut self, most: usize) -> Self {
+        let size = |own: &PhaseCrossing| own.gain_margin.ln().abs();
+        let mut sizes: Vec<f64> = self.phase_crossings.iter().map(size).collect();
+        sizes.sort_by(f64::total_cmp);
+        if let Some(largest) = sizes.get(most.max(1) - 1) {
+            self.phase_crossings.retain(|own| size(own) <= *largest);
+        }
+        self
+    }
+
     /// The crossing with the phase margin of smallest magnitude.
     pub fn phase_margin(&self) -> Option<&GainCrossing> {
         let by_size = |a: &&GainCrossing, b: &&GainCrossing| {
@@ -368,12 +381,16 @@ impl PhaseCrossing {
 impl StateSpace {
     /// Response and margins of an open loop ([`StateSpace::open_loop`]).
     pub fn margins(&self) -> (Response, Margins) {
+        self.margins_of(|omega| self.transfer(0, 0, Complex::new(0.0, omega)))
+    }
+
+    /// The same of a response of its own, for a loop of which this system is an approximation.
+    pub fn margins_of(&self, evaluate: impl Fn(f64) -> Complex<f64>) -> (Response, Margins) {
         let closed = &self.a - &self.b * &self.c / (1.0 + self.d[(0, 0)]);
         let mut poles = self.poles();
         poles.extend(super::modes::eigenvalues(&closed));
-        let evaluate = |omega| self.transfer(0, 0, Complex::new(0.0, omega));
-        let response = Response::of(evaluate, &poles, None);
-        let margins = Margins::of(&response, evaluate).with_steady(&response, evaluate);
+        let response = Response::of(&evaluate, &poles, None);
+        let margins = Margins::of(&response, &evaluate).with_steady(&response, &evaluate);
         (response, margins)
     }
 }

@@ -240,6 +240,34 @@ impl StateSpace {
         })
     }
 
+    /// The system without the states on which nothing acts and that act on nothing.
+    #[must_use]
+    pub fn without_idle_states(&self) -> Self {
+        let is_idle = |k: usize| {
+            let acts = self
+                .a
+                .column(k)
+                .iter()
+                .chain(self.c.column(k).iter())
+                .any(|own| *own != 0.0);
+            let is_moved = self
+                .a
+                .row(k)
+                .iter()
+                .chain(self.b.row(k).iter())
+                .any(|own| *own != 0.0);
+            !acts && !is_moved
+        };
+        let kept: Vec<usize> = (0..self.states.len()).filter(|k| !is_idle(*k)).collect();
+        Self {
+            a: self.a.select_rows(&kept).select_columns(&kept),
+            b: self.b.select_rows(&kept),
+            c: self.c.select_columns(&kept),
+            states: kept.iter().map(|k| self.states[*k].clone()).collect(),
+            ..self.clone()
+        }
+    }
+
     /// The poles, eigenvalues of `A` [1/s], sorted by magnitude, conjugates adjacent. Infinite if they cannot be
     /// computed, as for entries that are not finite.
     pub fn poles(&self) -> Vec<Complex<f64>> {
@@ -253,6 +281,44 @@ impl StateSpace {
     /// If the output or the input does not exist.
     pub fn transfer(&self, output: usize, input: usize, s: Complex<f64>) -> Complex<f64> {
         transfer(self, output, input, s)
+    }
+}
+
+impl StateSpace {
+    /// The transfer from an input to an output at `jω` if other outputs come back to other inputs after delays `(output, input, τ)`:
+    /// with G from `(u, w)` to `(y, z)` and `w = E z`, `E = diag(e^(-jωτ))`,
+    ///
+    /// ```text
+    /// G_yu + G_yw E (I - G_zw E)⁻¹ G_zu
+    /// ```
+    ///
+    /// Infinite at a pole.
+    ///
+    /// # Panics
+    /// If an output or an input does not exist.
+    pub fn transfer_with_delays(
+        &self,
+        (output, input): (usize, usize),
+        delays: &[(usize, usize, f64)],
+        omega: f64,
+    ) -> Complex<f64> {
+        let s = Complex::new(0.0, omega);
+        let own = [(output, input, 0.0)];
+        let ends: Vec<_> = own.iter().chain(delays).collect();
+        let outputs: Vec<usize> = ends.iter().map(|own| own.0).collect();
+        let inputs: Vec<usize> = ends.iter().map(|own| own.1).collect();
+        let all = self.from_inputs(&inputs);
+        let g = DMatrix::from_fn(outputs.len(), inputs.len(), |i, j| {
+            transfer(&all, outputs[i], j, s)
+        });
+        let n = delays.len();
+        let e = DVector::from_fn(n, |k, _| (-s * delays[k].2).exp());
+        let e = DMatrix::from_diagonal(&e);
+        let back = DMatrix::identity(n, n) - g.view((1, 1), (n, n)) * &e;
+        match back.lu().solve(&g.view((1, 0), (n, 1)).into_owned()) {
+            Some(z) => g[(0, 0)] + (g.view((0, 1), (1, n)) * e * z)[(0, 0)],
+            None => Complex::new(f64::INFINITY, 0.0),
+        }
     }
 }
 

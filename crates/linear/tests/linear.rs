@@ -528,3 +528,92 @@ fn without_states_the_transfer_is_the_feedthrough() {
         Complex::from(3.0)
     );
 }
+
+/// Two integrators in a row behind a delay each, with feedback from the second to the first through the delays: by hand, and the
+/// margins of K e^(-jωτ)/(jω): ω_c = K, 90° - K τ, and 1/K times where the phase passes -180°, π/(2 τ) and every 2 π/τ from there.
+#[test]
+fn delays_turn_the_phase() {
+    let single = |b: f64| StateSpace {
+        a: DMatrix::zeros(1, 1),
+        b: DMatrix::from_row_slice(1, 2, &[b, 1.0]),
+        c: DMatrix::from_row_slice(2, 1, &[1.0, 0.0]),
+        d: DMatrix::from_row_slice(2, 2, &[0.0, 0.0, 2.0, 0.0]),
+        states: names("x", 1),
+        inputs: names("u", 2),
+        outputs: names("y", 2),
+    };
+    // ẋ = w, w = 2 u(t - τ), in front of ẋ = x_before + w, w = 2 u(t - τ) of an input that is 0; and back.
+    let both = StateSpace::side_by_side(&[single(0.0), single(1.0)]);
+    let wire = |output, input, factor| Wire {
+        output,
+        input,
+        factor,
+    };
+    let closed = both.closed(&[wire(0, 2, 1.0), wire(2, 0, -0.3)]).unwrap();
+    let delays = [(1, 1, 0.4), (3, 3, 0.7)];
+    for omega in [0.3, 1.7, 9.0] {
+        let s = Complex::new(0.0, omega);
+        let [e, f] = [0.4, 0.7].map(|tau| (-s * tau).exp());
+        // s x = 2 e (u - 0.3 y), s y = (1 + 2 f) x.
+        let forward = (f * 2.0 + 1.0) * e * 2.0 / (s * s);
+        let expected = forward / (forward * 0.3 + 1.0);
+        let found = closed.transfer_with_delays((2, 0), &delays, omega);
+        assert!(
+            (found - expected).norm() < 1e-12 * expected.norm(),
+            "{omega}: {found} {expected}"
+        );
+    }
+    let (gain, tau) = (1.5, 0.4);
+    let evaluate =
+        |omega: f64| single(0.0).transfer_with_delays((0, 0), &[(1, 1, tau)], omega) * 0.5 * gain;
+    let open = StateSpace {
+        b: DMatrix::from_element(1, 1, gain),
+        c: DMatrix::from_element(1, 1, 1.0),
+        d: DMatrix::zeros(1, 1),
+        inputs: names("u", 1),
+        outputs: names("y", 1),
+        ..single(0.0)
+    };
+    let (_, margins) = open.margins_of(evaluate);
+    let margins = margins.limited(3);
+    let crossing = margins.phase_margin().unwrap();
+    assert!((crossing.frequency - gain).abs() < 1e-12);
+    assert!((crossing.phase_margin - (PI / 2.0 - gain * tau)).abs() < 1e-12);
+    assert_eq!(margins.phase_crossings.len(), 3);
+    for (k, own) in margins.phase_crossings.iter().enumerate() {
+        let omega = (PI / 2.0 + 2.0 * PI * k as f64) / tau;
+        assert!((own.frequency - omega).abs() < 1e-9 * omega, "{own:?}");
+        assert!(
+            (own.gain_margin - omega / gain).abs() < 1e-9 * omega,
+            "{own:?}"
+        );
+    }
+}
+
+#[test]
+fn idle_states_are_left_out() {
+    let mut all = StateSpace::side_by_side(&[three(), three()]);
+    all.b.rows_mut(3, 3).fill(0.0);
+    all.a.view_mut((3, 3), (3, 3)).fill(0.0);
+    // They are seen, and would keep what they begin with.
+    assert_eq!(all.without_idle_states(), all);
+    all.c.columns_mut(3, 3).fill(0.0);
+    assert_eq!(all.without_idle_states().a, three().a);
+    assert_eq!(all.without_idle_states().states, all.states[..3]);
+}
+
+fn three() -> StateSpace {
+    StateSpace {
+        a: DMatrix::from_fn(3, 3, |i, j| (i as f64 - 2.0 * j as f64).cos()),
+        b: DMatrix::from_element(3, 1, 1.0),
+        c: DMatrix::from_element(1, 3, 1.0),
+        d: DMatrix::zeros(1, 1),
+        states: names("x", 3),
+        inputs: names("u", 1),
+        outputs: names("y", 1),
+    }
+}
+
+fn names(of: &str, count: usize) -> Vec<String> {
+    (1..=count).map(|k| format!("{of}{k}")).collect()
+}

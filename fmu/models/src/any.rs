@@ -74,6 +74,14 @@ impl Equations for AnyModel {
         either!(self, model => model.time_events(u, p, times));
     }
 
+    fn delays(&self, p: &[f64], times: &mut Vec<f64>) {
+        either!(self, model => model.delays(p, times));
+    }
+
+    fn signals<T: Scalar>(&self, at: At<T>, signals: &mut [T]) {
+        either!(self, model => model.signals(at, signals));
+    }
+
     fn trouble(&self, at: At<f64>) -> Option<String> {
         either!(self, model => model.trouble(at))
     }

@@ -1,7 +1,9 @@
 //! Models from model files: their variables as a table, their equations as tapes.
 
 use pilotage_expression::{Graph, Node, Tape};
-use pilotage_language::{Compiled, ModelFile, ModelFileError, Variable as Declared, parse, read};
+use pilotage_language::{
+    Compiled, Delayed, ModelFile, ModelFileError, Variable as Declared, parse, read,
+};
 use pilotage_sdk::structure::{Influences, Knowledge};
 use pilotage_sdk::variable::Role;
 use pilotage_sdk::{At, Equations, Scalar, Table, Unit, Variable};
@@ -26,8 +28,63 @@ struct Inner {
     outputs: Tape,
     /// Times at which conditions on time change.
     switches: Tape,
+    /// The equations that take delayed signals, if there are delays without an order.
+    exact: Option<Exact>,
     is_linear: bool,
     has_start_formulas: bool,
+}
+
+/// Equations in which delays without an order are inputs after the others.
+#[derive(Debug)]
+struct Exact {
+    derivatives: Tape,
+    outputs: Tape,
+    /// The delayed signals.
+    signals: Tape,
+    /// Times of the delays.
+    times: Tape,
+    /// Their states among those of the table, which has those of approximations, too.
+    states: Vec<usize>,
+}
+
+impl Exact {
+    fn of(compiled: &Compiled) -> Option<Self> {
+        let free = &compiled.free_delays;
+        if free.is_empty() {
+            return None;
+        }
+        let own = compiled.with_delays(&vec![Delayed::Input; free.len()]);
+        let own = own.expect("its names are among those of the states of approximations");
+        let (_, graph, held) = held(&own);
+        let system = &own.model.system;
+        let tape = |list: &[Node]| Tape::new(&graph, system.variables(), |_| false, &[list]);
+        let names = &compiled.model.states;
+        let is_approximate = |state: usize| {
+            free.iter().any(|own| {
+                let first = names.iter().position(|name| *name == own.name);
+                let order = match own.by {
+                    Delayed::Pade(order) => order,
+                    Delayed::Input => 0,
+                };
+                first.is_some_and(|first| (first..first + order).contains(&state))
+            })
+        };
+        let signals = own.free_delays.iter().map(|own| own.signal);
+        let times = own.free_delays.iter().map(|own| own.tau);
+        Some(Self {
+            derivatives: tape(&system.derivatives),
+            outputs: tape(&held),
+            signals: tape(&signals.collect::<Vec<_>>()),
+            times: tape(&times.collect::<Vec<_>>()),
+            states: (0..names.len()).filter(|k| !is_approximate(*k)).collect(),
+        })
+    }
+
+    /// Evaluates a tape at a point of the table's states.
+    fn run<T: Scalar>(&self, tape: &Tape, at: At<T>, out: &mut [T]) {
+        let x: SmallVec<[T; ON_STACK]> = self.states.iter().map(|k| at.x[*k]).collect();
+        run(tape, At { x: &x, ..at }, out);
+    }
 }
 
 impl TextModel {
@@ -60,10 +117,17 @@ impl TextModel {
             outputs: tape(&held),
             switches: tape(&switches.times),
             table: table(&compiled, &order),
+            exact: Exact::of(&compiled),
             is_linear: compiled.is_linear(),
             has_start_formulas: compiled.starts_on_parameters().contains(&true),
             compiled,
         }))
+    }
+
+    /// The equations that take delayed signals, if there are some after the inputs.
+    fn exact(&self, inputs: usize) -> Option<&Exact> {
+        let exact = self.0.exact.as_ref();
+        exact.filter(|_| inputs > self.0.table.inputs().len())
     }
 
     /// The compiled file.
@@ -213,11 +277,49 @@ impl Equations for TextModel {
     }
 
     fn derivative<T: Scalar>(&self, at: At<T>, dx: &mut [T]) {
-        run(&self.0.derivatives, at, dx);
+        match self.exact(at.u.len()) {
+            Some(exact) => {
+                let mut rates: SmallVec<[T; ON_STACK]> =
+                    SmallVec::from_elem(T::from(0.0), exact.states.len());
+                exact.run(&exact.derivatives, at, &mut rates);
+                dx.fill(T::from(0.0));
+                for (state, rate) in exact.states.iter().zip(rates) {
+                    dx[*state] = rate;
+                }
+            }
+            None => run(&self.0.derivatives, at, dx),
+        }
     }
 
     fn output<T: Scalar>(&self, at: At<T>, y: &mut [T]) {
-        run(&self.0.outputs, at, y);
+        match self.exact(at.u.len()) {
+            Some(exact) => exact.run(&exact.outputs, at, y),
+            None => run(&self.0.outputs, at, y),
+        }
+    }
+
+    fn delays(&self, p: &[f64], times: &mut Vec<f64>) {
+        let Some(exact) = &self.0.exact else {
+            return;
+        };
+        let count = exact.times.outputs(0).len();
+        let first = times.len();
+        times.resize(first + count, 0.0);
+        let x = vec![0.0; self.0.table.n_states()];
+        let u = vec![0.0; self.0.table.inputs().len() + count];
+        let at = At {
+            time: 0.0,
+            x: &x[..],
+            u: &u[..],
+            p,
+        };
+        exact.run(&exact.times, at, &mut times[first..]);
+    }
+
+    fn signals<T: Scalar>(&self, at: At<T>, signals: &mut [T]) {
+        if let Some(exact) = &self.0.exact {
+            exact.run(&exact.signals, at, signals);
+        }
     }
 
     fn is_linear(&self) -> bool {
@@ -249,7 +351,8 @@ impl Equations for TextModel {
     }
 
     fn trouble(&self, at: At<f64>) -> Option<String> {
-        let trouble = self.0.compiled.trouble(at.time, at.x, at.u, at.p)?;
+        let u = &at.u[..self.0.table.inputs().len()];
+        let trouble = self.0.compiled.trouble(at.time, at.x, u, at.p)?;
         Some(format!("{}, {trouble}", self.0.compiled.file.file))
     }
 

@@ -3,17 +3,17 @@
 //!
 //! Format of the bytes, little-endian: `"PILOTAGE"`, version of this format (u32), total number of bytes (u64), GUID
 //! (38 bytes), version of FMI (u8), kind (u8), state (u16), whether the simulation has started and is stiff (u8 each), the clock (present, has stop, count, time, stop, anchor,
-//! step), then time, tolerance, time of the last event, values, slopes, slopes of the last step, states, modes, and one byte for each event
-//! indicator. The model determines the number of each.
+//! step), then time, tolerance, time of the last event, history of delayed signals (its number of numbers, u64, and these), values, slopes, slopes of the last
+//! step, states, modes, and one byte for each event indicator. The model determines the number of each but those of the history.
 
 use crate::Table;
 use crate::clock::Clock;
 use crate::instance::InterfaceType;
 use crate::problem::Problem;
-use crate::simulation::Snapshot;
+use crate::simulation::{History, Snapshot};
 
 const MAGIC: &[u8; 8] = b"PILOTAGE";
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 /// Number of bytes of a GUID with its braces.
 const GUID: usize = 38;
 
@@ -35,7 +35,7 @@ pub struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// The bytes; their number is the same for all checkpoints of a model.
+    /// The bytes; their number is the same for all checkpoints of a model without delayed signals.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = MAGIC.to_vec();
         bytes.extend(VERSION.to_le_bytes());
@@ -62,9 +62,11 @@ impl Checkpoint {
             s.tolerance,
             s.handled,
         ];
-        let vectors = [&s.values, &s.slopes, &s.last_slopes, &s.states];
-        for number in numbers.iter().chain(vectors.into_iter().flatten()) {
-            bytes.extend(number.to_le_bytes());
+        bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+        let history = s.history.to_numbers();
+        bytes.extend((history.len() as u64).to_le_bytes());
+        for vector in [&history, &s.values, &s.slopes, &s.last_slopes, &s.states] {
+            bytes.extend(vector.iter().flat_map(|number| number.to_le_bytes()));
         }
         bytes.extend(s.positive.iter().map(|positive| u8::from(*positive)));
         let length = bytes.len() as u64;
@@ -104,6 +106,10 @@ impl Checkpoint {
             step,
             count,
         };
+        let count = u64::from_le_bytes(reader.take()?);
+        let history = reader.numbers(usize::try_from(count).unwrap_or(usize::MAX))?;
+        let history = History::of_numbers(&history)
+            .ok_or_else(|| wrong("the history", "numbers", "breaks and pieces"))?;
         let n_inputs = table.inputs().len();
         let snapshot = Snapshot {
             time: now,
@@ -116,6 +122,7 @@ impl Checkpoint {
             has_started: has_started == 1,
             is_stiff: is_stiff == 1,
             handled,
+            history,
         };
         check("the number of bytes left over", reader.rest.len(), 0)?;
         Ok(Self {

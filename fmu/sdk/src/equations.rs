@@ -17,7 +17,7 @@ pub struct At<'a, T> {
     pub time: T,
     /// The continuous states, then the modes, each 1 or 0.
     pub x: &'a [T],
-    /// The inputs.
+    /// The inputs; after them, if delays are exact, the delayed signals.
     pub u: &'a [T],
     /// The parameters, without the states' start values.
     pub p: &'a [T],
@@ -52,6 +52,18 @@ pub trait Equations: Sized {
     /// tells its importer.
     fn time_events(&self, u: &[f64], p: &[f64], times: &mut Vec<f64>) {
         let _ = (u, p, times);
+    }
+
+    /// Adds the time of each delay \[s\], above 0, if signals of the model are delayed. Where the simulation knows them exactly,
+    /// [`At::u`] has the delayed signals after the inputs; elsewhere, as in model exchange, the equations approximate them by states
+    /// of their own, whose derivatives are otherwise 0.
+    fn delays(&self, p: &[f64], times: &mut Vec<f64>) {
+        let _ = (p, times);
+    }
+
+    /// Writes the signals that are delayed, in the order of [`delays`](Self::delays), where `at.u` has the delayed ones.
+    fn signals<T: Scalar>(&self, at: At<T>, signals: &mut [T]) {
+        let _ = (at, signals);
     }
 
     /// Handles an event: `x` holds states and modes and may be changed; a mode other than 0 is true. It is also called

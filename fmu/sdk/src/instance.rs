@@ -70,6 +70,11 @@ impl<E: Equations> Instance<E> {
     /// An instance of the model, at its start values.
     pub fn new(equations: E, kind: InterfaceType) -> Self {
         let simulation = Simulation::new(equations);
+        // An importer that solves the equations knows states alone.
+        let simulation = match kind {
+            InterfaceType::CoSimulation => simulation,
+            InterfaceType::ModelExchange => simulation.with_states_for_delays(),
+        };
         Self {
             kind,
             guid: simulation.table().guid(),
@@ -290,8 +295,17 @@ impl<E: Equations> Instance<E> {
     ) -> Result<(), Problem> {
         let unknowns = self.unknowns(unknowns, at)?;
         let knowns = self.knowns(knowns, at)?;
+        let table = self.simulation.table();
+        // Who asks for those of states linearises the FMU, and needs the states that approximate delays.
+        let is_linear = |index: &usize| {
+            table.state_at(*index).is_some() || table.derivatives().any(|own| own == *index)
+        };
+        let is_linear = unknowns.iter().chain(&knowns).any(is_linear);
         let seeds: Vec<_> = knowns.into_iter().zip(seed.iter().copied()).collect();
-        result.copy_from_slice(&self.simulation.directional_derivative(&unknowns, &seeds));
+        result.copy_from_slice(&match is_linear {
+            true => self.simulation.linear_derivative(&unknowns, &seeds),
+            false => self.simulation.directional_derivative(&unknowns, &seeds),
+        });
         Ok(())
     }
 

@@ -9,6 +9,7 @@
 use crate::variable::{Role, Variable};
 use crate::{At, Equations, Scalar, Table};
 use num_dual::Dual64;
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -152,18 +153,23 @@ fn by_known(influences: &Influences, table: &Table) -> ByKnown {
     all
 }
 
-/// All variables from the settable ones: the only place where a table is evaluated.
+/// All variables from the settable ones, and delayed signals if they are exact: the only place where a table is evaluated.
 pub fn evaluate<E: Equations, T: Scalar>(
-    equations: &E,
-    table: &Table,
+    (equations, table): (&E, &Table),
     time: T,
     values: &[T],
     states: &[T],
+    delayed: &[T],
 ) -> Vec<T> {
+    let inputs = &values[table.inputs()];
+    let u = match delayed.is_empty() {
+        true => Cow::Borrowed(inputs),
+        false => Cow::Owned([inputs, delayed].concat()),
+    };
     let at = At {
         time,
         x: states,
-        u: &values[table.inputs()],
+        u: &u[..],
         p: &values[table.parameters()],
     };
     // Importers ask for derivatives at many points: nothing grows here.
@@ -333,7 +339,7 @@ impl<'e, E: Equations> Tracer<'e, E> {
             None => time.eps = part,
         }
         let states = self.table.start_of_x(&values);
-        evaluate(self.equations, self.table, time, &values, &states)
+        evaluate((self.equations, self.table), time, &values, &states, &[])
     }
 }
 

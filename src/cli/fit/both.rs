@@ -79,18 +79,20 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         .each_ref()
         .map(|own| Posed::new(&own.task.file, &flights::open));
     let posed = [response?, stick?];
-    let mut fits: Vec<Fit> = Vec::new();
+    let (mut fits, mut raised): (Vec<Fit>, Vec<Option<Posed<'_>>>) = (Vec::new(), Vec::new());
     for (half, posed) in halves.iter().zip(&posed) {
-        let (mut fit, _) = solved(posed, Watch::new(deadline, None, args.verbose));
+        let (own, mut fit, _) = solved(posed, Watch::new(deadline, None, args.verbose));
         half.task.doubt(&mut fit);
-        for own in planned(posed, Some(&half.path))? {
-            own.write(posed, &fit)?;
+        for written in planned(posed, Some(&half.path))? {
+            written.write(own.as_ref().unwrap_or(posed), &fit)?;
         }
         fits.push(fit);
+        raised.push(own);
     }
+    let of = |k: usize| raised[k].as_ref().unwrap_or(&posed[k]);
     let flown = flown(&set, &options, &fits)?;
     if let Some(path) = &args.report {
-        let outcome = outcomes((&posed[0], &fits[0]), &[]);
+        let outcome = outcomes((of(0), &fits[0]), &[]);
         overwrite::save(path, page(&outcome, vec![figure(&flown)], &made()))?;
     }
     terminal::print(&match args.json {
@@ -100,8 +102,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
                 json!({ "name": run.trial.name, "response_rms_m": response, "stick_rms_m": stick })
             });
             let all = json!({
-                "response": to_json(&outcomes((&posed[0], &fits[0]), &[])),
-                "stick": to_json(&outcomes((&posed[1], &fits[1]), &[])),
+                "response": to_json(&outcomes((of(0), &fits[0]), &[])),
+                "stick": to_json(&outcomes((of(1), &fits[1]), &[])),
                 "flown_alone": runs.collect::<Vec<_>>(),
             });
             format!("{all:#}\n")

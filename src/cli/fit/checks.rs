@@ -6,11 +6,10 @@ use crate::cli::deadline::Deadline;
 use crate::cli::folds::Folds;
 use crate::cli::format::aligned;
 use crate::estimation::file::Noise;
-use crate::estimation::folds::{fitted, leave_one_out};
+use crate::estimation::folds::{OpenInParallel, fitted, leave_one_out};
 use crate::estimation::per_run::{Group, PerRun, per_run};
 use crate::estimation::validation::Judged;
 use crate::estimation::{Fit, ProblemFile};
-use crate::flights;
 use crate::inference::Interval;
 use crate::inference::choice::SIZE;
 use crate::inference::homogeneity::Homogeneity;
@@ -55,16 +54,17 @@ impl Checks {
     pub fn run(
         &self,
         (file, fit): (&ProblemFile, &Fit),
+        open: OpenInParallel<'_>,
         deadline: Deadline,
     ) -> Result<Checked, Failure> {
         let folds = Folds::until(deadline);
         let ask = |done: usize, all: usize| folds.ask(done, all);
         let is_asked = |flag: bool| flag && fit.is_answer();
         let left_out = is_asked(self.leave_one_out)
-            .then(|| leave_one_out((file, fit), &flights::open, &ask))
+            .then(|| leave_one_out((file, fit), open, &ask))
             .transpose()?;
         let per_run = is_asked(self.per_run)
-            .then(|| per_run((file, fit), &flights::open, &ask))
+            .then(|| per_run((file, fit), open, &ask))
             .transpose()?;
         let is_whole = folds.end_with_note();
         let names = fitted(file).into_iter().map(|k| file.runs[k].name.clone());

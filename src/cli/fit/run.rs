@@ -13,12 +13,13 @@ use crate::cli::made::{made, program, quoted};
 use crate::cli::overwrite::{self, OutputKind};
 use crate::cli::progress::Spinner;
 use crate::cli::{Failure, Outcome, excitation, interrupt, terminal};
+use crate::cosim::description::InstanceDescription;
 use crate::estimation::beforehand::beforehand;
 use crate::estimation::file::{Mesh, Options};
 use crate::estimation::fit::alone::alone;
 use crate::estimation::left_over::processes;
 use crate::estimation::validation::{Judged, validated};
-use crate::estimation::{Diagnostic, Fit, Posed, refits};
+use crate::estimation::{Diagnostic, Fit, Posed, fit_delays, refits};
 use crate::flights;
 use crate::sqp::Status;
 use serde_json::Value;
@@ -117,9 +118,15 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     (before.words().iter()).for_each(|words| terminal::note(words));
     let looking = clock.elapsed().as_secs_f64();
     let log = args.log.as_deref().map(Log::open).transpose()?;
-    let (mut fit, log) = match known {
-        Some(known) => (known, log),
+    let (raised, mut fit, log) = match known {
+        Some(known) => (None, known, log),
         None => solved(&posed, Watch::new(deadline, log, args.verbose)),
+    };
+    let posed = raised.as_ref().unwrap_or(&posed);
+    // Other fits have its order of delays.
+    let open = |own: &InstanceDescription| match posed.delaying(own) {
+        Some(part) => Ok(part),
+        None => flights::open(own),
     };
     fit.seconds.reading += reading;
     fit.seconds.diagnostics += looking;
@@ -139,26 +146,26 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     };
     let judged = {
         let _shown = Spinner::new("validating");
-        validated(&file, &fit, &flights::open, &goes_on)?
+        validated(&file, &fit, &open, &goes_on)?
     };
     let refitted = match &plan {
-        Some(plan) => refitted(plan, &posed, &fit, deadline)?,
+        Some(plan) => refitted(plan, posed, &fit, deadline)?,
         None => None,
     };
-    let checked = args.checks.run((&file, &fit), deadline)?;
-    let alone = alone(&posed, &fit, &|| deadline.ask().is_break());
+    let checked = args.checks.run((&file, &fit), &open, deadline)?;
+    let alone = alone(posed, &fit, &|| deadline.ask().is_break());
     let outcome = Outcomes {
-        posed: &posed,
+        posed,
         fit: &fit,
         judged: &judged,
         refitted: refitted.as_ref(),
         before: Some(&before),
-        processes: processes(&posed, &fit),
+        processes: processes(posed, &fit),
         checked: Some(&checked),
         alone: alone.as_deref(),
     };
     for own in &fitted {
-        own.write(&posed, &fit)?;
+        own.write(posed, &fit)?;
     }
     if let Some(path) = &args.report {
         overwrite::save(path, page::page(&outcome, Vec::new(), &made()))?;
@@ -213,12 +220,17 @@ fn refitted(
 pub fn page_of(path: &Path) -> Result<(String, bool), Failure> {
     let file = Task::of_file(path)?.file;
     let posed = Posed::new(&file, &flights::open)?;
-    let fit = crate::estimation::fit(&posed, &mut |_| ControlFlow::Continue(()));
-    let judged = validated(&file, &fit, &flights::open, &|| ControlFlow::Continue(()))?;
-    let alone = alone(&posed, &fit, &|| false);
+    let (raised, fit) = fit_delays(&posed, &mut |_| ControlFlow::Continue(()));
+    let posed = raised.as_ref().unwrap_or(&posed);
+    let open = |own: &InstanceDescription| match posed.delaying(own) {
+        Some(part) => Ok(part),
+        None => flights::open(own),
+    };
+    let judged = validated(&file, &fit, &open, &|| ControlFlow::Continue(()))?;
+    let alone = alone(posed, &fit, &|| false);
     let outcome = Outcomes {
         alone: alone.as_deref(),
-        ..outcomes((&posed, &fit), &judged)
+        ..outcomes((posed, &fit), &judged)
     };
     if !fit.is_answer() {
         terminal::note(&format!("{}: {}", path.display(), fit.verdict()));
@@ -254,10 +266,10 @@ fn check_outputs(args: &Args, task: &Task, fitted: &[Fitted]) -> Result<(), Fail
     args.overwrite.check(&task.inputs, &outputs)
 }
 
-/// Computes the fit with progress output, log, time limit and Ctrl-C.
-pub fn solved(posed: &Posed<'_>, mut watch: Watch) -> (Fit, Option<Log>) {
-    let fit = crate::estimation::fit(posed, &mut |progress| watch.see(progress, posed.factor));
-    (fit, watch.end())
+/// Computes the fit with progress output, log, time limit and Ctrl-C, and the problem with another order of its delays if it needs one.
+pub fn solved<'f>(posed: &Posed<'f>, mut watch: Watch) -> (Option<Posed<'f>>, Fit, Option<Log>) {
+    let (raised, fit) = fit_delays(posed, &mut |progress| watch.see(progress, posed.factor));
+    (raised, fit, watch.end())
 }
 
 impl Args {

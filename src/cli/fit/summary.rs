@@ -193,6 +193,13 @@ pub fn to_json(outcomes: &Outcomes<'_>) -> Value {
             "scheme": fit.refinement.scheme.name(),
             "changes": fit.refinement.changes,
         },
+        "delays": fit.delays.as_ref().map(|own| json!({
+            "order": own.order,
+            "before": own.moved.as_ref().map(|(order, ..)| order),
+            "moved": own.moved.as_ref().map(|(_, most, _)| most),
+            "parameter": own.moved.as_ref().map(|(.., name)| name),
+            "enough": own.is_enough,
+        })),
         "starts": starts.collect::<Vec<_>>(),
         "starts_agreeing": fit.agreeing(),
         "skipped": fit.skipped(),
@@ -446,6 +453,10 @@ pub fn to_text(outcomes: &Outcomes<'_>) -> String {
         .map_or(String::new(), |note| format!("note: {note}\n"));
     text += &(outcomes.checked).map_or(String::new(), |own| own.to_text(fit));
     text += &mesh(posed, fit);
+    if let Some(own) = &fit.delays {
+        let label = if own.is_enough { "" } else { "note: " };
+        text += &format!("{label}{}\n", own.words());
+    }
     match (fit.starts.len(), fit.agreeing()) {
         (1, _) => {}
         (starts, 0) => text += &format!("starts: none of {starts} converged\n"),

@@ -181,6 +181,9 @@ impl Checked {
             return text + "No states: outputs follow inputs at once.\n";
         }
         text += match self.model.compiled().is_linear() {
+            true if !self.model.compiled().free_delays.is_empty() => {
+                "Linear in states and inputs; in co-simulation delays without an order are exact.\n"
+            }
             true => "Linear in states and inputs; steps of co-simulation are exact.\n",
             false => "Poles of the linearisation there:\n",
         };

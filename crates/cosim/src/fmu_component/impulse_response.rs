@@ -108,7 +108,7 @@ fn with_note(found: Realization, step: f64, steps: usize, coarse: &[(String, u32
         kept.join(" ")
     );
     Linear {
-        system: found.system,
         note: Some(note),
+        ..found.system.into()
     }
 }

@@ -14,6 +14,7 @@
 //! | `kinks` | optima at which an SQP stalls |
 //! | `plateau` | parameters without effect at an optimum |
 //! | `refine` | finer meshes |
+//! | `delays` | orders of delays without one |
 //! | `unfinished` | the best parameters if no start has converged |
 //! | `check` | simulation with the same parameters |
 //! | `predicted` | fit of one-step predictions, if noise drives the system |
@@ -25,6 +26,7 @@ pub mod alone;
 mod apart;
 mod behind;
 mod check;
+mod delays;
 pub mod evaluate;
 mod guided;
 mod kinks;
@@ -40,6 +42,7 @@ mod tumbles;
 mod unfinished;
 mod watch;
 
+pub use delays::fit_delays;
 pub(crate) use solve::sqp_options;
 pub use solve::{SeeIterates, nearer, solve};
 
@@ -86,8 +89,17 @@ pub struct Progress<'a> {
 /// status.
 pub type Observer<'a> = dyn FnMut(&Progress<'_>) -> ControlFlow<Status> + Send + 'a;
 
-/// Fits a problem.
+/// Fits a problem. Delays without an order that are not exact have the order that the problem was posed with.
 pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
+    fitted(posed, None, observer)
+}
+
+/// The same from a solution of the same problem with another order of its delays, without a search.
+fn fitted(
+    posed: &Posed<'_>,
+    from: Option<(&Posed<'_>, &Solved)>,
+    observer: &mut Observer<'_>,
+) -> Fit {
     let (mut clock, mut seconds) = (Instant::now(), Seconds::default());
     let watch = Watch::new(observer, posed.file.options.starts());
     // What makes any fit meaningless is all that is said of it.
@@ -100,9 +112,10 @@ pub fn fit(posed: &Posed<'_>, observer: &mut Observer<'_>) -> Fit {
         raced: Raced { mut solved, same },
         starts,
         watch,
-    } = match &posed.free {
-        Some(free) => saturated(posed, free, watch),
-        None => search(posed, watch),
+    } = match (from, &posed.free) {
+        (Some(from), _) => delays::continued(posed, from, watch),
+        (None, Some(free)) => saturated(posed, free, watch),
+        (None, None) => search(posed, watch),
     };
     let (best, mut errors) = best_flown(posed, &mut solved, &watch);
     let first = solved[best].as_ref();

@@ -27,6 +27,8 @@ pub enum Source {
         /// Value of missing samples. If none, they are interpolated between their neighbours.
         missing: Option<f64>,
     },
+    /// Time since the run began \[s\].
+    Elapsed,
     /// 1 where a column of each run has a number, else 0.
     Presence(Spanned<String>),
     /// For each run, values and the times from which they hold. The first holds from the start.
@@ -276,6 +278,11 @@ impl<'f> RunData<'f> {
 
     fn signal(&self, run: usize, source: &Source) -> Result<Signal, ProblemError> {
         match source {
+            Source::Elapsed => Ok(Signal {
+                time: vec![self.begin(), self.end()],
+                values: vec![0.0, self.end() - self.begin()],
+                hold: Hold::Linear,
+            }),
             Source::Given(values) => Ok(Signal {
                 time: values[run].iter().map(|(time, _)| *time).collect(),
                 values: values[run].iter().map(|(_, value)| *value).collect(),

@@ -6,6 +6,7 @@
 
 mod assembly;
 pub mod data;
+mod delayed;
 pub(crate) mod followed;
 pub(crate) mod interval;
 pub(crate) mod names;
@@ -24,6 +25,7 @@ use crate::posed::switches::Switches;
 use crate::posed::unknowns::{Parameters, Unknown};
 use crate::problem::error::ProblemError;
 use crate::problem::file::{Initial, Limits, ProblemFile};
+use crate::system::delayed::with_delays;
 use crate::system::joint::Joint;
 use crate::system::part::{Part, with_locals};
 use nalgebra::{Complex, DMatrix};
@@ -31,6 +33,7 @@ use pilotage_collocation::{Bound, Differentiated, Loss, ParameterConstraints, Ru
 use pilotage_cosim::description::InstanceDescription;
 use pilotage_expression::{Function, Graph, Operation, System};
 use pilotage_filter::Filter;
+use pilotage_language::Delayed;
 use pilotage_linear::eigenvalues;
 use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
@@ -112,7 +115,7 @@ impl<'f> Posed<'f> {
     /// Whether derivatives of the equations may jump with states or parameters: they have kinks, or are those of FMUs.
     pub(crate) fn may_have_kinks(&self) -> bool {
         let mut parts = self.joint.parts.iter();
-        parts.any(|(_, part)| part.fmu.is_some()) || self.has_kinks()
+        parts.any(|(_, part)| part.fmu.is_some() || !part.delayed.is_empty()) || self.has_kinks()
     }
 
     /// Whether the equations select between expressions of states or parameters, take magnitudes of them or look them up in
@@ -216,7 +219,49 @@ impl<'f> Posed<'f> {
     /// # Errors
     /// When anything in it is inconsistent. The error states file, line and column.
     pub fn new(file: &'f ProblemFile, open: Open<'_>) -> Result<Self, ProblemError> {
-        let joint = Joint::new(&file.system, opened(file, open)?)?;
+        Self::with_parts(file, opened(file, open)?, None)
+    }
+
+    /// The same with another order of the delays that have none and are not exact.
+    ///
+    /// # Errors
+    /// If a model has no room for the states of that order.
+    pub(crate) fn raised(&self, order: usize) -> Result<Self, ProblemError> {
+        let parts = self.within_limits().joint.parts.clone();
+        Self::with_parts(self.file, parts, Some(order))
+    }
+
+    /// The highest order of the delays that have none and are not exact; None if there are no such.
+    pub fn delay_order(&self) -> Option<usize> {
+        let files = self
+            .joint
+            .parts
+            .iter()
+            .filter_map(|(_, part)| part.file.as_ref());
+        let orders = files
+            .flat_map(|file| &file.free_delays)
+            .filter_map(|own| match own.by {
+                Delayed::Pade(order) => Some(order),
+                Delayed::Input => None,
+            });
+        orders.max()
+    }
+
+    /// Its instance of this name as it is here, with the order of its delays, if it is a model file with delays that have none.
+    pub fn delaying(&self, instance: &InstanceDescription) -> Option<Part> {
+        let mut parts = self.within_limits().joint.parts.iter();
+        let (_, part) = parts.find(|(name, _)| *name == instance.name)?;
+        let file = part.file.as_ref()?;
+        (!file.free_delays.is_empty()).then(|| part.clone())
+    }
+
+    /// Poses the problem of a file with these instances, and this order of their delays if they have none.
+    fn with_parts(
+        file: &'f ProblemFile,
+        parts: Vec<(String, Part)>,
+        order: Option<usize>,
+    ) -> Result<Self, ProblemError> {
+        let joint = Joint::new(&file.system, with_delays(file, parts, order)?)?;
         let is_limited = |(_, part): &(String, Part)| part.limits.iter().any(Option::is_some);
         if file.options.limits == Limits::Constrain || !joint.parts.iter().any(is_limited) {
             return Self::of(file, joint, None);
@@ -234,7 +279,8 @@ impl<'f> Posed<'f> {
     /// # Errors
     /// As [`Self::new`].
     pub(crate) fn unlimited(file: &'f ProblemFile, open: Open<'_>) -> Result<Self, ProblemError> {
-        Self::of(file, Joint::new(&file.system, opened(file, open)?)?, None)
+        let parts = with_delays(file, opened(file, open)?, None)?;
+        Self::of(file, Joint::new(&file.system, parts)?, None)
     }
 
     /// The problem without limits of outputs if these saturate, otherwise itself.

@@ -219,7 +219,7 @@ impl Switches {
     /// A run whose conditions change where they do for this θ and these initial states, with boundaries of its mesh there.
     pub fn placed(&self, system: &System, run: &Run, theta: &[f64], initial: &[f64]) -> Run {
         let mut run = run.clone();
-        let before = std::mem::take(&mut run.steps);
+        let before = run.steps.clone();
         // Without the boundaries of before, unless they are samples.
         let is_left = |time: &f64| !before.time.contains(time) || run.time.contains(time);
         run.mesh.retain(is_left);
@@ -284,6 +284,7 @@ impl Switches {
         let least = NEAR * (end - run.time[0]);
         let mut steps = Steps {
             first: self.first,
+            window: run.steps.window,
             ..Steps::default()
         };
         let truth = |from: f64, to: f64| {

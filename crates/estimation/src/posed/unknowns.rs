@@ -94,7 +94,8 @@ impl Parameters {
             .model
             .inputs
             .iter()
-            .filter(|name| !fed(name) && !name.starts_with("wire "));
+            .filter(|name| !fed(name) && !name.starts_with("wire "))
+            .filter(|name| joint.delayed().all(|own| own.name != **name));
         let names: Vec<String> = joint
             .model
             .parameters

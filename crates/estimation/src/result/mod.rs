@@ -4,6 +4,7 @@ pub mod beforehand;
 mod begun;
 pub(crate) mod changed;
 pub mod courses;
+pub mod delays;
 pub mod describing;
 pub mod diagnostic;
 pub(crate) mod diagnostics;
@@ -24,6 +25,7 @@ use crate::innovations::{Ahead, Optimum, ahead};
 use crate::posed::{Posed, Stands, poles, variables};
 use crate::problem::file::{Noise, Per};
 use crate::result::changed::Changed;
+use crate::result::delays::DelayOrder;
 use crate::result::diagnostic::Diagnostic;
 use crate::result::events::Events;
 use crate::result::saturated::{Saturated, saturated};
@@ -113,6 +115,8 @@ pub struct Fit {
     pub poles: Vec<[f64; 2]>,
     /// How the mesh was refined.
     pub refinement: Refinement,
+    /// The order of delays without one, if there are any that are not exact.
+    pub delays: Option<DelayOrder>,
     /// An objective that is zero up to the solver's tolerance.
     pub resolution: f64,
     /// How each start ended.
@@ -340,6 +344,7 @@ impl Fit {
             }),
             runs,
             refinement: Refinement::new(solved),
+            delays: None,
             resolution: EXACT * samples as f64 / posed.factor,
             starts: Vec::new(),
             others: Vec::new(),

@@ -1,6 +1,7 @@
 //! The connected instances of a problem: one model with variables named `instance.variable`.
 
 use crate::problem::error::ProblemError;
+use crate::system::delayed::DelayedInput;
 use crate::system::part::{About, Part};
 use pilotage_cosim::SystemDescription;
 use pilotage_cosim::description::{Spanned, Wire};
@@ -120,14 +121,23 @@ impl Joint {
         self.model.signal(name).ok()
     }
 
+    /// Inputs that stand for delays, by `instance.variable`.
+    pub fn delayed(&self) -> impl Iterator<Item = DelayedInput> {
+        self.parts.iter().flat_map(|(instance, part)| {
+            part.delayed.iter().map(move |own| DelayedInput {
+                name: format!("{instance}.{}", own.name),
+                signal: format!("{instance}.{}", own.signal),
+                tau: format!("{instance}.{}", own.tau),
+            })
+        })
+    }
+
     /// Names of all signals: states, outputs and inputs.
     pub fn signals(&self) -> Vec<String> {
         let mut names: Vec<String> = Vec::new();
         for (instance, part) in &self.parts {
             let model = &part.model;
-            let hidden = part.fmu.as_ref().map_or(0, |fmu| fmu.indicators.len());
-            let outputs = &model.outputs[..model.outputs.len() - hidden];
-            for own in [outputs, &model.states, &model.inputs] {
+            for own in [part.outputs(), &model.states, &model.inputs] {
                 names.extend(own.iter().map(|name| format!("{instance}.{name}")));
             }
         }
@@ -202,8 +212,8 @@ fn check_end(
     let mut known: Vec<String> = Vec::new();
     for (instance, part) in parts {
         let model = &part.model;
-        let own: &[&Vec<String>] = match end {
-            End::Output => &[&model.outputs, &model.states],
+        let own: &[&[String]] = match end {
+            End::Output => &[part.outputs(), &model.states],
             End::Input => &[&model.inputs],
         };
         let own = own.iter().copied().flatten();
@@ -218,7 +228,7 @@ fn check_end(
     };
     let own = |part: &Part| match end {
         End::Output => part.model.inputs.clone(),
-        End::Input => [part.model.outputs.clone(), part.model.states.clone()].concat(),
+        End::Input => [part.outputs(), &part.model.states].concat(),
     };
     let is_other = parts.iter().any(|(instance, part)| {
         let rest = name.value.strip_prefix(&format!("{instance}."));

@@ -1,11 +1,12 @@
 //! The instances of a problem as equations.
 
 use crate::problem::error::ProblemError;
+use crate::system::delayed::DelayedInput;
 use pilotage_cosim::description::{InstanceDescription, InstanceSource, Interface};
 use pilotage_expression::{Function, Graph, Model, Node, Opaque, System};
 use pilotage_fmi_equations::{Calls, EquationsError, FmuEquations, Variable as FmuVariable};
 use pilotage_language::file::Variable;
-use pilotage_language::{Compiled, ModelFileError, parse};
+use pilotage_language::{Compiled, Delayed, ModelFileError, parse};
 use pilotage_models::{library, traced};
 use pilotage_sdk::{Equations, Table};
 use pilotage_text::document::DocumentError;
@@ -47,6 +48,8 @@ pub struct Part {
     pub starts: Vec<Node>,
     /// Attributes of each variable.
     pub variables: HashMap<String, About>,
+    /// Inputs that stand for delays.
+    pub delayed: Vec<DelayedInput>,
     /// Its model file, if it has one.
     pub file: Option<Box<Compiled>>,
     /// Its FMU, if it is one.
@@ -115,8 +118,23 @@ impl Part {
         for (name, about) in delays.chain(declared) {
             variables.entry(name).or_insert(about);
         }
+        let mut limits = compiled.limits.clone();
+        let mut delayed = Vec::new();
+        for own in compiled
+            .free_delays
+            .iter()
+            .filter(|own| own.by == Delayed::Input)
+        {
+            let [signal, tau] = ["signal", "time"].map(|what| format!("{what} of {}", own.name));
+            model.outputs.extend([signal.clone(), tau.clone()]);
+            model.system.outputs.extend([own.signal, own.tau]);
+            limits.extend([None; 2]);
+            let name = own.name.clone();
+            delayed.push(DelayedInput { name, signal, tau });
+        }
         Self {
-            limits: compiled.limits.clone(),
+            limits,
+            delayed,
             file: Some(Box::new(compiled)),
             fmu: None,
             model,
@@ -192,6 +210,7 @@ impl Part {
                 function: equations.function,
             }),
             file: None,
+            delayed: Vec::new(),
             starts,
             variables,
             model,
@@ -225,9 +244,17 @@ impl Part {
             limits,
             file: None,
             fmu: None,
+            delayed: Vec::new(),
             variables,
             model,
         })
+    }
+
+    /// Names of its outputs without those that serve the fit alone.
+    pub fn outputs(&self) -> &[String] {
+        let indicators = self.fmu.as_ref().map_or(0, |fmu| fmu.indicators.len());
+        let hidden = indicators + 2 * self.delayed.len();
+        &self.model.outputs[..self.model.outputs.len() - hidden]
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::Simulation;
 use crate::structure::evaluate;
-use crate::{Equations, Table};
+use crate::{At, Equations, Table};
 use num_dual::Dual64;
 
 impl<E: Equations> Simulation<E> {
@@ -36,7 +36,8 @@ impl<E: Equations> Simulation<E> {
             value.eps = *slope;
         }
         let time = Dual64::new(self.now.time, 1.0);
-        let all = self.evaluated(time, &values, &states);
+        let delayed = self.delayed().map(|own| Dual64::new(own[0], own[1]));
+        let all = self.evaluated(time, &values, &states, &delayed.collect::<Vec<_>>());
         all.iter().map(|v| v.eps).collect()
     }
 
@@ -47,8 +48,58 @@ impl<E: Equations> Simulation<E> {
     /// # Panics
     /// If there is no such variable, or a seed is for a variable that is not a known.
     pub fn directional_derivative(&self, unknowns: &[usize], seeds: &[(usize, f64)]) -> Vec<f64> {
-        let all = self.forward(seeds);
+        let all = self.forward(seeds, true);
         unknowns.iter().map(|index| all[*index].eps).collect()
+    }
+
+    /// The same for linear analysis: of delays that are exact it sees the states that approximate them.
+    ///
+    /// # Panics
+    /// As [`directional_derivative`](Self::directional_derivative).
+    pub fn linear_derivative(&self, unknowns: &[usize], seeds: &[(usize, f64)]) -> Vec<f64> {
+        let all = self.forward(seeds, false);
+        unknowns.iter().map(|index| all[*index].eps).collect()
+    }
+
+    /// Times of the delays that are exact \[s\].
+    pub fn delay_times(&self) -> Vec<f64> {
+        let mut times = Vec::new();
+        if self.n_delays > 0 {
+            let p = &self.now.values[self.table.parameters()];
+            self.equations.delays(p, &mut times);
+        }
+        times
+    }
+
+    /// As [`directional_derivative`](Self::directional_derivative) with a change of one of the delayed signals, too, if any: the
+    /// unknowns, then the signals that are delayed.
+    ///
+    /// # Panics
+    /// As [`directional_derivative`](Self::directional_derivative).
+    pub fn delayed_derivative(
+        &self,
+        unknowns: &[usize],
+        seeds: &[(usize, f64)],
+        delayed: Option<usize>,
+    ) -> Vec<f64> {
+        let (values, states) = self.seeded(seeds);
+        let parts = self
+            .delayed()
+            .enumerate()
+            .map(|(k, own)| Dual64::new(own[0], if delayed == Some(k) { 1.0 } else { 0.0 }));
+        let parts: Vec<Dual64> = parts.collect();
+        let time = Dual64::from_re(self.now.time);
+        let all = self.evaluated(time, &values, &states, &parts);
+        let mut signals = vec![Dual64::from_re(0.0); parts.len()];
+        let at = At {
+            time,
+            x: &states,
+            u: &[&values[self.table.inputs()], &parts].concat(),
+            p: &values[self.table.parameters()],
+        };
+        self.equations.signals(at, &mut signals);
+        let unknowns = unknowns.iter().map(|index| all[*index].eps);
+        unknowns.chain(signals.iter().map(|own| own.eps)).collect()
     }
 
     /// Derivatives of the weighted sum of `seeds`, pairs of an unknown's index and its part, with respect to each
@@ -58,7 +109,7 @@ impl<E: Equations> Simulation<E> {
     /// As [`directional_derivative`](Self::directional_derivative).
     pub fn adjoint_derivative(&self, seeds: &[(usize, f64)], knowns: &[usize]) -> Vec<f64> {
         let sum = |known: &usize| {
-            let all = self.forward(&[(*known, 1.0)]);
+            let all = self.forward(&[(*known, 1.0)], true);
             let parts = seeds.iter().map(|(index, part)| part * all[*index].eps);
             parts.sum()
         };
@@ -66,7 +117,15 @@ impl<E: Equations> Simulation<E> {
     }
 
     /// All variables with their derivatives in the direction of `seeds`.
-    fn forward(&self, seeds: &[(usize, f64)]) -> Vec<Dual64> {
+    fn forward(&self, seeds: &[(usize, f64)], is_exact: bool) -> Vec<Dual64> {
+        let (values, states) = self.seeded(seeds);
+        let delayed = self.delayed().filter(|_| is_exact);
+        let delayed: Vec<Dual64> = delayed.map(|own| Dual64::from_re(own[0])).collect();
+        self.evaluated(Dual64::from_re(self.now.time), &values, &states, &delayed)
+    }
+
+    /// Values and states with their parts of `seeds`.
+    fn seeded(&self, seeds: &[(usize, f64)]) -> (Vec<Dual64>, Vec<Dual64>) {
         let (mut values, mut states) = self.lifted();
         for &(index, part) in seeds {
             match known(&self.table, index) {
@@ -79,13 +138,20 @@ impl<E: Equations> Simulation<E> {
                 (None, None) => panic!("variable {index} is no known"),
             }
         }
-        self.evaluated(Dual64::from_re(self.now.time), &values, &states)
+        (values, states)
     }
 
     /// All variables with their derivatives. Dual numbers have none for `√u + x` by `x` where `u` is 0, since 0·∞ is not a
     /// number; such derivatives are central differences, which have eight digits and more.
-    fn evaluated(&self, time: Dual64, values: &[Dual64], states: &[Dual64]) -> Vec<Dual64> {
-        let mut all = evaluate(&self.equations, &self.table, time, values, states);
+    fn evaluated(
+        &self,
+        time: Dual64,
+        values: &[Dual64],
+        states: &[Dual64],
+        delayed: &[Dual64],
+    ) -> Vec<Dual64> {
+        let of = (&self.equations, &self.table);
+        let mut all = evaluate(of, time, values, states, delayed);
         if all.iter().all(|own| !own.eps.is_nan()) {
             return all;
         }
@@ -95,14 +161,14 @@ impl<E: Equations> Simulation<E> {
                 f64::max(change, own.eps.abs()),
             )
         };
-        let moved = values.iter().chain(states).chain([&time]);
+        let moved = values.iter().chain(states).chain(delayed).chain([&time]);
         let (size, change) = moved.filter(|own| own.eps != 0.0).fold((1.0, 0.0), change);
         let h = f64::EPSILON.cbrt() * size / change;
         let [after, before] = [h, -h].map(|h| {
             let at = |own: &Dual64| own.re + h * own.eps;
-            let [values, states] =
-                [values, states].map(|all| all.iter().map(at).collect::<Vec<_>>());
-            evaluate(&self.equations, &self.table, at(&time), &values, &states)
+            let [values, states, delayed] =
+                [values, states, delayed].map(|all| all.iter().map(at).collect::<Vec<_>>());
+            evaluate(of, at(&time), &values, &states, &delayed)
         });
         for (own, (after, before)) in all.iter_mut().zip(after.iter().zip(&before)) {
             if own.eps.is_nan() {

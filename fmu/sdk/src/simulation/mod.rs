@@ -3,16 +3,20 @@
 mod derivatives;
 mod fault;
 mod flow;
+mod history;
 mod step;
 mod time_events;
 
 pub use fault::{StepError, StepFault};
+pub use history::History;
 pub use step::Reached;
 
 use crate::lti::Transition;
 use crate::variable::{Role, ValueError, Variable};
 use crate::{At, Equations, Table};
+use history::Jet;
 use pilotage_ode::{Method, Solver, SolverOptions};
+use std::borrow::Cow;
 
 /// Default relative tolerance of the integrator.
 pub const DEFAULT_TOLERANCE: f64 = 1e-9;
@@ -78,6 +82,8 @@ pub struct Snapshot {
     pub is_stiff: bool,
     /// Time at which events were last handled \[s\]: conditions on time that change there have changed.
     pub handled: f64,
+    /// Signals that are delayed.
+    pub history: History,
 }
 
 /// A running model.
@@ -88,6 +94,8 @@ pub struct Simulation<E> {
     slots: Vec<Slot>,
     /// Number of outputs that the equations compute.
     n_computed: usize,
+    /// Number of delays that are exact.
+    n_delays: usize,
     now: Snapshot,
     solver: Solver,
     /// Typical magnitudes of the states and modes.
@@ -124,6 +132,7 @@ struct Space {
 impl<E: Equations + Clone> Clone for Simulation<E> {
     fn clone(&self) -> Self {
         let mut clone = Self::new(self.equations.clone());
+        clone.n_delays = self.n_delays;
         clone.restore(&self.now);
         clone
     }
@@ -135,6 +144,8 @@ impl<E: Equations> Simulation<E> {
         let table = equations.table();
         let now = at_start(&table);
         let nominals = table.nominals_of_x();
+        let mut delays = Vec::new();
+        equations.delays(&now.values[table.parameters()], &mut delays);
         let options = SolverOptions {
             relative: now.tolerance,
             absolute: nominals.clone(),
@@ -153,10 +164,18 @@ impl<E: Equations> Simulation<E> {
             },
             slots: slots(&table),
             n_computed: table.computed().count(),
+            n_delays: delays.len(),
             now,
             table,
             equations,
         }
+    }
+
+    /// Approximates delays by states, as an importer needs that solves the equations itself.
+    #[must_use]
+    pub fn with_states_for_delays(mut self) -> Self {
+        self.n_delays = 0;
+        self
     }
 
     /// The model.
@@ -189,6 +208,7 @@ impl<E: Equations> Simulation<E> {
         self.now.has_started = snapshot.has_started;
         self.now.is_stiff = snapshot.is_stiff;
         self.now.handled = snapshot.handled;
+        self.now.history.clone_from(&snapshot.history);
     }
 
     /// Restores all start values and the default tolerance.
@@ -244,7 +264,8 @@ impl<E: Equations> Simulation<E> {
                 Slot::State(state) => self.now.states[state],
                 Slot::Output(position) => {
                     if !computed {
-                        let at = self.at();
+                        let u = self.inputs();
+                        let at = self.at(&u);
                         self.equations.output(at, outputs);
                         self.table.clip(outputs, at.p);
                         computed = true;
@@ -315,7 +336,7 @@ impl<E: Equations> Simulation<E> {
 
     /// Cause of a value that is not finite at present, if the equations give it.
     pub fn trouble(&self) -> Option<String> {
-        self.equations.trouble(self.at())
+        self.equations.trouble(self.at(&self.inputs()))
     }
 
     fn calculated(&self, variable: &Variable) -> SetError {
@@ -380,9 +401,10 @@ impl<E: Equations> Simulation<E> {
     /// If the number of values is wrong.
     pub fn derivatives(&self, slopes: &mut [f64]) {
         assert_eq!(slopes.len(), self.table.n_states(), "number of states");
+        let u = self.inputs();
         let at = At {
             time: self.sided_time(),
-            ..self.at()
+            ..self.at(&u)
         };
         self.equations.derivative(at, slopes);
     }
@@ -393,15 +415,45 @@ impl<E: Equations> Simulation<E> {
     /// If the number of values is wrong.
     pub fn indicators(&self, indicators: &mut [f64]) {
         assert_eq!(indicators.len(), self.table.n_indicators(), "indicators");
-        self.equations.indicators(self.at(), indicators);
+        self.equations
+            .indicators(self.at(&self.inputs()), indicators);
     }
 
-    /// Current arguments of the equations.
-    fn at(&self) -> At<'_, f64> {
+    /// The inputs, and after them the delayed signals.
+    fn inputs(&self) -> Cow<'_, [f64]> {
+        let own = &self.now.values[self.table.inputs()];
+        match self.n_delays {
+            0 => Cow::Borrowed(own),
+            _ => {
+                let delayed = self.delayed();
+                Cow::Owned(
+                    own.iter()
+                        .copied()
+                        .chain(delayed.map(|jet| jet[0]))
+                        .collect(),
+                )
+            }
+        }
+    }
+
+    /// The delayed signals with their derivatives by time; none unless they are exact.
+    fn delayed(&self) -> impl Iterator<Item = Jet> {
+        let mut times = Vec::new();
+        if self.n_delays > 0 {
+            let p = &self.now.values[self.table.parameters()];
+            self.equations.delays(p, &mut times);
+        }
+        let now = &self.now;
+        let delayed = times.into_iter().enumerate();
+        delayed.map(|(k, tau)| now.history.after(k, now.time, tau))
+    }
+
+    /// Current arguments of the equations, with these inputs.
+    fn at<'a>(&'a self, u: &'a [f64]) -> At<'a, f64> {
         At {
             time: self.now.time,
             x: &self.now.states,
-            u: &self.now.values[self.table.inputs()],
+            u,
             p: &self.now.values[self.table.parameters()],
         }
     }
@@ -447,6 +499,7 @@ fn at_start(table: &Table) -> Snapshot {
         has_started: false,
         is_stiff: false,
         handled: f64::MIN,
+        history: History::default(),
         values,
     }
 }

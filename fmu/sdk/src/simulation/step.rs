@@ -67,7 +67,8 @@ impl<E: Equations> Simulation<E> {
                 event: false,
             });
         }
-        if self.equations.is_linear() && self.table.modes().next().is_none() {
+        let is_linear = self.n_delays == 0 && self.equations.is_linear();
+        if is_linear && self.table.modes().next().is_none() {
             self.step_exactly(h).map_err(|fault| StepError {
                 fault,
                 reached: 0.0,
@@ -111,23 +112,13 @@ impl<E: Equations> Simulation<E> {
         let mut changed = false;
         self.now.handled = self.now.time;
         for _ in 0..MAX_ITERATIONS {
-            self.space.next.copy_from_slice(&self.now.states);
-            let Self {
-                equations,
-                table,
-                now,
-                space,
-                ..
-            } = self;
-            let at = At {
-                time: now.time,
-                x: &now.states,
-                u: &now.values[table.inputs()],
-                p: &now.values[table.parameters()],
-            };
-            equations.event(at, &mut space.next);
-            if let Some(i) = space.next.iter().position(|v| !v.is_finite()) {
-                return Err(not_finite(table, i, space.next[i], 0.0));
+            let mut next = std::mem::take(&mut self.space.next);
+            next.copy_from_slice(&self.now.states);
+            self.equations.event(self.at(&self.inputs()), &mut next);
+            self.space.next = next;
+            let next = &self.space.next;
+            if let Some(i) = next.iter().position(|v| !v.is_finite()) {
+                return Err(not_finite(&self.table, i, next[i], 0.0));
             }
             for mode in &mut self.space.next[self.table.n_states()..] {
                 *mode = f64::from(u8::from(*mode != 0.0));
@@ -170,6 +161,13 @@ impl<E: Equations> Simulation<E> {
         }
         self.now.time += elapsed;
         self.now.handled = self.now.time;
+        if self.n_delays > 0 {
+            let mut times = Vec::new();
+            let p = &self.now.values[self.table.parameters()];
+            self.equations.delays(p, &mut times);
+            let longest = times.into_iter().fold(0.0, f64::max);
+            self.now.history.cut(self.now.time, longest);
+        }
     }
 
     /// Exact step of a linear model.
@@ -273,6 +271,7 @@ impl<E: Equations> Simulation<E> {
         elapsed: &mut f64,
     ) -> Result<bool, StepFault> {
         let (from, relative) = (*elapsed, self.now.tolerance);
+        self.check_delays(from)?;
         let was_stiff = self.now.is_stiff;
         let work = implicit_work(self.table.n_states());
         let (result, is_stiff) = self.with_flow(|flow, x, solver| {
@@ -308,6 +307,22 @@ impl<E: Equations> Simulation<E> {
         result.map(|_| ())
     }
 
+    /// Rejects delays that are not above 0.
+    fn check_delays(&self, elapsed: f64) -> Result<(), StepFault> {
+        let mut times = Vec::new();
+        if self.n_delays > 0 {
+            let p = &self.now.values[self.table.parameters()];
+            self.equations.delays(p, &mut times);
+        }
+        match times.into_iter().find(|tau| tau.is_nan() || *tau <= 0.0) {
+            Some(tau) => Err(StepFault::Trouble {
+                time: self.now.time + elapsed,
+                cause: format!("the time of a delay is {tau} s; it must be above 0"),
+            }),
+            None => Ok(()),
+        }
+    }
+
     /// Calls `f` with the equations of a step, the states and the solver.
     fn with_flow<R>(
         &mut self,
@@ -320,9 +335,18 @@ impl<E: Equations> Simulation<E> {
             solver,
             nominals,
             space,
+            n_delays,
             ..
         } = self;
+        let mut delays = Vec::new();
+        if *n_delays > 0 {
+            equations.delays(&now.values[table.parameters()], &mut delays);
+        }
+        space.inputs.resize(table.inputs().len() + *n_delays, 0.0);
         let mut flow = Flow {
+            delays,
+            begin: now.time,
+            history: &mut now.history,
             equations,
             n_states: table.n_states(),
             nominals,
@@ -345,7 +369,10 @@ fn run<E: Equations>(
     h: f64,
 ) -> Result<bool, StepFault> {
     for _ in 0..MAX_STEPS {
-        let advance = solver.advance(flow, h)?;
+        let advance = match flow.delays.is_empty() {
+            true => solver.advance(flow, h)?,
+            false => advance_with_delays(solver, flow, h)?,
+        };
         if advance == Advance::Event || solver.time() >= h {
             return Ok(advance == Advance::Event);
         }
@@ -355,4 +382,28 @@ fn run<E: Equations>(
         step: h,
         limit: MAX_STEPS,
     })
+}
+
+/// One step of the integrator, no longer than the shortest delay and up to where a delayed signal jumps at most, whose signals are
+/// then part of the history.
+fn advance_with_delays<E: Equations>(
+    solver: &mut Solver,
+    flow: &mut Flow<'_, E>,
+    h: f64,
+) -> Result<Advance, StepFault> {
+    let from = solver.time();
+    let limit = flow.limit(from, h);
+    flow.begin = flow.start + from;
+    let starts = flow.signals(from, solver.state(), true);
+    let advance = solver.advance(flow, limit)?;
+    let to = solver.time();
+    let ends = flow.signals(to, solver.state(), false);
+    let times = (flow.start + from, flow.start + to);
+    flow.history.push(times, &starts, &ends);
+    if advance == Advance::Step && to >= limit && limit < h {
+        // The derivative is another one after a jump.
+        let state = solver.state().to_vec();
+        solver.restart(to, &state, false);
+    }
+    Ok(advance)
 }

@@ -110,7 +110,7 @@ impl Matrix {
 
 impl From<Linear> for System {
     fn from(own: Linear) -> Self {
-        let Linear { system, note } = own;
+        let Linear { system, note, .. } = own;
         Self {
             matrices: [system.a, system.b, system.c, system.d].map(Matrix::from),
             names: [system.states, system.inputs, system.outputs],
@@ -136,9 +136,9 @@ impl System {
             inputs,
             outputs,
         };
-        fits.then_some(Linear {
-            system,
+        fits.then(|| Linear {
             note: self.note,
+            ..system.into()
         })
     }
 }

@@ -10,6 +10,9 @@ use pilotage_cosim::description::Spanned;
 use pilotage_expression::Node;
 use pilotage_language::file::Formula;
 
+/// Number of clocks.
+pub(super) const CLOCKS: usize = 3;
+
 /// Origin of an input of the equations.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(super) enum Key {
@@ -31,6 +34,10 @@ pub(super) enum Key {
     Presence(usize),
     /// Noise level of that signal.
     Deviation(usize),
+    /// Time since the run began: at the begin and the end of a part of the mesh, and at the point itself.
+    Clock(usize),
+    /// Number of the run.
+    Number,
 }
 
 /// Part of a run for which a set value is used.
@@ -68,6 +75,13 @@ impl Assembly<'_> {
             self.sources.push((Key::Column(name.value.clone()), source));
         }
         (0..self.file.measured.len()).for_each(|k| self.find_measured(k));
+        if self.joint.delayed().next().is_some() {
+            let clocks = (0..CLOCKS).map(|k| (Key::Clock(k), Source::Elapsed));
+            self.sources.extend(clocks);
+            let number = |j: usize| vec![(f64::NEG_INFINITY, j as f64)];
+            let numbers = (0..self.data.len()).map(number).collect();
+            self.sources.push((Key::Number, Source::Given(numbers)));
+        }
         Ok(())
     }
 

@@ -8,10 +8,12 @@
 //! | `measured` | residuals of recordings and priors |
 //! | `noise` | noise that drives the states |
 //! | `bounds` | limits, ranges, constraints |
+//! | `delays` | delays of recorded inputs |
 //! | `checks` | checks before the solve |
 
 mod bounds;
 mod checks;
+mod delays;
 mod initial;
 mod inputs;
 pub(crate) mod made;
@@ -131,7 +133,8 @@ impl<'a> Assembly<'a> {
         self.values = [Span::Run, Span::Begin].map(|span| self.parameter_nodes(span));
         let (states, known) = self.initial_states(&rows)?;
         let zero = self.graph.constant(0.0);
-        let variables = self.joint_variables(&states);
+        let mut variables = self.joint_variables(&states);
+        self.delay(&mut variables, &rows);
         let joint = self.joint;
         let system = &joint.model.system;
         let signals: Vec<Node> = (self.named.signals.iter())
@@ -182,7 +185,9 @@ impl<'a> Assembly<'a> {
         }
         for name in &joint.inputs {
             let node = self.input_node(&Key::Fed(name.clone()));
-            variables.push(node.unwrap_or_else(|| self.values[0][name]));
+            let node = node.or_else(|| self.values[0].get(name).copied());
+            // What stands for a delay follows.
+            variables.push(node.unwrap_or_else(|| self.graph.constant(0.0)));
         }
         variables.extend(joint.parameters.iter().map(|name| self.values[0][name]));
         variables
@@ -228,7 +233,10 @@ impl<'a> Assembly<'a> {
                 inputs: rows.inputs,
                 measured: measured.collect(),
                 initial,
-                steps: pilotage_collocation::Steps::default(),
+                steps: pilotage_collocation::Steps {
+                    window: self.input(&Key::Clock(0)),
+                    ..Default::default()
+                },
             }
         };
         let runs = rows.into_iter().zip(known).enumerate();
