@@ -184,9 +184,10 @@ fn one_run_is_one_run() {
     );
 }
 
-/// The swung model's parameter moves by 4 parts in a thousand at the last refinement for 1e-3, by less than one for 1e-4.
+/// With a tolerance of 1e-3 the swung model's parameter moves by 3 parts in a thousand at the last refinement: the mesh is refined
+/// further, so that it is as near as with 1e-4.
 #[test]
-fn a_refinement_that_moves_a_parameter_is_told() {
+fn a_refinement_that_moves_a_parameter_is_not_the_last() {
     let folder = Folder::new();
     let swung = MODEL.replace("b - k * x", "sin(w * time) - k * x^3");
     let swung = swung.replace(
@@ -201,14 +202,12 @@ fn a_refinement_that_moves_a_parameter_is_told() {
              [[run]]\nfile = \"run.csv\"\n[fit]\nmesh_tolerance = {tolerance}\n"
         );
         folder.write("problem.toml", text);
-        words(&fit(&folder).json(), "mesh-error")
+        let found = fit(&folder).json();
+        assert_eq!(words(&found, "mesh-error"), None);
+        found["parameters"]["m.k"]["value"].as_f64().unwrap()
     };
-    assert!(
-        mesh_moves("1e-3").unwrap().contains("3.5e-3"),
-        "{:?}",
-        mesh_moves("1e-3")
-    );
-    assert_eq!(mesh_moves("1e-4"), None);
+    let [rough, fine] = ["1e-3", "1e-4"].map(mesh_moves);
+    assert!((rough / fine - 1.0).abs() < 1e-4, "{rough} {fine}");
 }
 
 /// From 1, decaying no slower than with 0.5, x is not above 0.9 at 4 s; with nothing to decay it is.

@@ -51,7 +51,6 @@ use crate::posed::Posed;
 use crate::problem::file::Mesh;
 use crate::result::changed::changed;
 use crate::result::describing::describing;
-use crate::result::diagnostic::Diagnostic;
 use crate::result::diagnostics::diagnostics;
 use crate::result::events::{Events, events};
 use crate::result::left_over::beside_inputs;

@@ -14,6 +14,10 @@ use pilotage_sqp::Status;
 /// A solution, and the local errors of its mesh if known.
 type Estimated = (Solved, Option<Vec<Vec<f64>>>);
 
+/// How many times a mesh that is fine enough is refined further where parameters still move, and the part of its tolerance then.
+const FURTHER: usize = 2;
+const FINER: f64 = 0.1;
+
 /// Maximum number of other optima whose mesh is refined.
 const OTHERS: usize = 4;
 
@@ -75,7 +79,7 @@ fn refine(
     start: usize,
     watch: &Watch<'_, '_>,
 ) -> (Solved, Refinement) {
-    let tolerance = tolerance(posed);
+    let (mut tolerance, mut further) = (tolerance(posed), FURTHER);
     let mut refinement = Refinement::new(&solved);
     loop {
         let errors = known
@@ -85,6 +89,10 @@ fn refine(
         refinement.take(&solved, &errors);
         let is_end =
             refinement.rounds == Refinement::MOST || solved.solution.status != Status::Converged;
+        let moves = refinement.error <= tolerance && refinement.left() > Refinement::MOVES;
+        if moves && further > 0 {
+            (tolerance, further) = (FINER * tolerance, further - 1);
+        }
         if !refinement.is_done || is_end || refinement.error <= tolerance {
             return (solved, refinement);
         }

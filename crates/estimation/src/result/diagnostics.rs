@@ -25,7 +25,7 @@ use pilotage_sqp::Status;
 
 /// A pole with a larger growth rate is unstable \[1/s\].
 const GROWTH: f64 = 1e-6;
-/// Significant change of parameters by a refinement, relative to their size; also the significant error of the states.
+/// Significant error of the states.
 const MOVES: f64 = 1e-3;
 /// Distance of a solution from an optimum, in standard deviations, that is not told.
 const SMALL_OFFSET: f64 = 0.05;
@@ -321,7 +321,5 @@ fn of_mesh(posed: &Posed<'_>, fit: &Fit) -> Option<Diagnostic> {
             rounds: (refinement.rounds == Refinement::MOST).then_some(refinement.rounds),
         });
     }
-    // Another refinement would move it by about as much less as the error has become.
-    let left = change * refinement.gain.min(1.0);
-    (left > MOVES).then_some(Diagnostic::MeshMoves(change))
+    (refinement.left() > Refinement::MOVES).then_some(Diagnostic::MeshMoves(change))
 }

@@ -103,6 +103,9 @@ impl Refinement {
     /// Maximum number of refinements.
     pub(crate) const MOST: usize = 12;
 
+    /// Change of a parameter by a refinement, relative to its scale, that is significant.
+    pub(crate) const MOVES: f64 = 1e-3;
+
     /// For a solution whose mesh has not been refined.
     pub(crate) fn new(solved: &Solved) -> Self {
         Self {
@@ -121,6 +124,13 @@ impl Refinement {
             is_done: false,
             is_limited: false,
         }
+    }
+
+    /// By how much the next refinement would move a parameter, relative to its scale: about as much less than the last one as the error
+    /// has become less.
+    pub(crate) fn left(&self) -> f64 {
+        let change = self.changes.iter().copied().fold(0.0, f64::max);
+        change * self.gain.min(1.0)
     }
 
     /// Whether the scheme is the one for stiff equations.
