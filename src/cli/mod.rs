@@ -28,6 +28,7 @@ mod made;
 mod model;
 mod models;
 mod number;
+mod optimise;
 mod overwrite;
 mod pack;
 mod plot;
@@ -76,6 +77,8 @@ enum Command {
     Fit(Box<fit::Args>),
     /// Select one of several problem files on the same runs: by left-out runs, AICc and BIC.
     Compare(compare::Args),
+    /// Optimal control of a system of models: the best inputs, by an objective and constraints.
+    Optimise(optimise::Args),
     /// Show or check the coefficients of the vehicle.
     Vehicle(vehicle::Args),
     /// List the built-in pilots and vehicles, or print one.
@@ -215,6 +218,7 @@ fn done(command: Command) -> Result<Outcome, Failure> {
         Command::Init(args) => init::run(args),
         Command::Fit(args) => fit::run(*args),
         Command::Compare(args) => compare::run(&args),
+        Command::Optimise(args) => optimise::run(&args),
         Command::Vehicle(args) => vehicle::run(args),
         Command::Models(args) => models::run(args),
         Command::Model(args) => model::run(args),
@@ -265,6 +269,7 @@ impl Command {
             | Self::Compare(_)
             | Self::Init(_)
             | Self::Model(_)
+            | Self::Optimise(_)
             | Self::Plot(_)
             | Self::Trials(_)
             | Self::Fly(_) => guard::arguments_name_fmus(),
