@@ -52,7 +52,7 @@ pub struct Solution {
     pub status: Status,
     /// The variables.
     pub z: Vec<f64>,
-    /// The objective.
+    /// The objective, without the weighted steps of the controls.
     pub objective: f64,
     /// Multipliers of the defects: of midpoint and end of each interval.
     pub costates: Vec<f64>,
@@ -101,8 +101,6 @@ const KAPPA_1: f64 = 1e-2;
 const DAMPING: f64 = 1e-4;
 const MOST_DAMPING: f64 = 1e12;
 const MOST_FLOOR: f64 = 1e8;
-/// Largest multiplier of an equation: those of a step on which equations depend on each other are not taken.
-const MOST_MULTIPLIER: f64 = 1e6;
 /// Multiple of the tolerance at which a point counts as converged where no step improves it (IPOPT's `acceptable_tol`).
 const ACCEPTABLE: f64 = 100.0;
 /// Shortest step before the constraints are met alone.
@@ -702,15 +700,8 @@ impl<'p> Solver<'p> {
                 .for_each(|(own, new)| *own += alpha * (new - *own));
         };
         let new = &direction.step;
-        if new
-            .c
-            .iter()
-            .chain(&new.e)
-            .all(|l| l.abs() <= MOST_MULTIPLIER)
-        {
-            blend(&mut self.multipliers.c, &new.c);
-            blend(&mut self.multipliers.e, &new.e);
-        }
+        blend(&mut self.multipliers.c, &new.c);
+        blend(&mut self.multipliers.e, &new.e);
     }
 
     fn finished(self, status: Status, kkt: f64, iterations: usize) -> Solution {
@@ -731,7 +722,7 @@ impl<'p> Solver<'p> {
         let back = |values: Vec<f64>| values.into_iter().map(|l| l / self.factor).collect();
         Solution {
             status,
-            objective: self.values.f,
+            objective: self.values.f - self.values.steps,
             z: self.z,
             costates: back(self.multipliers.c),
             multipliers: back(self.multipliers.g),

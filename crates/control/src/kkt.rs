@@ -14,8 +14,8 @@ use pilotage_collocation::node::NodeModel;
 
 /// Weight of the penalty on the equations at the ends.
 const PENALTY: f64 = 1e4;
-/// Relative shift of their Schur complement: they may depend on each other.
-const SHIFT: f64 = 1e-12;
+/// Pivot of their Schur complement, relative to the largest, below which one depends on the others.
+const DEPENDENT: f64 = 1e-8;
 
 /// A linearised program.
 pub(crate) struct Linearised<'p> {
@@ -425,6 +425,8 @@ pub(crate) struct Factored<'l, 'p> {
     /// Responses to the equations at the ends, and their Schur complement.
     responses: Vec<Step>,
     schur: Option<Lu>,
+    /// Those of the equations that do not depend on others.
+    independent: Vec<usize>,
 }
 
 impl<'l, 'p> Factored<'l, 'p> {
@@ -520,6 +522,7 @@ impl<'l, 'p> Factored<'l, 'p> {
             free,
             responses: Vec::new(),
             schur: None,
+            independent: Vec::new(),
         };
         own.add_equations();
         Some(own)
@@ -543,11 +546,15 @@ impl<'l, 'p> Factored<'l, 'p> {
             }
             self.responses.push(response);
         }
-        let largest = (0..count).fold(0.0_f64, |m, i| m.max(schur[(i, i)].abs()));
-        for i in 0..count {
-            schur[(i, i)] -= SHIFT * largest;
+        self.independent = independent(&schur);
+        let count = self.independent.len();
+        let mut reduced = Matrix::zeros(count, count);
+        for (a, i) in self.independent.iter().enumerate() {
+            for (b, j) in self.independent.iter().enumerate() {
+                reduced[(a, b)] = schur[(*i, *j)];
+            }
         }
-        self.schur = Lu::of(schur);
+        self.schur = Lu::of(reduced);
     }
 
     /// The step for the residuals of the defects `c` and of the equations at the ends `e`, with weights of the limited
@@ -559,15 +566,16 @@ impl<'l, 'p> Factored<'l, 'p> {
         self.of.add_rows(all, &mut gradient);
         let mut step = self.solve_free(c, &gradient);
         if !e.is_empty() {
-            let left = |(row, e): (&Row, &f64)| -(e + self.of.row_times(row, &step.z));
-            let mut right = Matrix::zeros(e.len(), 1);
-            right.values = self.of.rows.1.iter().zip(e).map(left).collect();
+            let left = |k: &usize| -(e[*k] + self.of.row_times(&self.of.rows.1[*k], &step.z));
+            let mut right = Matrix::zeros(self.independent.len(), 1);
+            right.values = self.independent.iter().map(left).collect();
             self.schur.as_ref()?.solve(&mut right);
-            for (nu, response) in right.values.iter().zip(&self.responses) {
-                add(*nu, &response.z, &mut step.z);
-                add(*nu, &response.c, &mut step.c);
+            step.e = vec![0.0; e.len()];
+            for (nu, k) in right.values.iter().zip(&self.independent) {
+                add(*nu, &self.responses[*k].z, &mut step.z);
+                add(*nu, &self.responses[*k].c, &mut step.c);
+                step.e[*k] = *nu;
             }
-            step.e = right.values;
         }
         step.z.iter().all(|d| d.is_finite()).then_some(step)
     }
@@ -705,6 +713,36 @@ impl<'l, 'p> Factored<'l, 'p> {
             own[n + i] = second[i];
         }
     }
+}
+
+/// Rows of a negative semidefinite matrix that are independent, by a Cholesky factorisation with pivots.
+fn independent(matrix: &Matrix) -> Vec<usize> {
+    let n = matrix.columns;
+    let mut rest = matrix.clone();
+    let mut left: Vec<usize> = (0..n).collect();
+    let mut chosen = Vec::new();
+    let mut largest = 0.0;
+    while let Some(at) = (0..left.len()).min_by(|a, b| {
+        let pivot = |k: usize| rest[(left[k], left[k])];
+        pivot(*a).total_cmp(&pivot(*b))
+    }) {
+        let k = left.swap_remove(at);
+        let pivot = rest[(k, k)];
+        largest = f64::max(largest, -pivot);
+        if -pivot <= DEPENDENT * largest || pivot.is_nan() {
+            break;
+        }
+        chosen.push(k);
+        for i in &left {
+            let factor = rest[(*i, k)] / pivot;
+            for j in &left {
+                let value = factor * rest[(k, *j)];
+                rest[(*i, *j)] -= value;
+            }
+        }
+    }
+    chosen.sort_unstable();
+    chosen
 }
 
 /// What weighs in an interval's Hessian.

@@ -58,9 +58,11 @@
 //! | [`interior`] | the interior-point method |
 //! | [`pose`] | a problem file as a program |
 //! | [`mod@optimise`] | starts, finer meshes, the replay |
+//! | [`hv`] | a helicopter's landings after power loss, and the map of them |
 
 mod dense;
 mod evaluation;
+pub mod hv;
 pub mod interior;
 mod kkt;
 pub mod optimise;

@@ -496,7 +496,7 @@ fn finer(program: &Program, z: &[f64], errors: &[f64], tolerance: f64) -> Vec<f6
 }
 
 /// Variables on another mesh.
-fn carried(posed: &Posed, program: &Program, z: &[f64], onto: &Program) -> Vec<f64> {
+pub fn carried(posed: &Posed, program: &Program, z: &[f64], onto: &Program) -> Vec<f64> {
     let (n, m) = (program.n(), program.m());
     let scales = &program.model.scales.states;
     let interval = |tau: f64| {

@@ -123,8 +123,10 @@ pub struct Row {
 /// Values of a program at a point.
 #[derive(Debug, Clone, Default)]
 pub struct Values {
-    /// The objective.
+    /// The objective, with the weighted steps of the controls.
     pub f: f64,
+    /// These alone.
+    pub steps: f64,
     /// Defects.
     pub c: Vec<f64>,
     /// Equations at the ends.
@@ -312,7 +314,7 @@ impl Program {
         let (f, path) = values_at(&self.model, theta, &self.points(z));
         let (_, start) = values_at(&self.start, theta, &self.end_point(z, false));
         let (_, end) = values_at(&self.end, theta, &self.end_point(z, true));
-        out.f = end[0];
+        (out.f, out.steps) = (end[0], 0.0);
         out.c.clear();
         for k in 0..self.intervals() {
             let (a, b, middle, h) = (self.node(k), self.node(k + 1), self.middle(k), self.h(k));
@@ -327,8 +329,9 @@ impl Program {
             out.c.extend((0..n).map(first));
             out.c.extend((0..n).map(second));
             let steps = (0..m).map(|c| z[b + n + c] - z[a + n + c]);
-            out.f += self.regularise * steps.map(|step| step * step).sum::<f64>();
+            out.steps += self.regularise * steps.map(|step| step * step).sum::<f64>();
         }
+        out.f += out.steps;
         let seconds = self.seconds(z);
         let value = |row: &Row| match row.place {
             Place::Path { point, output } => path[point * outputs + output],
