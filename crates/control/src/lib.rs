@@ -57,7 +57,7 @@
 //! | `kkt` | its linear systems, by elimination and a Riccati recursion |
 //! | [`interior`] | the interior-point method |
 //! | [`pose`] | a problem file as a program |
-//! | [`mod@optimise`] | starts, finer meshes, the replay |
+//! | [`optimise`](mod@optimise) | starts, finer meshes, the replay |
 //! | [`hv`] | a helicopter's landings after power loss, and the map of them |
 
 mod dense;

@@ -29,6 +29,9 @@ pub struct Pilot {
     pub axes: [Axis; 2],
 }
 
+/// Largest gain at any frequency over the static one, of a pilot that can be an actuator.
+const MOST_GAIN: f64 = 10.0;
+
 impl Axis {
     /// With its static gain, `D - C A⁻¹ B`, divided out. None if it has none: it integrates, or its gain is 0.
     pub fn new(a: Vec<Vec<f64>>, b: Vec<f64>, c: Vec<f64>, d: f64) -> Option<Self> {
@@ -64,6 +67,37 @@ impl Axis {
             .iter()
             .all(|x| x.is_finite())
             .then_some(right.values)
+    }
+
+    /// The frequency \[rad/s\] and the gain where the latter is largest, from 0.01 to 100 rad/s. The static gain is 1.
+    pub fn peak(&self) -> (f64, f64) {
+        let n = self.b.len();
+        let gain = |w: f64| {
+            // (A - jω) x = -b, as a real system of twice the size.
+            let mut matrix = Matrix::zeros(2 * n, 2 * n);
+            let mut right = Matrix::zeros(2 * n, 1);
+            for i in 0..n {
+                for j in 0..n {
+                    matrix[(i, j)] = self.a[i][j];
+                    matrix[(n + i, n + j)] = self.a[i][j];
+                }
+                matrix[(i, n + i)] += w;
+                matrix[(n + i, i)] -= w;
+                right.values[i] = -self.b[i];
+            }
+            let Some(factors) = Lu::of(matrix) else {
+                return f64::INFINITY;
+            };
+            factors.solve(&mut right);
+            let (real, imaginary) = right.values.split_at(n);
+            (dot(&self.c, real) + self.d).hypot(dot(&self.c, imaginary))
+        };
+        let all = (0..=80).map(|k| 0.01 * 10_f64.powf(f64::from(k) / 20.0));
+        let all = all.map(|w| (w, gain(w)));
+        all.fold(
+            (0.0, 1.0),
+            |most, own| if own.1 > most.1 { own } else { most },
+        )
     }
 
     /// Butterworth's low pass of order 3 with this frequency \[rad/s\]: a stand-in, with a delay of 2/ω at low frequency.
@@ -149,12 +183,20 @@ fn axis(part: &Part, name: &str, [input, output]: [&str; 2]) -> Result<Axis, Pro
         })
     };
     let input = place(&model.inputs, input, "input")?;
-    let output = place(&model.outputs, output, "output")?;
+    // What an output's name shares with a state is the state.
+    let signals = [&model.outputs[..], &model.states].concat();
+    let output = match model.outputs.len() {
+        1 => 0,
+        _ => place(&signals, output, "output")?,
+    };
     let system = &model.system;
     let n = system.states;
     let mut graph = system.graph.clone();
     let mut rows = system.derivatives.clone();
-    rows.push(system.outputs[output]);
+    rows.push(match output.checked_sub(model.outputs.len()) {
+        None => system.outputs[output],
+        Some(state) => graph.variable(system.state(state)),
+    });
     let start = |own: &String| part.variables.get(own).map_or(0.0, |about| about.start);
     let mut point = vec![0.0; 1 + n + system.inputs];
     point.extend(model.parameters.iter().map(start));
@@ -174,7 +216,16 @@ fn axis(part: &Part, name: &str, [input, output]: [&str; 2]) -> Result<Axis, Pro
     let a = (0..n).map(|i| (0..n).map(|j| at(i, j)).collect()).collect();
     let b = (0..n).map(|i| at(i, n)).collect();
     let c = (0..n).map(|j| at(n, j)).collect();
-    Axis::new(a, b, c, at(n, n)).ok_or_else(|| {
+    let own = Axis::new(a, b, c, at(n, n)).ok_or_else(|| {
         fault("its linearisation has no static gain: it integrates, or its output does not follow its input".into())
-    })
+    })?;
+    let (frequency, gain) = own.peak();
+    match gain <= MOST_GAIN {
+        true => Ok(own),
+        false => Err(fault(format!(
+            "its gain at {frequency:.2} rad/s is {gain:.0} times its static one: it differentiates what it sees, as for a \
+             vehicle that integrates several times, and is no actuator between command and rotor; identify it on a vehicle \
+             that follows the stick, as `pilotage trials synth --vehicle integrator` has it"
+        ))),
+    }
 }
