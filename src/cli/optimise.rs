@@ -64,12 +64,12 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    let clock = Instant::now();
     recognise::expect([&args.problem], &[FileKind::Problem], "a problem file")?;
     let outputs: Vec<(&Path, OutputKind)> = (args.output.iter())
         .map(|path| (path.as_path(), OutputKind::Result))
         .collect();
-    args.overwrite.check(&[args.problem.clone()], &outputs)?;
+    let inputs = std::slice::from_ref(&args.problem);
+    args.overwrite.check(inputs, &outputs)?;
     let file = ProblemFile::read(&args.problem)?;
     let posed = Posed::new(&file, &flights::open)?;
     let given = args.starts.map(usize::from).or(file.options.starts);
@@ -88,6 +88,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     interrupt::listen("stopping")?;
     let deadline = Deadline::after(args.time_limit);
     let spinner = Spinner::new("optimising");
+    let clock = Instant::now();
     let answer = optimise(&posed, &effort, &mut |at| {
         spinner.show(format!(
             "iteration {}, objective {:.6e}, violation {:.1e}, KKT residual {:.1e}",
@@ -98,15 +99,13 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             ControlFlow::Break(_) => ControlFlow::Break(()),
         }
     });
+    let seconds = clock.elapsed().as_secs_f64();
     spinner.clear();
     if let Some(path) = &args.output {
         overwrite::save(path, table(&posed, &answer).to_csv())?;
     }
     terminal::print(&match args.json {
-        true => format!(
-            "{:#}\n",
-            to_json(&posed, &answer, clock.elapsed().as_secs_f64())
-        ),
+        true => format!("{:#}\n", to_json(&posed, &answer, seconds)),
         false => to_text(&file.file, &posed, &answer),
     })?;
     Ok(match answer.verdict {
