@@ -3,7 +3,8 @@
 use crate::command::{Folder, example};
 
 const CART: &str = "[model]\nname = \"cart\"\n[inputs]\npush = { unit = \"m/s2\" }\n[states]\n\
-                    x = { unit = \"m\", der = \"v\" }\nv = { unit = \"m/s\", der = \"push\" }\n";
+                    x = { unit = \"m\", der = \"v\" }\nv = { unit = \"m/s\", der = \"push\" }\n\
+                    [outputs]\nx = {}\n";
 
 const PROBLEM: &str = "[system.cart]\nmodel = \"cart.toml\"\n[[control]]\nsignal = \"cart.push\"\nmin = -1\nmax = 1\n\
                        [objective]\nminimise = \"duration\"\n[horizon]\nduration = { start = 1, min = 0.1, max = 9 }\n\
