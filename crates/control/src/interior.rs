@@ -1,6 +1,6 @@
 //! A primal-dual interior-point method with a filter line search (Wächter & Biegler, *On the Implementation of an
 //! Interior-Point Filter Line-Search Algorithm for Large-Scale Nonlinear Programming*, Math. Program. 106, 2006), whose
-//! linear systems are those of [`crate::kkt`].
+//! linear systems are those of `kkt`.
 //!
 //! All limits are of quantities `g` with slacks `s`. Where no step is acceptable, the objective is left aside until the
 //! constraints are met better (the paper's restoration, by Newton steps on the constraints alone).

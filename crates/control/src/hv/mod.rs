@@ -5,7 +5,7 @@ mod map;
 mod pilot;
 mod point;
 
-pub use helicopter::{Helicopter, Trim};
+pub use helicopter::{Helicopter, INPUTS, STATES, Trim};
 pub use map::{Cell, Class, Column, Crossing, Grid, Map, column, map};
 pub use pilot::{Axis, Pilot};
 pub use point::{Landing, Landings, Settings};
