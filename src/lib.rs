@@ -73,7 +73,7 @@ pub mod date;
 pub mod report;
 #[doc(hidden)]
 pub use {
-    pilotage_collocation as collocation, pilotage_cosim as cosim,
+    pilotage_collocation as collocation, pilotage_control as control, pilotage_cosim as cosim,
     pilotage_estimation as estimation, pilotage_expression as expression,
     pilotage_filter as filter, pilotage_flights as flights,
     pilotage_flights::{synthetic, vehicle},

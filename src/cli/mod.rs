@@ -20,6 +20,7 @@ mod folder;
 mod folds;
 mod format;
 mod guard;
+mod hv;
 mod info;
 mod init;
 mod interrupt;
@@ -28,6 +29,7 @@ mod made;
 mod model;
 mod models;
 mod number;
+mod optimise;
 mod overwrite;
 mod pack;
 mod plot;
@@ -76,6 +78,10 @@ enum Command {
     Fit(Box<fit::Args>),
     /// Select one of several problem files on the same runs: by left-out runs, AICc and BIC.
     Compare(compare::Args),
+    /// Optimal control of a system of models: the best inputs, by an objective and constraints.
+    Optimise(optimise::Args),
+    /// The height-velocity map of a helicopter after power loss, with a pilot in the loop.
+    Hv(Box<hv::Args>),
     /// Show or check the coefficients of the vehicle.
     Vehicle(vehicle::Args),
     /// List the built-in pilots and vehicles, or print one.
@@ -215,6 +221,8 @@ fn done(command: Command) -> Result<Outcome, Failure> {
         Command::Init(args) => init::run(args),
         Command::Fit(args) => fit::run(*args),
         Command::Compare(args) => compare::run(&args),
+        Command::Optimise(args) => optimise::run(&args),
+        Command::Hv(args) => hv::run(&args),
         Command::Vehicle(args) => vehicle::run(args),
         Command::Models(args) => models::run(args),
         Command::Model(args) => model::run(args),
@@ -253,6 +261,7 @@ impl Command {
                 | Self::Init(_)
                 | Self::Fit(_)
                 | Self::Compare(_)
+                | Self::Hv(_)
                 | Self::Plot(_)
         )
     }
@@ -264,7 +273,9 @@ impl Command {
             Self::Fit(_)
             | Self::Compare(_)
             | Self::Init(_)
+            | Self::Hv(_)
             | Self::Model(_)
+            | Self::Optimise(_)
             | Self::Plot(_)
             | Self::Trials(_)
             | Self::Fly(_) => guard::arguments_name_fmus(),

@@ -49,7 +49,12 @@ fn list() -> String {
     let names = library::all().iter().map(|model| model.name.len());
     let width = names.max().unwrap_or_default();
     let mut text = String::new();
-    for (kind, title) in [(Kind::Pilot, "Pilots"), (Kind::Vehicle, "Vehicles")] {
+    let kinds = [
+        (Kind::Pilot, "Pilots"),
+        (Kind::Vehicle, "Vehicles"),
+        (Kind::Helicopter, "Helicopters, for `pilotage hv`"),
+    ];
+    for (kind, title) in kinds {
         text += &format!("{title}\n");
         for model in library::all().iter().filter(|model| model.kind == kind) {
             let order = if model.has_order { " (--order N)" } else { "" };
@@ -67,6 +72,7 @@ fn to_json() -> Value {
             "kind": match model.kind {
                 Kind::Pilot => "pilot",
                 Kind::Vehicle => "vehicle",
+                Kind::Helicopter => "helicopter",
             },
             "description": model.about(),
             "has_order": model.has_order,

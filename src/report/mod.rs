@@ -9,6 +9,7 @@ mod formula;
 mod frame;
 pub mod frequency;
 mod html;
+mod hv;
 mod loops;
 mod number;
 mod overlay;
@@ -31,6 +32,7 @@ use crate::series::cell;
 
 pub use figure::Figure;
 pub use html::{Made, policy, side_by_side};
+pub use hv::{HvPage, hv_page};
 pub use loops::{LoopFigure, LoopPage, Stability, loop_page};
 pub use overlay::{Overlay, Parameters, overlay_page};
 pub use simulation::{Simulation, result_figures, simulation_page};

@@ -50,6 +50,7 @@ mod mutation;
 mod next;
 mod one_reader;
 mod open_loop;
+mod optimal;
 mod other_fmus;
 #[path = "../paragraphs.rs"]
 mod paragraphs;

@@ -583,6 +583,24 @@ pub fn formula(
     reader.formula(table, key)
 }
 
+/// A part of an expression in quotes, as `shown`: the text with what is no part of it replaced by as many other bytes.
+///
+/// # Errors
+/// If it is not a valid expression. The message contains file, line and column.
+pub fn formula_in(
+    (file, text): (&str, &str),
+    table: TomlTable<'_>,
+    key: &str,
+    shown: &str,
+) -> Result<Formula, ModelFileError> {
+    let reader = Reader {
+        file,
+        text,
+        roles: HashMap::new(),
+    };
+    reader.parsed(table, key, None, shown)
+}
+
 fn at(file: &str, text: &str, byte: usize, fault: Fault) -> ModelFileError {
     ModelFileError::At {
         file: file.to_owned(),

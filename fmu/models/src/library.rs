@@ -10,6 +10,8 @@ pub enum Kind {
     Pilot,
     /// Is moved by the stick: input `stick`, with a position among the outputs.
     Vehicle,
+    /// Is steered by an optimiser, for `pilotage hv`: inputs `cz` and `alpha`.
+    Helicopter,
 }
 
 /// A built-in model.
@@ -65,6 +67,7 @@ const ALL: &[BuiltIn] = &[
     model!(Vehicle, "lag_integrator"),
     model!(Vehicle, "short_period"),
     model!(Vehicle, "hover"),
+    model!(Helicopter, "helicopter"),
 ];
 
 /// The built-in models: pilots, then vehicles.

@@ -219,6 +219,10 @@ impl<'f> Posed<'f> {
     /// # Errors
     /// When anything in it is inconsistent. The error states file, line and column.
     pub fn new(file: &'f ProblemFile, open: Open<'_>) -> Result<Self, ProblemError> {
+        if let Some(optimal) = &file.optimal {
+            let fault = "nothing is measured here: `pilotage optimise` solves a problem with an [objective]";
+            return Err(ProblemError::at(&optimal.objective.place, fault));
+        }
         Self::with_parts(file, opened(file, open)?, None)
     }
 
@@ -361,7 +365,10 @@ impl<'f> Posed<'f> {
 }
 
 /// The instances of a file, with the locals that it names.
-fn opened(file: &ProblemFile, open: Open<'_>) -> Result<Vec<(String, Part)>, ProblemError> {
+///
+/// # Errors
+/// When one does not exist or contains a mistake.
+pub fn opened(file: &ProblemFile, open: Open<'_>) -> Result<Vec<(String, Part)>, ProblemError> {
     let named = file.named_signals();
     let part = |instance: &InstanceDescription| {
         let part = with_locals(instance, open(instance)?, &named)?;

@@ -1,5 +1,6 @@
 //! Contents of a problem file: instances, measured signals and sought parameters. No other file is opened here.
 
+use super::control::Optimal;
 use pilotage_collocation::Scheme;
 use pilotage_cosim::SystemDescription;
 use pilotage_cosim::description::Spanned;
@@ -42,6 +43,8 @@ pub struct ProblemFile {
     pub runs: Vec<RunLine>,
     /// Options of the fit.
     pub options: Options,
+    /// What is optimised, if anything is.
+    pub optimal: Option<Optimal>,
     /// Place of the mesh step, if the file gives one.
     pub mesh_place: Option<Place>,
 }
@@ -105,6 +108,9 @@ impl ProblemFile {
             }
         }
         self.constraints.iter().for_each(|own| take(&own.formula));
+        if let Some(own) = &self.optimal {
+            own.objective.parts.iter().for_each(|part| take(&part.2));
+        }
         names.extend(self.measured.iter().filter_map(|own| match &own.of {
             Quantity::Signal(name) => Some(name.clone()),
             Quantity::Expression(..) => None,

@@ -1,5 +1,6 @@
 //! Contents of a problem file, and errors in it.
 
+pub mod control;
 pub mod error;
 pub mod file;
 pub(crate) mod order;

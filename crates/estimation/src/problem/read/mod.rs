@@ -2,6 +2,7 @@
 //!
 //! | module | contents |
 //! | --- | --- |
+//! | `control` | controls, objective and horizon |
 //! | `fields` | single fields |
 //! | `signals` | inputs and measured signals |
 //! | `noise` | noise that drives the system |
@@ -9,6 +10,7 @@
 //! | `runs` | runs and constraints |
 //! | `options` | stability and options |
 
+mod control;
 mod fields;
 mod noise;
 mod options;
@@ -28,7 +30,7 @@ use pilotage_text::suggestion::suggestion;
 use std::path::Path;
 
 /// The tables of a problem file.
-const KEYS: [&str; 12] = [
+const KEYS: [&str; 17] = [
     "system",
     "connect",
     "inputs",
@@ -41,10 +43,15 @@ const KEYS: [&str; 12] = [
     "stability",
     "run",
     "fit",
+    "control",
+    "objective",
+    "horizon",
+    "final",
+    "guess",
 ];
 
 /// Tables of a problem file that no other kind of file has.
-pub const OWN_KEYS: [&str; 7] = [
+pub const OWN_KEYS: [&str; 10] = [
     "measured",
     "process_noise",
     "fit",
@@ -52,6 +59,9 @@ pub const OWN_KEYS: [&str; 7] = [
     "derived",
     "initial",
     "stability",
+    "control",
+    "objective",
+    "horizon",
 ];
 
 type Read<T> = Result<T, ProblemError>;
@@ -95,7 +105,12 @@ impl ProblemFile {
             instances: instances.collect(),
             own: own.into_iter().map(str::to_owned).collect(),
         };
-        let (measured, process_noise) = (reader.measured(root)?, reader.process_noise(root)?);
+        let optimal = reader.optimal(root)?;
+        let measured = match &optimal {
+            Some(_) => Vec::new(),
+            None => reader.measured(root)?,
+        };
+        let process_noise = reader.process_noise(root)?;
         let options = options(root)?;
         noise::check_objective(root, &options, &process_noise, &measured)?;
         Ok(Self {
@@ -107,7 +122,11 @@ impl ProblemFile {
             constraints: reader.constraints(root)?,
             derived: reader.derived(root)?,
             stability: stability(root)?,
-            runs: reader.runs(root)?,
+            runs: match &optimal {
+                Some(_) => Vec::new(),
+                None => reader.runs(root)?,
+            },
+            optimal,
             options,
             mesh_place: root.table("fit")?.and_then(|fit| fit.place("mesh_step")),
             folder: folder.to_owned(),
@@ -141,7 +160,7 @@ fn system(root: TomlTable<'_>, folder: &Path) -> Read<SystemDescription> {
 /// Rejects single brackets where entries are listed, and double brackets elsewhere.
 fn check_brackets(root: TomlTable<'_>) -> Read<()> {
     for name in root.names() {
-        let is_list = ["measured", "constraint", "run"].contains(&name);
+        let is_list = ["measured", "constraint", "run", "control"].contains(&name);
         let fault = match root.is_table(name) {
             true if is_list => format!("there may be several `{name}`; write [[{name}]]"),
             false if !is_list && root.tables(name).is_ok() => {

@@ -86,8 +86,17 @@ impl Reader<'_> {
     }
 
     pub(super) fn initial(&self, root: TomlTable<'_>) -> Read<Vec<(Spanned<String>, Initial)>> {
+        self.states(root, "initial")
+    }
+
+    /// Conditions on states, in a table of this name.
+    pub(super) fn states(
+        &self,
+        root: TomlTable<'_>,
+        table: &str,
+    ) -> Read<Vec<(Spanned<String>, Initial)>> {
         let mut all = Vec::new();
-        for (table, field, name) in self.section(root, "initial")? {
+        for (table, field, name) in self.section(root, table)? {
             self.check_word(table, field, &["free", "steady", "first sample"])?;
             let initial = match table.string(field) {
                 Ok(Some("free")) => Initial::Free,

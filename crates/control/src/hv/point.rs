@@ -1,0 +1,437 @@
+//! The softest landing from a height and a speed.
+
+use super::helicopter::{Helicopter, Trim};
+use super::pilot::Pilot;
+use crate::interior::{self, Options, Status};
+use crate::optimise::{self, even};
+use crate::pose::Posed;
+use crate::program::{Duration, Program};
+use pilotage_cosim::description::InstanceDescription;
+use pilotage_estimation::system::part::Part;
+use pilotage_estimation::{ProblemError, ProblemFile};
+use pilotage_language::parse;
+use std::fmt::Write;
+use std::path::Path;
+
+/// What limits a landing and how it is computed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// Permitted sink rate \[m/s\] and speed \[m/s\] at touch-down.
+    pub touch_down: [f64; 2],
+    /// Limits of `cz` and its largest rate \[1/s\].
+    pub cz: [f64; 3],
+    /// Largest magnitude of `alpha` \[rad\] and of its rate \[rad/s\].
+    pub alpha: [f64; 2],
+    /// Limits of the rotor speed over that of trim.
+    pub rotor: [f64; 2],
+    /// Whether the engine runs down from trim's power, rather than being gone at once.
+    pub runs_down: bool,
+    /// Number of intervals.
+    pub intervals: usize,
+    /// Number of starts of a point.
+    pub starts: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            touch_down: [2.4, 15.0],
+            cz: [0.005, 0.15, 0.6],
+            alpha: [30.0_f64.to_radians(), 1.5],
+            rotor: [0.5, 1.1],
+            runs_down: false,
+            intervals: 50,
+            starts: 3,
+        }
+    }
+}
+
+/// Landings of a helicopter, with a pilot or without.
+#[derive(Debug)]
+pub struct Landings {
+    helicopter: Helicopter,
+    pilot: Option<Pilot>,
+    settings: Settings,
+    posed: Posed,
+    /// Places of the helicopter's states, and of the pilot's of both axes.
+    places: Vec<usize>,
+    hands: [usize; 2],
+}
+
+/// The softest landing from a point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Landing {
+    /// The larger of sink rate and speed at touch-down over what is permitted, of the best start.
+    pub s: f64,
+    /// The same of the replay; NaN where there is none.
+    pub replayed: f64,
+    /// Whether a flight of the replay lands within the limits.
+    pub is_certified: bool,
+    /// Whether as many starts as asked for converged, all beyond the limits and at least two to this value.
+    pub is_sure: bool,
+    /// Duration from the end of the delay \[s\].
+    pub duration: f64,
+    /// Iterations of all starts.
+    pub iterations: usize,
+    /// Variables of the program, for neighbours; empty where the ground came during the delay.
+    pub z: Vec<f64>,
+}
+
+/// Values of S that differ less are the same.
+const SAME: f64 = 0.005;
+/// Number of further starts where some do not converge.
+const SPARE: usize = 2;
+/// Options of the solver: S is wanted to three digits.
+const TOLERANCE: f64 = 1e-6;
+const MOST_ITERATIONS: usize = 300;
+/// First barrier from a neighbour's landing, and from elsewhere.
+const WARM: f64 = 1e-3;
+const COLD: f64 = 0.1;
+/// Weight of the squared steps of the controls (relative to their limits): S is flat in them.
+const REGULARISE: f64 = 1e-3;
+/// Largest violation of a certified flight, of the limits' sizes.
+const VIOLATION: f64 = 1e-3;
+
+impl Landings {
+    /// Poses the problem once for all points.
+    ///
+    /// # Errors
+    /// When the helicopter's model does not suit it.
+    pub fn new(
+        helicopter: Helicopter,
+        pilot: Option<Pilot>,
+        settings: Settings,
+    ) -> Result<Self, ProblemError> {
+        let text = problem(&helicopter, pilot.as_ref(), &settings)?;
+        let file = ProblemFile::parse(&text, Path::new("hv.toml"))?;
+        let open = |own: &InstanceDescription| match (own.name.as_str(), &pilot) {
+            ("hand", Some(pilot)) => {
+                let none = |_: &str| Err(std::io::ErrorKind::NotFound.into());
+                Ok(Part::of_file(parse(&pilot.text(), "pilot", &none)?))
+            }
+            _ => Ok(helicopter.part.clone()),
+        };
+        let posed = Posed::new(&file, &open)?;
+        let place = |name: String| posed.states.iter().position(|own| own.name == name);
+        let names = &helicopter.part.model.states;
+        let places = names
+            .iter()
+            .filter_map(|name| place(format!("helicopter.{name}")));
+        let hands = ["hand.cz_0", "hand.alpha_0"].map(|name| place(name.into()).unwrap_or(0));
+        Ok(Self {
+            places: places.collect(),
+            hands,
+            helicopter,
+            pilot,
+            settings,
+            posed,
+        })
+    }
+
+    /// The helicopter.
+    pub fn helicopter(&self) -> &Helicopter {
+        &self.helicopter
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The softest landing from a height \[m\] and a speed \[m/s\], after a delay \[s\] in which the controls are those of
+    /// trim. It begins from a neighbour's variables, too, if given. None if there is no trim.
+    pub fn from(
+        &self,
+        height: f64,
+        speed: f64,
+        delay: f64,
+        near: Option<&[f64]>,
+    ) -> Option<Landing> {
+        let trim = self.helicopter.trim(height, speed)?;
+        let (x, ground) = self
+            .helicopter
+            .frozen(&trim, delay, self.settings.runs_down);
+        let [h, u, w, _, _] = self.helicopter.places();
+        if ground.is_some() || x[h] <= 0.0 {
+            let [sink, fast] = self.settings.touch_down;
+            let s = (x[w] / sink).max(x[u].abs() / fast);
+            return Some(Landing {
+                s,
+                replayed: s,
+                is_certified: s <= 1.0,
+                is_sure: true,
+                duration: 0.0,
+                iterations: 0,
+                z: Vec::new(),
+            });
+        }
+        let program = self.program_on(even(self.settings.intervals), (&trim, &x));
+        let mut found: Vec<interior::Solution> = Vec::new();
+        let mut certified = None;
+        let near = near.filter(|near| near.len() == program.variables());
+        let converged_of = |found: &[interior::Solution]| {
+            found
+                .iter()
+                .filter(|own| own.status == Status::Converged)
+                .count()
+        };
+        for k in 0..self.settings.starts + SPARE {
+            if converged_of(&found) >= self.settings.starts {
+                break;
+            }
+            let (z, barrier) = match (near, k) {
+                (Some(near), 0) => (self.moved(&program, near, x[h]), WARM),
+                (Some(_), k) => (self.start(&program, (&trim, &x), k - 1), COLD),
+                (None, k) => (self.start(&program, (&trim, &x), k), COLD),
+            };
+            let options = Options {
+                tolerance: TOLERANCE,
+                most_iterations: MOST_ITERATIONS,
+                barrier,
+            };
+            let own = interior::solve(&program, z, &options, &mut |_| true);
+            let is_soft = own.status == Status::Converged && own.objective <= 1.0;
+            found.push(own);
+            // One flight that lands within the limits is enough.
+            if is_soft {
+                certified = self.certified(&program, &found[found.len() - 1].z);
+                if certified.is_none() {
+                    certified = self.finer(&program, (&trim, &x), &found[found.len() - 1].z);
+                }
+                if certified.is_some() {
+                    break;
+                }
+            }
+        }
+        let iterations = found.iter().map(|own| own.iterations).sum();
+        let converged = || found.iter().filter(|own| own.status == Status::Converged);
+        let best = converged().min_by(|a, b| a.objective.total_cmp(&b.objective));
+        let best = best.unwrap_or(&found[0]);
+        let is_converged = best.status == Status::Converged;
+        let same = converged()
+            .filter(|own| own.objective - best.objective <= SAME * best.objective.abs().max(1.0));
+        let replayed = match (certified, is_converged) {
+            (Some(s), _) => s,
+            (None, true) => optimise::replay(&self.posed, &program, &best.z).objective,
+            (None, false) => f64::NAN,
+        };
+        Some(Landing {
+            s: if is_converged {
+                best.objective
+            } else {
+                f64::NAN
+            },
+            replayed,
+            is_certified: certified.is_some(),
+            is_sure: same.count() >= 2.min(self.settings.starts)
+                && converged().count() >= self.settings.starts
+                && converged().all(|own| own.objective > 1.0),
+            duration: self
+                .posed
+                .seconds(&optimise::theta(&self.posed, &program, &best.z)),
+            iterations,
+            z: if is_converged {
+                best.z.clone()
+            } else {
+                Vec::new()
+            },
+        })
+    }
+
+    /// The same from finer meshes: a long descent on few intervals is a soft landing of the program alone.
+    fn finer(&self, program: &Program, start: (&Trim, &[f64]), z: &[f64]) -> Option<f64> {
+        let (mut program, mut z) = (program.clone(), z.to_vec());
+        for factor in [2, 4] {
+            let next = self.program_on(even(factor * self.settings.intervals), start);
+            let begin = optimise::carried(&self.posed, &program, &z, &next);
+            let options = Options {
+                tolerance: TOLERANCE,
+                most_iterations: MOST_ITERATIONS,
+                barrier: WARM,
+            };
+            let own = interior::solve(&next, begin, &options, &mut |_| true);
+            if own.status != Status::Converged {
+                return None;
+            }
+            if let Some(s) = self.certified(&next, &own.z) {
+                return Some(s);
+            }
+            (program, z) = (next, own.z);
+        }
+        None
+    }
+
+    /// The figure of the replay, if that flight lands within the limits.
+    fn certified(&self, program: &Program, z: &[f64]) -> Option<f64> {
+        let replay = optimise::replay(&self.posed, program, z);
+        let lands = replay.is_whole && replay.violation <= VIOLATION;
+        (lands && replay.objective <= 1.0 + VIOLATION).then_some(replay.objective)
+    }
+
+    fn program_on(&self, mesh: Vec<f64>, (trim, x): (&Trim, &[f64])) -> Program {
+        let mut program = self.posed.program(mesh);
+        let mut set = |place: usize, value: f64| {
+            program.initial[place] = Some(value / self.posed.states[place].scale);
+        };
+        for (place, value) in self.places.iter().zip(x) {
+            set(*place, *value);
+        }
+        let commands = [trim.cz, trim.alpha];
+        if let Some(pilot) = &self.pilot {
+            for ((axis, first), command) in pilot.axes.iter().zip(self.hands).zip(commands) {
+                let rest = axis.rest(command).unwrap_or_default();
+                rest.iter()
+                    .enumerate()
+                    .for_each(|(k, value)| set(first + k, *value));
+            }
+        }
+        for ((control, own), command) in program
+            .controls
+            .iter_mut()
+            .zip(&self.posed.controls)
+            .zip(commands)
+        {
+            // With a pilot, it is the pilot that limits how fast the rotor is moved.
+            control.first = self.pilot.is_none().then_some(command / own.scale);
+        }
+        program
+    }
+
+    /// A neighbour's variables with this point's start: heights are moved along, and the duration by what falling through
+    /// the difference takes.
+    fn moved(&self, program: &Program, near: &[f64], height: f64) -> Vec<f64> {
+        const SINK: f64 = 8.0;
+        let mut z = near.to_vec();
+        let n = program.n();
+        let h = self.places[self.helicopter.places()[0]];
+        let scale = self.posed.states[h].scale;
+        let higher = height / scale - near[h];
+        for k in 0..program.intervals() {
+            z[program.node(k) + h] += (1.0 - program.mesh[k]) * higher;
+            let middle = 0.5 * (program.mesh[k] + program.mesh[k + 1]);
+            z[program.middle(k) + h] += (1.0 - middle) * higher;
+        }
+        if let Duration::Sought(d) = program.duration {
+            let own = &mut z[program.theta() + d];
+            let longer = higher * scale / SINK / program.model.scales.parameters[d];
+            *own = (*own + longer).max(0.5 * *own);
+        }
+        for (own, value) in z.iter_mut().zip(&program.initial) {
+            *own = value.unwrap_or(*own);
+        }
+        for (own, control) in z[n..].iter_mut().zip(&program.controls) {
+            *own = control.first.unwrap_or(*own);
+        }
+        z
+    }
+
+    /// Where start `k` begins: states along lines to a landing, controls at their first values.
+    fn start(&self, program: &Program, (trim, x): (&Trim, &[f64]), k: usize) -> Vec<f64> {
+        let [h, u, w, omega, _] = self.helicopter.places();
+        let mut last = x.to_vec();
+        let end = [
+            [0.0, 8.0, 2.0, 0.8],
+            [0.0, 3.0, 2.0, 0.7],
+            [0.0, 12.0, 3.0, 0.9],
+            [0.0, 0.0, 4.0, 0.6],
+        ][k % 4];
+        (last[h], last[w]) = (end[0], end[2]);
+        last[u] = end[1].min(x[u].max(end[1]));
+        last[omega] = end[3] * x[omega];
+        let seconds = [
+            1.0 + x[h] / 8.0,
+            1.5 + x[h] / 5.0,
+            0.7 + x[h] / 12.0,
+            2.0 + x[h] / 6.0,
+        ][k % 4];
+        let mut theta = self.posed.theta();
+        if let Duration::Sought(d) = self.posed.duration {
+            let (low, high) = self.posed.parameters[d].limits;
+            theta[d] = seconds.clamp(low, high);
+        }
+        let bound = theta.len() - 1;
+        let [sink, fast] = self.settings.touch_down;
+        theta[bound] = (last[w] / sink).max(last[u].abs() / fast);
+        let states = |tau: f64| {
+            let mut all: Vec<f64> = (program.initial.iter().zip(&self.posed.states))
+                .map(|(own, state)| own.unwrap_or(0.0) * state.scale)
+                .collect();
+            for ((place, first), last) in self.places.iter().zip(x).zip(&last) {
+                all[*place] = first + tau * (last - first);
+            }
+            all
+        };
+        let controls = vec![trim.cz, trim.alpha];
+        self.posed
+            .variables(program, &states, &|_| controls.clone(), &theta)
+    }
+}
+
+/// The problem of all points; their initial states and first controls differ.
+fn problem(
+    helicopter: &Helicopter,
+    pilot: Option<&Pilot>,
+    settings: &Settings,
+) -> Result<String, ProblemError> {
+    let trim = helicopter.trim(1000.0, 0.0).ok_or_else(|| {
+        ProblemError::Part("the helicopter cannot hover out of ground effect: it has no trim; check its mass and rotor".into())
+    })?;
+    let Settings {
+        touch_down: [sink, fast],
+        cz: [low, high, rate],
+        alpha: [tilt, tilt_rate],
+        rotor: [slowest, fastest],
+        intervals,
+        ..
+    } = *settings;
+    let omega = trim.states[helicopter.places()[3]];
+    let set: Vec<String> = helicopter
+        .set
+        .iter()
+        .map(|(name, value)| format!("{name} = {value:?}"))
+        .collect();
+    let mut text = format!(
+        "[system.helicopter]\nmodel = \"helicopter\"\nset = {{ {} }}\n",
+        set.join(", ")
+    );
+    // Rates are those of the rotor's controls: a pilot's command may jump, and what the pilot makes of it does not.
+    let limited = |rate: f64, first: f64| match pilot {
+        None => format!("rate = {rate:?}\nfirst = {first:?}\n"),
+        Some(_) => String::new(),
+    };
+    let commands = match pilot {
+        None => ["helicopter.cz", "helicopter.alpha"],
+        Some(_) => {
+            text += "[system.hand]\nmodel = \"hand\"\n[connect]\n\"hand.cz\" = \"helicopter.cz\"\n\
+                     \"hand.alpha\" = \"helicopter.alpha\"\n";
+            ["hand.cz_command", "hand.alpha_command"]
+        }
+    };
+    let _ = write!(
+        text,
+        "[[control]]\nsignal = \"{}\"\nmin = {low:?}\nmax = {high:?}\n{}\
+         [[control]]\nsignal = \"{}\"\nmin = {:?}\nmax = {tilt:?}\n{}\
+         [objective]\nminimise = \"max(final(helicopter.w) / {sink:?}, abs(final(helicopter.u)) / {fast:?})\"\nregularise = {:?}\n\
+         [horizon]\nduration = {{ start = 4, min = 0.02, max = 120 }}\nintervals = {intervals}\n\
+         [final]\n\"helicopter.h\" = 0\n\
+         [[constraint]]\nexpression = \"helicopter.h\"\nmin = 0\n\
+         [[constraint]]\nexpression = \"helicopter.omega\"\nmin = {:?}\nmax = {:?}\n",
+        commands[0],
+        limited(rate, trim.cz.clamp(low, high)),
+        commands[1],
+        -tilt,
+        limited(tilt_rate, 0.0),
+        REGULARISE,
+        slowest * omega,
+        fastest * omega,
+    );
+    if pilot.is_some() {
+        let _ = write!(
+            text,
+            "[[constraint]]\nexpression = \"helicopter.cz\"\nmin = {low:?}\nmax = {high:?}\n\
+             [[constraint]]\nexpression = \"helicopter.alpha\"\nmin = {:?}\nmax = {tilt:?}\n",
+            -tilt
+        );
+    }
+    Ok(text)
+}
