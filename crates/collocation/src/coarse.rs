@@ -40,9 +40,14 @@ pub fn coarser(problem: &Collocation) -> Option<Collocation> {
     Some(problem.with_runs(runs.collect::<Option<Vec<Run>>>()?))
 }
 
-/// Whether a run has many intervals and no coarse mesh stands for them, such as one whose inputs jump at each sample.
-pub fn stays_large(run: &Run) -> bool {
+/// Whether a run has many intervals and only a [`rougher`] mesh stands for them, such as one whose inputs jump at each sample.
+pub fn is_rough(run: &Run) -> bool {
     is_long(run) && thinned(run).is_none()
+}
+
+/// Whether a run has many intervals and no coarse mesh stands for them, such as one with conditions on time.
+pub fn stays_long(run: &Run) -> bool {
+    is_rough(run) && rough(run).is_none()
 }
 
 /// The problem with a fifth of its sample times, and means of inputs and measurements around them, whatever jumps in between: its
@@ -186,7 +191,7 @@ mod tests {
         own.time = (0..802).map(|k| own.time[k / 2]).collect();
         own.inputs = (0..802).map(|k| vec![[1.0, 3.0][k % 2]]).collect();
         own.measured[0].values = (0..802).map(|k| (k / 2) as f64).collect();
-        assert!(stays_large(&own));
+        assert!(is_rough(&own) && !stays_long(&own));
         let rough = rough(&own).expect("a rough mesh");
         assert_eq!(rough.time.len(), 81);
         assert!(rough.inputs.iter().all(|row| row == &[2.0]));

@@ -10,7 +10,7 @@ use crate::search::begin::begin_some;
 use crate::search::observed::Observed;
 use crate::search::solved::Solved;
 use crate::search::starts::Start;
-use pilotage_collocation::{Collocation, coarser};
+use pilotage_collocation::{Collocation, coarser, rougher};
 use pilotage_sqp::{SqpOptions, Status};
 use rayon::prelude::*;
 
@@ -46,6 +46,15 @@ impl Entrants {
             all: starts.iter().cloned().enumerate().collect(),
             same: (0..starts.len()).collect(),
         }
+    }
+
+    /// The same before these, which enter as they are.
+    pub fn before(mut self, others: &[Start]) -> Self {
+        let first = self.same.len();
+        self.same.extend(first..first + others.len());
+        let others = others.iter().cloned().enumerate();
+        (self.all).extend(others.map(|(k, start)| (first + k, start)));
+        self
     }
 
     /// The same after these, which enter as they are.
@@ -158,7 +167,8 @@ fn led(
     };
     let (plain, z) = begin_some(posed, start, runs.to_vec(), &|| watch.is_over());
     let whole = equations(&plain);
-    let mut from = match coarser(&whole) {
+    let coarse = coarser(&whole).or_else(|| rougher(&whole));
+    let mut from = match coarse {
         Some(coarse) => {
             let z = whole.carried(&z, &coarse);
             (coarse, z)

@@ -69,12 +69,19 @@ pub(super) struct Raced {
 
 /// Solves all starts, from where the data lead them if instances can be corrected, and as they are if that gives no answer.
 pub(super) fn raced(posed: &Posed<'_>, begin: &Begin, watch: &Watch<'_, '_>) -> Raced {
-    let Begin { raised, drawn, .. } = begin;
+    let Begin {
+        raised,
+        drawn,
+        unled,
+        ..
+    } = begin;
     let led = begin.observed.as_ref();
     let led = led.map(|own| {
         race(
             posed,
-            guided(posed, own, (raised.len(), drawn), watch).after(raised),
+            guided(posed, own, (raised.len(), drawn), watch)
+                .before(unled)
+                .after(raised),
             watch,
         )
     });
@@ -82,7 +89,8 @@ pub(super) fn raced(posed: &Posed<'_>, begin: &Begin, watch: &Watch<'_, '_>) -> 
     if let Some(raced) = led.filter(is_enough) {
         return raced;
     }
-    race(posed, Entrants::new(drawn).after(raised), watch)
+    let entrants = Entrants::new(drawn).before(unled);
+    race(posed, entrants.after(raised), watch)
 }
 
 /// Solves all entrants: each on a coarse mesh, where one is much smaller, then those that are not behind on the whole one. Of

@@ -49,6 +49,8 @@ pub(super) struct Begin {
     pub raised: Vec<Start>,
     /// The others.
     pub drawn: Vec<Start>,
+    /// The same as they are, where data lead the others on rough meshes alone.
+    pub unled: Vec<Start>,
     /// The system with corrected instances, if it leads these.
     pub observed: Option<Observed>,
 }
@@ -69,6 +71,7 @@ impl Begin {
             false => Self {
                 raised,
                 drawn: Vec::new(),
+                unled: Vec::new(),
                 observed: None,
             },
         }
@@ -76,35 +79,41 @@ impl Begin {
 
     /// The given and drawn starts alone.
     pub fn drawn(posed: &Posed<'_>) -> Self {
+        let starts = posed.file.options.starts();
         let none = Self {
             raised: Vec::new(),
             drawn: Vec::new(),
-            observed: Observed::new(posed),
+            unled: Vec::new(),
+            observed: Observed::new(posed).filter(|own| !own.is_rough || starts > 1),
         };
-        none.next(posed, 0, posed.file.options.starts().min(BLOCK))
+        none.next(posed, 0, starts.min(BLOCK))
     }
 
     /// The given and drawn starts from one of them on, alone.
     pub fn next(self, posed: &Posed<'_>, first: usize, count: usize) -> Self {
-        let all = match self.observed {
-            Some(_) => recorded,
-            None => starts,
-        };
+        let of =
+            |all: fn(&Posed<'_>, usize) -> Vec<Start>| all(posed, first + count).split_off(first);
+        let is_rough = self.observed.as_ref().is_some_and(|own| own.is_rough);
         Self {
             raised: Vec::new(),
-            drawn: all(posed, first + count).split_off(first),
+            drawn: of(match self.observed {
+                Some(_) => recorded,
+                None => starts,
+            }),
+            unled: if is_rough { of(starts) } else { Vec::new() },
             ..self
         }
     }
 
     /// Number of all starts.
     pub fn count(&self) -> usize {
-        self.raised.len() + self.drawn.len()
+        self.raised.len() + self.drawn.len() + self.unled.len()
     }
 
     /// All starts, in the order of their numbers.
     pub fn starts(&self) -> Vec<Start> {
-        self.raised.iter().chain(&self.drawn).cloned().collect()
+        let all = self.raised.iter().chain(&self.drawn);
+        all.chain(&self.unled).cloned().collect()
     }
 }
 

@@ -70,7 +70,7 @@ pub(super) fn search<'a, 'o>(posed: &Posed<'_>, watch: Watch<'a, 'o>) -> Searche
     while (BLOCK..most).contains(&drawn) && (is_given || has_more(&found)) && !found.watch.is_over()
     {
         begin = begin.next(posed, drawn, BLOCK.min(most - drawn));
-        drawn += begin.count();
+        drawn += begin.drawn.len();
         found.watch = found.watch.of(found.starts.len() + begin.count());
         let raced = raced(posed, &begin, &found.watch);
         found.add(raced, begin.starts());

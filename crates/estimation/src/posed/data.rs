@@ -321,12 +321,18 @@ impl<'f> RunData<'f> {
                     );
                     return Err(ProblemError::maybe_at(name.place.as_ref(), fault));
                 }
-                if let (Hold::Linear, None, Some([from, to])) =
-                    (hold, missing, gap(&self.series.time, &time))
-                {
+                // A held column that hardly ever keeps its value does not do so in a gap either.
+                let moves = values.windows(2).filter(|pair| pair[0] != pair[1]).count();
+                let is_held = *hold == Hold::Zero;
+                let gap = gap(&self.series.time, &time).filter(|_| missing.is_none());
+                if let Some([from, to]) = gap.filter(|_| !is_held || 2 * moves > values.len()) {
+                    let or = match is_held {
+                        true => ", and it seldom keeps its value elsewhere",
+                        false => ", or write hold = \"zero-order\" where it keeps its last value",
+                    };
                     let fault = format!(
                         "{}: the column `{}` is empty from {from} to {to} s, and an input is needed all the time; fill it, \
-                         end the run before or begin it after, or write hold = \"zero-order\" where it keeps its last value",
+                         end the run before or begin it after{or}",
                         self.line.file.display(),
                         name.value
                     );

@@ -13,7 +13,7 @@ use crate::posed::{Posed, variables};
 use crate::search::begin::initial;
 use crate::search::starts::given;
 use nalgebra::{DMatrix, DVector};
-use pilotage_collocation::{Collocation, Differentiated, Run, stays_large};
+use pilotage_collocation::{Collocation, Differentiated, Run, is_rough, stays_long};
 use pilotage_expression::{Node, System};
 use std::ops::Range;
 use std::sync::Arc;
@@ -31,6 +31,8 @@ const FLOOR: f64 = 1e-4;
 pub struct Observed {
     /// The equations. The recordings that correct are inputs after the others.
     model: Arc<Differentiated>,
+    /// Whether only rough meshes stand for the runs, on which its fits lead less far.
+    pub is_rough: bool,
     /// For each run, these recordings at its samples.
     recorded: Vec<Vec<Vec<f64>>>,
 }
@@ -39,7 +41,7 @@ impl Observed {
     /// The corrected system; None if no instance can be corrected, or if its fits could not be on a coarse mesh: they would
     /// cost as much as the search itself.
     pub fn new(posed: &Posed<'_>) -> Option<Self> {
-        if posed.runs.iter().any(stays_large) {
+        if posed.runs.iter().any(stays_long) {
             return None;
         }
         let point = Point::new(posed);
@@ -64,6 +66,7 @@ impl Observed {
         Some(Self {
             model: Arc::new(Differentiated::new(&corrected(posed, &gains))),
             recorded: recorded.collect(),
+            is_rough: posed.runs.iter().any(is_rough),
         })
     }
 
