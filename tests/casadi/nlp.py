@@ -194,7 +194,7 @@ def kkt(nlp, limits, x, lam_g, lam_x):
     inequality = lower < upper
     distance = np.where(multiplier > 0, upper - value, value - lower)[inequality]
     product = np.abs(multiplier[inequality]) * np.where(np.isfinite(distance), distance, 1)
-    scale = lambda lam: max(np.abs(lam).mean(), MULTIPLIER_SCALE) / MULTIPLIER_SCALE
+    scale = lambda lam: max(np.abs(lam).sum() / max(lam.size, 1), MULTIPLIER_SCALE) / MULTIPLIER_SCALE
     dual = np.abs(slope + lam_x).max() / scale(multiplier)
-    parts = dual, violation.max(), product.max() / scale(multiplier[inequality])
+    parts = dual, violation.max(), product.max(initial=0.0) / scale(multiplier[inequality])
     return float(objective[0]), [float(part) for part in parts]
