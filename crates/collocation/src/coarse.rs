@@ -33,14 +33,22 @@ pub fn nearer(
     (z, solution.work)
 }
 
+/// The problem on a coarse mesh, or on a rough one where its inputs jump too often for that, with these variables carried there. None if
+/// neither is much smaller.
+pub fn reduced(problem: &Collocation, z: &[f64]) -> Option<(Collocation, Vec<f64>)> {
+    let coarse = coarser(problem).or_else(|| rougher(problem))?;
+    let z = problem.carried(z, &coarse);
+    Some((coarse, z))
+}
+
 /// The problem with a fifth of its intervals and samples. None if it would not be much smaller or not nearly
 /// equivalent: runs are short, inputs jump often, or a measured signal has values at few of the samples.
-pub fn coarser(problem: &Collocation) -> Option<Collocation> {
+fn coarser(problem: &Collocation) -> Option<Collocation> {
     let runs = problem.runs.iter().map(thinned);
     Some(problem.with_runs(runs.collect::<Option<Vec<Run>>>()?))
 }
 
-/// Whether a run has many intervals and only a [`rougher`] mesh stands for them, such as one whose inputs jump at each sample.
+/// Whether a run has many intervals and only a rough mesh stands for them, such as one whose inputs jump at each sample.
 pub fn is_rough(run: &Run) -> bool {
     is_long(run) && thinned(run).is_none()
 }
@@ -52,7 +60,7 @@ pub fn stays_long(run: &Run) -> bool {
 
 /// The problem with a fifth of its sample times, and means of inputs and measurements around them, whatever jumps in between: its
 /// solution is a start for one whose inputs jump at each sample. None if runs are short.
-pub fn rougher(problem: &Collocation) -> Option<Collocation> {
+fn rougher(problem: &Collocation) -> Option<Collocation> {
     let runs = problem.runs.iter().map(rough);
     Some(problem.with_runs(runs.collect::<Option<Vec<Run>>>()?))
 }

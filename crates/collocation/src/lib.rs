@@ -102,7 +102,7 @@ mod sparse;
 pub mod tableau;
 
 pub use bound::{Bound, BoundAt};
-pub use coarse::{coarser, is_rough, nearer, rougher, stays_long};
+pub use coarse::{is_rough, nearer, reduced, stays_long};
 pub use collocation::Collocation;
 pub use condensed::{Condensed, Sensitivities, Sensitivity};
 pub use constraints::ParameterConstraints;

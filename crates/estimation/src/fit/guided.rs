@@ -10,7 +10,7 @@ use crate::search::begin::begin_some;
 use crate::search::observed::Observed;
 use crate::search::solved::Solved;
 use crate::search::starts::Start;
-use pilotage_collocation::{Collocation, coarser, rougher};
+use pilotage_collocation::{Collocation, reduced};
 use pilotage_sqp::{SqpOptions, Status};
 use rayon::prelude::*;
 
@@ -48,22 +48,13 @@ impl Entrants {
         }
     }
 
-    /// The same before these, which enter as they are.
-    pub fn before(mut self, others: &[Start]) -> Self {
+    /// These, and then the others.
+    pub fn and(mut self, others: Self) -> Self {
         let first = self.same.len();
-        self.same.extend(first..first + others.len());
-        let others = others.iter().cloned().enumerate();
-        (self.all).extend(others.map(|(k, start)| (first + k, start)));
+        let entering = others.all.into_iter();
+        (self.all).extend(entering.map(|(k, start)| (first + k, start)));
+        self.same.extend(others.same.into_iter().map(|k| first + k));
         self
-    }
-
-    /// The same after these, which enter as they are.
-    pub fn after(self, others: &[Start]) -> Self {
-        let mut all = Self::new(others);
-        let first = others.len();
-        (all.all).extend(self.all.into_iter().map(|(k, start)| (first + k, start)));
-        (all.same).extend(self.same.into_iter().map(|k| first + k));
-        all
     }
 }
 
@@ -167,14 +158,7 @@ fn led(
     };
     let (plain, z) = begin_some(posed, start, runs.to_vec(), &|| watch.is_over());
     let whole = equations(&plain);
-    let coarse = coarser(&whole).or_else(|| rougher(&whole));
-    let mut from = match coarse {
-        Some(coarse) => {
-            let z = whole.carried(&z, &coarse);
-            (coarse, z)
-        }
-        None => (whole, z),
-    };
+    let mut from = reduced(&whole, &z).unwrap_or((whole, z));
     for leg in 1..=LEGS {
         let (problem, z) = from;
         let solution = pilotage_collocation::solve(&problem, z, &options, &mut see);

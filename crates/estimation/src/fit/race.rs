@@ -12,7 +12,7 @@ use crate::search::begin::begin;
 use crate::search::solved::SAME;
 use crate::search::solved::Solved;
 use crate::search::starts::Start;
-use pilotage_collocation::{Run, coarser, rougher};
+use pilotage_collocation::{Run, reduced};
 use pilotage_sqp::{Iteration, Status};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
@@ -75,13 +75,12 @@ pub(super) fn raced(posed: &Posed<'_>, begin: &Begin, watch: &Watch<'_, '_>) -> 
         unled,
         ..
     } = begin;
+    let with = |own: Entrants| Entrants::new(raised).and(own).and(Entrants::new(unled));
     let led = begin.observed.as_ref();
     let led = led.map(|own| {
         race(
             posed,
-            guided(posed, own, (raised.len(), drawn), watch)
-                .before(unled)
-                .after(raised),
+            with(guided(posed, own, (raised.len(), drawn), watch)),
             watch,
         )
     });
@@ -89,8 +88,7 @@ pub(super) fn raced(posed: &Posed<'_>, begin: &Begin, watch: &Watch<'_, '_>) -> 
     if let Some(raced) = led.filter(is_enough) {
         return raced;
     }
-    let entrants = Entrants::new(drawn).before(unled);
-    race(posed, entrants.after(raised), watch)
+    race(posed, with(Entrants::new(drawn)), watch)
 }
 
 /// Solves all entrants: each on a coarse mesh, where one is much smaller, then those that are not behind on the whole one. Of
@@ -277,13 +275,13 @@ fn scout(
     };
     let is_as_it_is = is_as_it_is && few.is_none();
     let (whole, z) = begin(posed, &start, &|| watch.is_over());
-    let coarse = || coarser(&whole).or_else(|| rougher(&whole));
-    let coarse = if is_as_it_is { None } else { coarse() };
+    let coarse = if is_as_it_is {
+        None
+    } else {
+        reduced(&whole, &z)
+    };
     let (from, whole) = match coarse {
-        Some(coarse) => {
-            let z = whole.carried(&z, &coarse);
-            ((coarse, z), Some(whole.runs))
-        }
+        Some(coarse) => (coarse, Some(whole.runs)),
         None => ((whole, z), None),
     };
     let solved = match is_race {

@@ -10,7 +10,7 @@ use crate::result::through::{Contradicting, contradicting};
 use crate::result::uncertainty::{linearised, names, words};
 use crate::search::begin::begin_whole;
 use crate::search::starts::{Start, starts};
-use pilotage_collocation::{Stop, coarser, rougher};
+use pilotage_collocation::{Stop, reduced};
 use pilotage_inference::spectrum::{Excitation, Starved};
 use pilotage_inference::{Data, Direction, Inference};
 use pilotage_sqp::Iterate;
@@ -216,14 +216,7 @@ fn identifiability(posed: &Posed<'_>, stop: &Stop<'_>) -> Option<Identifiability
 fn at_start(posed: &Posed<'_>, start: &Start, stop: &Stop<'_>) -> Option<Data> {
     let (whole, z) = begin_whole(posed, start, stop)?;
     // Of long runs means of a few samples say the same.
-    let coarse = coarser(&whole).or_else(|| rougher(&whole));
-    let (problem, z) = match coarse {
-        Some(coarse) => {
-            let z = whole.carried(&z, &coarse);
-            (coarse, z)
-        }
-        None => (whole, z),
-    };
+    let (problem, z) = reduced(&whole, &z).unwrap_or((whole, z));
     let at = Iterate::new(&problem, z);
     Some(linearised(posed, &problem, &at)?.data)
 }

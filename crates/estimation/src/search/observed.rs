@@ -41,7 +41,8 @@ impl Observed {
     /// The corrected system; None if no instance can be corrected, or if its fits could not be on a coarse mesh: they would
     /// cost as much as the search itself.
     pub fn new(posed: &Posed<'_>) -> Option<Self> {
-        if posed.runs.iter().any(stays_long) {
+        let is_rough = posed.runs.iter().any(is_rough);
+        if is_rough && posed.runs.iter().any(stays_long) {
             return None;
         }
         let point = Point::new(posed);
@@ -66,7 +67,7 @@ impl Observed {
         Some(Self {
             model: Arc::new(Differentiated::new(&corrected(posed, &gains))),
             recorded: recorded.collect(),
-            is_rough: posed.runs.iter().any(is_rough),
+            is_rough,
         })
     }
 
