@@ -159,4 +159,7 @@ fn a_pilot_makes_the_region_larger() {
     let bad = folder.pilotage(&["hv", "--pilot", "integrator", "-o", "bad"]);
     assert_eq!(bad.code, 2);
     assert!(bad.stderr.contains("no static gain"), "{bad:?}");
+    let endless = folder.pilotage(&["hv", "--delay", "inf", "-o", "bad"]);
+    assert_eq!(endless.code, 2);
+    assert!(endless.stderr.contains("--delay"), "{endless:?}");
 }

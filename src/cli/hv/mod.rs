@@ -143,9 +143,9 @@ fn heights(text: &str) -> Result<Numbers, String> {
 
 fn delay(text: &str) -> Result<f64, String> {
     let value = number::number(text)?;
-    match value >= 0.0 {
+    match value >= 0.0 && value.is_finite() {
         true => Ok(value),
-        false => Err("expected 0 or more".to_owned()),
+        false => Err("expected a finite number, 0 or more".to_owned()),
     }
 }
 
