@@ -684,7 +684,7 @@ fn costates(program: &Program, found: &Solution) -> Vec<Vec<f64>> {
 }
 
 /// The trajectory at nodes and midpoints.
-fn trajectory(posed: &Posed, program: &Program, z: &[f64]) -> Vec<Instant> {
+pub(crate) fn trajectory(posed: &Posed, program: &Program, z: &[f64]) -> Vec<Instant> {
     let n = program.n();
     let theta = theta(posed, program, z);
     let seconds = posed.seconds(&theta);

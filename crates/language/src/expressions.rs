@@ -44,6 +44,7 @@ impl Expressions {
                 locals: Vec::new(),
                 outputs: Vec::new(),
                 fit: None,
+                uncertainty: None,
             },
             constants: Vec::new(),
             over_time: Vec::new(),

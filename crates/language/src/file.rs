@@ -2,7 +2,7 @@
 
 use crate::error::{Fault, ModelFileError};
 use crate::fitted::{self, Fitted};
-use crate::sure;
+use crate::sure::{self, Uncertainty};
 use crate::syntax::{Expression, Part};
 use pilotage_text::document::{Document, DocumentError, Position, TomlTable, number};
 use pilotage_text::is_identifier;
@@ -41,6 +41,8 @@ pub struct ModelFile {
     pub outputs: Vec<Variable>,
     /// The fit that the start values come from, if they do.
     pub fit: Option<Fitted>,
+    /// How uncertain that fit is of them.
+    pub uncertainty: Option<Uncertainty>,
 }
 
 /// A declared variable.
@@ -280,7 +282,7 @@ impl ModelFile {
         let own = |key: &str| -> Result<String, DocumentError> {
             Ok(model.string(key)?.unwrap_or_default().trim().to_owned())
         };
-        let declared = Self {
+        let mut declared = Self {
             file: file.to_owned(),
             text: text.to_owned(),
             name: name.to_owned(),
@@ -292,6 +294,7 @@ impl ModelFile {
             locals: next()?,
             outputs: next()?,
             fit: Fitted::read(root)?,
+            uncertainty: None,
         };
         declared.check_names(&reader)?;
         if let Some(table) = root.table(sure::TITLE)? {
@@ -300,6 +303,7 @@ impl ModelFile {
             if let Some((byte, fault)) = sure::check(table, &is_known)? {
                 return Err(reader.at(byte, fault));
             }
+            declared.uncertainty = Uncertainty::read(table)?;
         }
         Ok(declared)
     }

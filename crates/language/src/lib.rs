@@ -63,3 +63,4 @@ pub use error::{Fault, ModelFileError};
 pub use expressions::Expressions;
 pub use file::{ModelFile, Variable, is_model, with_results, with_starts};
 pub use fitted::Fitted;
+pub use sure::Uncertainty;

@@ -12,6 +12,30 @@ const HELD: f64 = 1e-9;
 /// Relative rounding of written values.
 const ROUNDED: f64 = 1e-6;
 
+/// What a fit left about the uncertainty of its parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Uncertainty {
+    /// Names of the parameters, among which starts of states and inputs may be.
+    pub parameters: Vec<String>,
+    /// Their covariance, row by row.
+    pub covariance: Vec<Vec<f64>>,
+}
+
+impl Uncertainty {
+    /// Reads the table, which was [checked](check); `None` without a covariance.
+    ///
+    /// # Errors
+    /// If a value has the wrong type.
+    pub(crate) fn read(table: TomlTable<'_>) -> Result<Option<Self>, DocumentError> {
+        let names = table.strings("parameters")?.unwrap_or_default();
+        let covariance = table.rows("covariance")?.unwrap_or_default();
+        Ok((!names.is_empty()).then(|| Self {
+            parameters: names.into_iter().map(|(name, _)| name.to_owned()).collect(),
+            covariance,
+        }))
+    }
+}
+
 /// A fault and its byte offset in the text.
 pub type Misplaced = (usize, Fault);
 

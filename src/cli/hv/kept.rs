@@ -1,8 +1,9 @@
 //! The columns of a map that are done, so that a run which was stopped goes on: a line for each, numbers with all digits.
 
 use super::Args;
+use super::cases::Hands;
 use crate::cli::{Failure, overwrite};
-use crate::control::hv::{Cell, Class, Column, Crossing, Helicopter, Pilot};
+use crate::control::hv::{Cell, Class, Column, Crossing, Helicopter};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -22,7 +23,7 @@ impl Kept {
     pub fn open(
         args: &Args,
         helicopter: &Helicopter,
-        pilot: Option<&Pilot>,
+        hands: Option<&Hands>,
     ) -> Result<Self, Failure> {
         let path = args.output.join(FILE);
         // Everything on which a column depends.
@@ -31,22 +32,21 @@ impl Kept {
             .file
             .as_ref()
             .map(|own| own.file.text.clone());
-        let mut hash = std::hash::DefaultHasher::new();
-        std::hash::Hash::hash(&(model, env!("CARGO_PKG_VERSION")), &mut hash);
-        let first = format!(
-            "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:x}\n",
-            helicopter.set,
-            pilot.map(|own| &own.axes),
+        let pilots = hands.map(|own| {
+            let all = std::iter::once(&own.pilot).chain(&own.drawn);
+            all.map(|own| &own.axes).collect::<Vec<_>>()
+        });
+        let settings = format!(
+            "{:?} {pilots:?} {:?} {:?} {:?} {:?}",
+            args.set,
             args.delay,
             args.speeds,
             args.heights,
-            args.sink,
-            args.run_on,
-            args.tilt,
-            args.runs_down,
-            args.intervals,
-            std::hash::Hasher::finish(&hash),
+            super::cases::settings(args),
         );
+        let mut hash = std::hash::DefaultHasher::new();
+        std::hash::Hash::hash(&(model, settings, env!("CARGO_PKG_VERSION")), &mut hash);
+        let first = format!("{:x}\n", std::hash::Hasher::finish(&hash));
         let earlier = match path.is_file() {
             true => crate::file::text(&path).map_err(|error| {
                 Failure::new(format!("cannot read {}: {error}", path.display()))
@@ -98,16 +98,22 @@ fn line(case: &str, column: &Column) -> String {
     for own in &column.cells {
         let _ = write!(
             text,
-            "\t{} {:?} {:?} {:?} {:?}",
+            "\t{} {:?} {:?} {:?} {:?} {:?}",
             own.class.as_str(),
             own.height,
             own.s,
             own.replayed,
-            own.duration
+            own.duration,
+            own.chance
         );
     }
     for own in &column.crossings {
-        let _ = write!(text, "\tcrossing {:?} {}", own.height, own.opens);
+        let [low, high] = own.range;
+        let _ = write!(
+            text,
+            "\tcrossing {:?} {} {low:?} {high:?}",
+            own.height, own.opens
+        );
     }
     text + "\n"
 }
@@ -123,11 +129,12 @@ fn read(line: &str) -> Option<(String, Column)> {
     for field in fields {
         let words: Vec<&str> = field.split(' ').collect();
         match words[..] {
-            ["crossing", height, opens] => column.crossings.push(Crossing {
+            ["crossing", height, opens, low, high] => column.crossings.push(Crossing {
                 height: height.parse().ok()?,
                 opens: opens.parse().ok()?,
+                range: [low.parse().ok()?, high.parse().ok()?],
             }),
-            [class, height, s, replayed, duration] => column.cells.push(Cell {
+            [class, height, s, replayed, duration, chance] => column.cells.push(Cell {
                 class: [Class::Safe, Class::Unsafe, Class::Unknown]
                     .into_iter()
                     .find(|own| own.as_str() == class)?,
@@ -135,6 +142,7 @@ fn read(line: &str) -> Option<(String, Column)> {
                 s: s.parse().ok()?,
                 replayed: replayed.parse().ok()?,
                 duration: duration.parse().ok()?,
+                chance: chance.parse().ok()?,
             }),
             _ => return None,
         }

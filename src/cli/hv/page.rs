@@ -1,19 +1,22 @@
 //! What is written of a map: tables, JSON, the figure and the page.
 
+use super::cases::Case;
+use super::overlay::Curve;
 use super::{Args, counts};
 use crate::cli::made::made;
 use crate::cli::{format::aligned, terminal};
-use crate::control::hv::{Class, Column, Map};
+use crate::control::hv::{Class, Column, Crossing, Map};
 use crate::report::figure::{Axis, Figure, Look, Panel, Series};
 use crate::report::{HvPage, hv_page};
 use pilotage_text::counted;
 use pilotage_text::number::significant;
 use serde_json::{Value, json};
 
-/// A map with what it is called, and the static gains that were divided out of its pilot.
-pub struct Shown<'a> {
-    pub name: &'a str,
+/// A case with its map, the static gains that were divided out of its pilot, and the number of drawn pilots.
+pub struct Shown {
+    pub case: Case,
     pub gain: Option<[f64; 2]>,
+    pub draws: usize,
     pub map: Map,
 }
 
@@ -29,61 +32,56 @@ fn units(args: &Args) -> [(&'static str, f64); 2] {
     }
 }
 
-/// Low and high end of the unsafe range of a column that begins above safe heights; from its lowest point, if that is
-/// unsafe while it is slower than the knee.
-fn inner(column: &Column) -> Option<[f64; 2]> {
-    let opens = column.crossings.iter().position(|own| own.opens)?;
-    let closes = column.crossings.get(opens + 1)?;
-    Some([column.crossings[opens].height, closes.height])
-}
-
-/// The unsafe heights over the ground at a speed, where these are unsafe from the lowest on.
-fn strip(column: &Column) -> Option<f64> {
-    let first = column
-        .cells
-        .iter()
-        .find(|own| own.class != Class::Unknown)?;
-    let crossing = column.crossings.first().filter(|own| !own.opens)?;
-    (first.class == Class::Unsafe).then_some(crossing.height)
-}
-
 /// The boundary as lines of speeds and heights: that of the region at hover, by the low branch, the knee and the high
 /// branch; and that of the strip over the ground.
 fn lines(map: &Map) -> [Vec<[f64; 2]>; 2] {
-    let region = || {
-        map.columns
-            .iter()
-            .filter_map(|own| Some((own.speed, inner(own)?)))
-    };
-    let low = region().map(|(speed, [low, _])| [speed, low]);
-    let high = region().map(|(speed, [_, high])| [speed, high]);
-    let mut high: Vec<[f64; 2]> = high.collect();
+    let [low, mut high] = [0, 1].map(|end| branch(map, end, |own| own.height));
     high.reverse();
-    let strip = map
-        .columns
-        .iter()
-        .filter_map(|own| Some([own.speed, strip(own)?]));
-    [low.chain(map.knee).chain(high).collect(), strip.collect()]
+    let strip = map.columns.iter();
+    let strip = strip.filter_map(|own| Some([own.speed, own.strip()?.height]));
+    [
+        low.into_iter().chain(map.knee).chain(high).collect(),
+        strip.collect(),
+    ]
+}
+
+/// Speeds and what is asked of one end of the unsafe range.
+fn branch(map: &Map, end: usize, what: impl Fn(&Crossing) -> f64) -> Vec<[f64; 2]> {
+    let columns = map.columns.iter();
+    let all = columns.filter_map(|own| Some([own.speed, what(&own.range()?[end])]));
+    all.collect()
+}
+
+/// The outline of the band of an end of the unsafe range, where it is known.
+fn band(map: &Map, end: usize) -> Vec<[f64; 2]> {
+    let [low, mut high] = [0, 1].map(|k| branch(map, end, |own| own.range[k]));
+    high.reverse();
+    let all = low.into_iter().chain(high);
+    all.filter(|own| own[1].is_finite()).collect()
+}
+
+/// A number of a table; empty where there is none.
+fn number(value: f64, digits: usize) -> String {
+    if value.is_finite() {
+        significant(value, digits)
+    } else {
+        String::new()
+    }
 }
 
 /// All points as a table.
-pub fn points(shown: &[Shown<'_>]) -> String {
-    let mut text =
-        String::from("case,speed [m/s],height [m],class,S,S of the replay,duration [s]\n");
+pub fn points(shown: &[Shown]) -> String {
+    let mut text = String::from(
+        "case,speed [m/s],height [m],class,S,S of the replay,duration [s],share of drawn pilots that land\n",
+    );
     for own in shown {
         for column in &own.map.columns {
             for cell in &column.cells {
-                let number = |value: f64| {
-                    if value.is_finite() {
-                        significant(value, 6)
-                    } else {
-                        String::new()
-                    }
-                };
-                let numbers = [cell.s, cell.replayed, cell.duration].map(number);
+                let numbers =
+                    [cell.s, cell.replayed, cell.duration, cell.chance].map(|own| number(own, 6));
                 text += &format!(
                     "{},{},{},{},{}\n",
-                    own.name,
+                    own.case.name,
                     significant(column.speed, 6),
                     significant(cell.height, 6),
                     cell.class.as_str(),
@@ -95,37 +93,71 @@ pub fn points(shown: &[Shown<'_>]) -> String {
     text
 }
 
-/// The boundary as a table.
-pub fn boundary(shown: &[Shown<'_>]) -> String {
-    let mut text = String::from("case,branch,speed [m/s],height [m],speed [kn],height [ft]\n");
-    let mut row = |case: &str, branch: &str, [speed, height]: [f64; 2]| {
-        let numbers =
-            [speed, height, speed * KNOTS, height * FEET].map(|value| significant(value, 5));
-        text += &format!("{case},{branch},{}\n", numbers.join(","));
-    };
+/// Header of the boundary's table.
+const BOUNDARY: [&str; 8] = [
+    "case",
+    "branch",
+    "speed [m/s]",
+    "height [m]",
+    "speed [kn]",
+    "height [ft]",
+    "lowest 95 % [m]",
+    "highest 95 % [m]",
+];
+
+/// Rows of the boundary's table.
+fn boundary_rows(shown: &[Shown]) -> Vec<Vec<String>> {
+    let mut rows = Vec::new();
     for own in shown {
+        let mut row = |branch: &str, speed: f64, height: f64, range: [f64; 2]| {
+            let numbers = [
+                speed,
+                height,
+                speed * KNOTS,
+                height * FEET,
+                range[0],
+                range[1],
+            ];
+            let words = [own.case.name.clone(), branch.to_owned()].into_iter();
+            rows.push(words.chain(numbers.map(|value| number(value, 5))).collect());
+        };
         for column in &own.map.columns {
-            if let Some([low, high]) = inner(column) {
-                row(own.name, "low", [column.speed, low]);
-                row(own.name, "high", [column.speed, high]);
+            if let Some([low, high]) = column.range() {
+                row("low", column.speed, low.height, low.range);
+                row("high", column.speed, high.height, high.range);
             }
-            if let Some(height) = strip(column) {
-                row(own.name, "strip", [column.speed, height]);
+            if let Some(own) = column.strip() {
+                row("strip", column.speed, own.height, own.range);
             }
         }
-        if let Some(knee) = own.map.knee {
-            row(own.name, "knee", knee);
+        if let Some([speed, height]) = own.map.knee {
+            row("knee", speed, height, [f64::NAN; 2]);
         }
     }
-    text
+    rows
+}
+
+/// The boundary as a table.
+pub fn boundary(shown: &[Shown]) -> String {
+    let rows = boundary_rows(shown);
+    let lines = rows.iter().map(|own| own.join(",") + "\n");
+    BOUNDARY.join(",") + "\n" + &lines.collect::<String>()
 }
 
 /// The map and what it was made of, as JSON.
-pub fn to_json(args: &Args, shown: &[Shown<'_>]) -> Value {
-    let crossing = |own: &crate::control::hv::Crossing| json!({ "height": own.height, "unsafe_above": own.opens });
+pub fn to_json(args: &Args, shown: &[Shown]) -> Value {
+    let finite = |value: f64| value.is_finite().then_some(value);
+    let range = |own: [f64; 2]| Some([finite(own[0])?, finite(own[1])?]);
+    let crossing = |own: &Crossing| json!({ "height": own.height, "unsafe_above": own.opens, "range": range(own.range) });
     let column = |own: &Column| {
         let cells = own.cells.iter().map(|cell| {
-            json!({ "height": cell.height, "class": cell.class.as_str(), "s": cell.s, "replayed": cell.replayed })
+            json!({
+                "height": cell.height,
+                "class": cell.class.as_str(),
+                "s": cell.s,
+                "replayed": cell.replayed,
+                "chance": finite(cell.chance),
+            })
         });
         json!({
             "speed": own.speed,
@@ -133,11 +165,14 @@ pub fn to_json(args: &Args, shown: &[Shown<'_>]) -> Value {
             "boundary": own.crossings.iter().map(crossing).collect::<Vec<_>>(),
         })
     };
-    let case = |own: &Shown<'_>| {
+    let case = |own: &Shown| {
         let [safe, not, unknown] = counts(&own.map);
         json!({
-            "case": own.name,
+            "case": own.case.name,
+            "delay": own.case.delay.times(),
+            "set": pairs(&own.case.set),
             "static_gains": own.gain,
+            "draws": own.draws,
             "safe": safe,
             "unsafe": not,
             "unknown": unknown,
@@ -146,20 +181,33 @@ pub fn to_json(args: &Args, shown: &[Shown<'_>]) -> Value {
         })
     };
     json!({
-        "delay": args.delay,
         "sink": args.sink,
         "run_on": args.run_on,
         "tilt": args.tilt,
-        "set": args.set.iter().map(|(name, value)| (name.clone(), json!(value))).collect::<serde_json::Map<_, _>>(),
         "pilot": args.pilot,
         "maps": shown.iter().map(case).collect::<Vec<_>>(),
         "words": words(args, shown),
     })
 }
 
-/// The figure: points of the last case, boundaries and knees of all.
-pub fn figure(args: &Args, shown: &[Shown<'_>]) -> Figure {
+/// Values of parameters as JSON.
+pub fn pairs(set: &[(String, f64)]) -> serde_json::Map<String, Value> {
+    set.iter()
+        .map(|(name, value)| (name.clone(), json!(value)))
+        .collect()
+}
+
+/// Colours of cases that differ in delay or parameters.
+const COLOURS: [&str; 6] = ["line-1", "line-4", "line-3", "line-5", "line-6", "line-2"];
+
+/// The figure: points of the last case, boundaries and knees of all, bands where pilots were drawn, and curves of others.
+pub fn figure(args: &Args, shown: &[Shown], overlays: &[Curve]) -> Figure {
     let [(speed_unit, knots), (height_unit, feet)] = units(args);
+    let drawn = |label: &str, colour: &str, points: &[[f64; 2]], look: Look| {
+        let x: Vec<f64> = points.iter().map(|at| knots * at[0]).collect();
+        let y: Vec<f64> = points.iter().map(|at| feet * at[1]).collect();
+        Series::line(label, colour, &x, &y).looks(look)
+    };
     let mut series = Vec::new();
     let looks = [
         (Class::Unsafe, Look::Dots, "line-2"),
@@ -169,44 +217,56 @@ pub fn figure(args: &Args, shown: &[Shown<'_>]) -> Figure {
     if let Some(last) = shown.last() {
         for (class, look, colour) in looks {
             let columns = last.map.columns.iter();
-            let points: Vec<(f64, f64)> = columns
+            let points: Vec<[f64; 2]> = columns
                 .flat_map(|own| own.cells.iter().map(move |cell| (own.speed, cell)))
                 .filter(|(_, cell)| cell.class == class)
-                .map(|(speed, cell)| (knots * speed, feet * cell.height))
+                .map(|(speed, cell)| [speed, cell.height])
                 .collect();
-            if points.is_empty() {
-                continue;
+            if !points.is_empty() {
+                let label = format!("{}, {}", class.as_str(), last.case.name);
+                series.push(drawn(&label, colour, &points, look));
             }
-            let (x, y): (Vec<f64>, Vec<f64>) = points.into_iter().unzip();
-            series.push(
-                Series::line(
-                    &format!("{}, {}", class.as_str(), last.name),
-                    colour,
-                    &x,
-                    &y,
-                )
-                .looks(look),
-            );
         }
     }
+    // Dashed without a pilot where there are maps with one; a colour for each family.
+    let has_pilot = shown.iter().any(|own| own.case.has_pilot);
+    let families = shown.len() / if has_pilot { 2 } else { 1 };
     for (k, own) in shown.iter().enumerate() {
-        let (colour, look) = match k {
-            0 if shown.len() > 1 => ("line-1", Look::Dashed),
-            0 => ("line-1", Look::Line),
-            _ => ("line-4", Look::Line),
+        let is_alone = families == 1 && own.case.has_pilot;
+        let colour = COLOURS[(k % families + usize::from(is_alone)) % COLOURS.len()];
+        let look = match has_pilot && !own.case.has_pilot {
+            true => Look::Dashed,
+            false => Look::Line,
         };
-        for line in lines(&own.map).iter().filter(|line| line.len() > 1) {
-            let x: Vec<f64> = line.iter().map(|at| knots * at[0]).collect();
-            let y: Vec<f64> = line.iter().map(|at| feet * at[1]).collect();
-            series
-                .push(Series::line(&format!("boundary {}", own.name), colour, &x, &y).looks(look));
+        for outline in [0, 1]
+            .map(|end| band(&own.map, end))
+            .iter()
+            .filter(|own| own.len() > 2)
+        {
+            series.push(drawn(
+                &format!("95 % {}", own.case.name),
+                colour,
+                outline,
+                Look::Area,
+            ));
         }
-        if let Some([speed, height]) = own.map.knee {
-            let mut knee =
-                Series::line("", colour, &[knots * speed], &[feet * height]).looks(Look::Rings);
+        for line in lines(&own.map).iter().filter(|line| line.len() > 1) {
+            series.push(drawn(
+                &format!("boundary {}", own.case.name),
+                colour,
+                line,
+                look,
+            ));
+        }
+        if let Some(knee) = own.map.knee {
+            let mut knee = drawn("", colour, &[knee], Look::Rings);
             knee.words = vec!["knee".into()];
             series.push(knee);
         }
+    }
+    for own in overlays {
+        series.push(drawn(&own.name, "ink", &own.points, Look::Line));
+        series.push(drawn("", "ink", &own.points, Look::Rings));
     }
     let panel = Panel {
         x: Axis::of("speed", speed_unit),
@@ -218,16 +278,17 @@ pub fn figure(args: &Args, shown: &[Shown<'_>]) -> Figure {
         series,
         ..Panel::default()
     };
+    let delays: Vec<String> = args.delay.iter().map(ToString::to_string).collect();
     let caption = format!(
-        "Power fails at the point; the controls stay for {} s; then the best landing is flown. Computed with perfect \
+        "Power fails at the point; the controls stay for {}; then the best landing is flown. Computed with perfect \
          knowledge: no flight limitation.",
-        significant(args.delay, 3)
+        delays.join(", or ")
     );
     Figure::of("hv", "Height–velocity map", &caption, panel)
 }
 
 /// What the map is, and what it is not.
-fn words(args: &Args, shown: &[Shown<'_>]) -> Vec<String> {
+fn words(args: &Args, shown: &[Shown]) -> Vec<String> {
     let mut all = vec![
         format!(
             "A point is safe if a flight was found that touches down at no more than {} m/s downwards and {} m/s over the \
@@ -247,12 +308,21 @@ fn words(args: &Args, shown: &[Shown<'_>]) -> Vec<String> {
         let gains = gains.map(|gain| significant(gain, 4));
         all.push(format!(
             "The pilot's linearisation stands between command and rotor on both axes; its static gains ({} and {}), which \
-             scale its task, are divided out. The time of {} s is recognition alone: the pilot's own lag is in the pilot. \
+             scale its task, are divided out. The delay is recognition alone: the pilot's own lag is in the pilot. \
              Limits hold for the command and for what the rotor sees; the command may jump, since the pilot does not.",
-            gains[0],
-            gains[1],
-            significant(args.delay, 3)
+            gains[0], gains[1],
         ));
+    }
+    if let Some(own) = shown.iter().find(|own| own.draws > 0) {
+        all.push(format!(
+            "The band is that of {} drawn from the covariance of the fit: 95 % of them have the boundary within it. It says what \
+             the flights do not tell of this pilot in this linear model, and nothing of other pilots, other days, or what the \
+             model leaves out.",
+            counted(own.draws, "pilot")
+        ));
+    }
+    if shown.iter().any(|own| own.draws == 0 && own.case.has_pilot) && args.draws > 0 {
+        all.push("The pilot's file has no covariance, so there is no band.".to_owned());
     }
     all
 }
@@ -272,15 +342,15 @@ fn knee(args: &Args, map: &Map) -> String {
 /// Low and high unsafe height at the lowest speed.
 fn hover(args: &Args, map: &Map) -> String {
     let [_, (unit, feet)] = units(args);
-    let found = map.columns.first().and_then(inner);
+    let found = map.columns.first().and_then(Column::range);
     found.map_or("none".into(), |own| {
-        let [low, high] = own.map(|height| significant(feet * height, 3));
+        let [low, high] = own.map(|own| significant(feet * own.height, 3));
         format!("{low} to {high} {unit}")
     })
 }
 
 /// The page.
-pub fn html(args: &Args, shown: &[Shown<'_>], figure: &Figure) -> String {
+pub fn html(args: &Args, shown: &[Shown], figure: &Figure) -> String {
     let unknown: usize = shown.iter().map(|own| counts(&own.map)[2]).sum();
     let all: usize = shown
         .iter()
@@ -290,55 +360,35 @@ pub fn html(args: &Args, shown: &[Shown<'_>], figure: &Figure) -> String {
         0 => format!("All {all} points are safe or unsafe."),
         unknown => format!("{unknown} of {all} points are unknown."),
     };
-    let mut facts = Vec::new();
-    for own in shown {
-        let [unsafe_range, knee] = [hover(args, &own.map), knee(args, &own.map)];
-        facts.push((
-            if own.gain.is_some() {
-                "unsafe at the lowest speed, with the pilot"
-            } else {
-                "unsafe at the lowest speed"
-            },
-            unsafe_range,
-        ));
-        facts.push((
-            if own.gain.is_some() {
-                "knee, with the pilot"
-            } else {
-                "knee"
-            },
-            knee,
-        ));
-    }
-    let mut rows = boundary(shown);
-    rows.truncate(rows.trim_end().len());
-    let rows = rows
-        .lines()
-        .skip(1)
-        .map(|line| line.split(',').map(str::to_owned).collect());
+    let names: Vec<[String; 2]> = shown
+        .iter()
+        .map(|own| {
+            let name = &own.case.name;
+            [
+                format!("unsafe at the lowest speed, {name}"),
+                format!("knee, {name}"),
+            ]
+        })
+        .collect();
+    let facts = shown.iter().zip(&names).flat_map(|(own, [range, point])| {
+        [
+            (range.as_str(), hover(args, &own.map)),
+            (point.as_str(), knee(args, &own.map)),
+        ]
+    });
     hv_page(&HvPage {
         title: "Height–velocity map after power loss",
         verdict: (&verdict, unknown == 0),
-        facts: &facts,
+        facts: &facts.collect::<Vec<_>>(),
         figure,
-        boundary: (
-            vec![
-                "case",
-                "branch",
-                "speed [m/s]",
-                "height [m]",
-                "speed [kn]",
-                "height [ft]",
-            ],
-            rows.collect(),
-        ),
+        boundary: (BOUNDARY.to_vec(), boundary_rows(shown)),
         words: &words(args, shown),
         made: &made(),
     })
 }
 
 /// The summary.
-pub fn to_text(args: &Args, shown: &[Shown<'_>]) -> String {
+pub fn to_text(args: &Args, shown: &[Shown]) -> String {
     let mut rows = vec![
         [
             "",
@@ -353,7 +403,7 @@ pub fn to_text(args: &Args, shown: &[Shown<'_>]) -> String {
     for own in shown {
         let [safe, not, unknown] = counts(&own.map).map(|count| count.to_string());
         rows.push([
-            own.name.to_owned(),
+            own.case.name.clone(),
             safe,
             not,
             unknown,
@@ -366,7 +416,7 @@ pub fn to_text(args: &Args, shown: &[Shown<'_>]) -> String {
         .map(|own| counts(&own.map).iter().sum::<usize>())
         .sum();
     format!(
-        "{}{} in {}: hv.html, hv.svg, map.csv, boundary.csv, hv.json\nno flight limitation: computed with perfect \
+        "{}{} in {}: hv.html, hv.svg, hv.png, map.csv, boundary.csv, hv.json\nno flight limitation: computed with perfect \
          knowledge, by a model\n",
         aligned(&rows),
         counted(points, "point"),

@@ -189,15 +189,19 @@ impl Helicopter {
         all.get(at.states.len()).copied().unwrap_or(f64::NAN)
     }
 
-    /// The states after a time \[s\] with the controls of trim and the engine's power gone, or running down from what trim
-    /// takes; and the time until the ground, if it comes before.
-    pub fn frozen(&self, trim: &Trim, seconds: f64, runs_down: bool) -> (Vec<f64>, Option<f64>) {
+    /// The states from a failure on, with the controls of trim and the engine's power gone, or running down from what trim takes:
+    /// after a time \[s\], or until the ground if it comes before.
+    pub fn frozen(&self, trim: &Trim, seconds: f64, runs_down: bool) -> Frozen {
         let mut x = trim.states.clone();
         if let (Some(engine), true) = (self.engine, runs_down) {
             x[engine] = self.required_power(trim);
         }
         if seconds <= 0.0 {
-            return (x, None);
+            return Frozen {
+                time: vec![0.0],
+                states: vec![x],
+                is_down: false,
+            };
         }
         let run = bare_run(
             [0.0, seconds],
@@ -214,15 +218,43 @@ impl Helicopter {
             most_steps: 5000,
         };
         let course = self.model.course(&run, &[], &x, &quality, &|| false);
+        let (mut time, mut states) = (course.time, course.states);
         let h = self.places[0];
-        for (k, pair) in course.states.windows(2).enumerate() {
-            if pair[1][h] < 0.0 {
-                let part = pair[0][h] / (pair[0][h] - pair[1][h]);
-                let at = |i: usize| pair[0][i] + part * (pair[1][i] - pair[0][i]);
-                let time = course.time[k] + part * (course.time[k + 1] - course.time[k]);
-                return ((0..x.len()).map(at).collect(), Some(time));
-            }
+        let ground = states.windows(2).position(|pair| pair[1][h] < 0.0);
+        if let Some(k) = ground {
+            let part = states[k][h] / (states[k][h] - states[k + 1][h]);
+            let between = |a: f64, b: f64| a + part * (b - a);
+            let last = states[k]
+                .iter()
+                .zip(&states[k + 1])
+                .map(|(a, b)| between(*a, *b));
+            let last: Vec<f64> = last.collect();
+            let end = between(time[k], time[k + 1]);
+            (time.truncate(k + 1), states.truncate(k + 1));
+            (time.push(end), states.push(last));
         }
-        (course.states[course.states.len() - 1].clone(), None)
+        Frozen {
+            time,
+            states,
+            is_down: ground.is_some(),
+        }
+    }
+}
+
+/// A flight with the controls of trim.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frozen {
+    /// Times \[s\].
+    pub time: Vec<f64>,
+    /// All states at these.
+    pub states: Vec<Vec<f64>>,
+    /// Whether it ends at the ground.
+    pub is_down: bool,
+}
+
+impl Frozen {
+    /// The states at the end.
+    pub fn last(&self) -> &[f64] {
+        &self.states[self.states.len() - 1]
     }
 }

@@ -1,5 +1,6 @@
 //! The map: classes of points, and the boundary between them.
 
+use super::band;
 use super::point::{Landing, Landings};
 use rayon::prelude::*;
 
@@ -34,10 +35,17 @@ impl Class {
     }
 
     fn of(landing: Option<&Landing>) -> Self {
-        match landing {
-            Some(own) if own.is_certified => Self::Safe,
-            Some(own) if own.is_sure && own.s > 1.0 => Self::Unsafe,
-            _ => Self::Unknown,
+        landing.map_or(Self::Unknown, Landing::class)
+    }
+}
+
+impl Landing {
+    /// What it says of its point.
+    pub fn class(&self) -> Class {
+        match (self.is_certified, self.is_sure && self.s > 1.0) {
+            (true, _) => Class::Safe,
+            (false, true) => Class::Unsafe,
+            (false, false) => Class::Unknown,
         }
     }
 }
@@ -55,6 +63,8 @@ pub struct Cell {
     pub replayed: f64,
     /// Duration of the landing from the end of the delay \[s\].
     pub duration: f64,
+    /// Share of the drawn pilots that land within the limits; NaN without draws.
+    pub chance: f64,
 }
 
 /// A height at which the class changes.
@@ -64,6 +74,8 @@ pub struct Crossing {
     pub height: f64,
     /// Whether it is unsafe above.
     pub opens: bool,
+    /// Heights \[m\] between which 95 % of the drawn pilots have it; NaN without draws.
+    pub range: [f64; 2],
 }
 
 /// All heights at a speed.
@@ -113,6 +125,7 @@ pub fn column(
             s: landing.as_ref().map_or(f64::NAN, |own| own.s),
             replayed: landing.as_ref().map_or(f64::NAN, |own| own.replayed),
             duration: landing.as_ref().map_or(f64::NAN, |own| own.duration),
+            chance: f64::NAN,
         });
         near.push(landing.map_or(Vec::new(), |own| own.z));
     }
@@ -125,32 +138,46 @@ pub fn column(
         if a.class == b.class {
             continue;
         }
-        let is_unsafe = |height: f64, near: &[f64]| {
-            let landing = landings.from(height, speed, delay, Some(near));
-            Class::of(landing.as_ref()) != Class::Safe
-        };
-        let (mut low, mut high) = (a.height, b.height);
         let opens = b.class == Class::Unsafe;
-        while high - low > FINE_HEIGHT.max(FINE * high) {
+        let mut ends = [(a.height, a.s), (b.height, b.s)];
+        let mut moved = 0;
+        while ends[1].0 - ends[0].0 > FINE_HEIGHT.max(FINE * ends[1].0) {
             if stop() {
                 return None;
             }
-            let middle = 0.5 * (low + high);
-            match is_unsafe(middle, &near[pair[0]]) == opens {
-                true => high = middle,
-                false => low = middle,
-            }
+            let height = between(ends, moved);
+            let landing = landings.from(height, speed, delay, Some(&near[pair[0]]));
+            let is_unsafe = Class::of(landing.as_ref()) != Class::Safe;
+            moved = usize::from(is_unsafe == opens);
+            ends[moved] = (height, landing.map_or(f64::NAN, |own| own.s));
         }
+        let [(low, _), (high, _)] = ends;
         crossings.push(Crossing {
             height: 0.5 * (low + high),
             opens,
+            range: [f64::NAN; 2],
         });
     }
-    Some(Column {
+    let mut column = Column {
         speed,
         cells,
         crossings,
-    })
+    };
+    band::add(landings, &mut column, &near, delay, stop)?;
+    Some(column)
+}
+
+/// Where to look for S = 1 next between two heights with their S: where a line through both has it, and a little further from the
+/// end that moved last, so that both close in; the middle where S says nothing.
+fn between([(low, s_low), (high, s_high)]: [(f64, f64); 2], moved: usize) -> f64 {
+    const EDGE: f64 = 0.1;
+    let part = (1.0 - s_low) / (s_high - s_low);
+    if !(0.0..=1.0).contains(&part) {
+        return 0.5 * (low + high);
+    }
+    let further = 0.4 * FINE_HEIGHT.max(FINE * high) / (high - low);
+    let part = part + if moved == 0 { further } else { -further };
+    low + part.clamp(EDGE, 1.0 - EDGE) * (high - low)
 }
 
 /// The map, on all threads; the same for any number of them. `known` are columns of an earlier run, `done` sees each new
@@ -177,11 +204,79 @@ pub fn map(
     Some(Map { columns, knee })
 }
 
-/// The middle of an unsafe range that begins above safe heights, as from hover.
+/// Whether a column is unsafe at a height, by its boundary.
+fn is_unsafe_at(column: &Column, height: f64) -> bool {
+    let below = column
+        .crossings
+        .iter()
+        .rev()
+        .find(|own| own.height < height);
+    let lowest = column.cells.iter().find(|own| own.class != Class::Unknown);
+    match below {
+        Some(own) => own.opens,
+        None => lowest.is_some_and(|own| own.class == Class::Unsafe),
+    }
+}
+
+/// The map with one delay below a height \[m\] and with another above it, of maps of one grid.
+pub fn joined(below: &Map, above: &Map, height: f64) -> Map {
+    let column = |(low, high): (&Column, &Column)| {
+        let is_low = |own: f64| own < height;
+        let cells = low.cells.iter().filter(|own| is_low(own.height));
+        let cells = cells.chain(high.cells.iter().filter(|own| !is_low(own.height)));
+        let ends = [low, high].map(|own| is_unsafe_at(own, height));
+        let step = (ends[0] != ends[1]).then_some(Crossing {
+            height,
+            opens: ends[1],
+            range: [height; 2],
+        });
+        let crossings = low
+            .crossings
+            .iter()
+            .filter(|own| is_low(own.height))
+            .copied()
+            .chain(step);
+        let crossings = crossings.chain(
+            high.crossings
+                .iter()
+                .filter(|own| !is_low(own.height))
+                .copied(),
+        );
+        Column {
+            speed: low.speed,
+            cells: cells.cloned().collect(),
+            crossings: crossings.collect(),
+        }
+    };
+    Map {
+        columns: below
+            .columns
+            .iter()
+            .zip(&above.columns)
+            .map(column)
+            .collect(),
+        knee: above.knee,
+    }
+}
+
+impl Column {
+    /// The ends of the unsafe range that begins above safe heights, as from hover: from where it first opens to where it last closes.
+    pub fn range(&self) -> Option<[Crossing; 2]> {
+        let opens = self.crossings.iter().position(|own| own.opens)?;
+        let closes = self.crossings.iter().rposition(|own| !own.opens)?;
+        (closes > opens).then(|| [self.crossings[opens], self.crossings[closes]])
+    }
+
+    /// The end of the unsafe heights over the ground, where these are unsafe from the lowest on.
+    pub fn strip(&self) -> Option<Crossing> {
+        self.crossings.first().filter(|own| !own.opens).copied()
+    }
+}
+
+/// The middle of the unsafe range, in ratios.
 fn inner(column: &Column) -> Option<f64> {
-    let opens = column.crossings.iter().position(|own| own.opens)?;
-    let closes = column.crossings.get(opens + 1)?;
-    Some((column.crossings[opens].height * closes.height).sqrt())
+    let [low, high] = column.range()?;
+    Some((low.height * high.height).sqrt())
 }
 
 /// The fastest unsafe point of the region that begins at hover, by bisection from its last column.

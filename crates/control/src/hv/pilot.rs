@@ -1,8 +1,12 @@
 //! A pilot as an actuator between command and rotor: a linear system for each axis, with a static gain of 1.
 
 use crate::dense::{Lu, Matrix, dot};
+use nalgebra::{DMatrix, DVector};
 use pilotage_estimation::ProblemError;
 use pilotage_estimation::system::part::Part;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
 use std::fmt::Write;
 
 /// A linear system with one input and one output, `ẋ = A x + B c`, `y = C x + D c`.
@@ -69,6 +73,11 @@ impl Axis {
             .then_some(right.values)
     }
 
+    /// The output with these states under a command.
+    pub fn output(&self, states: &[f64], command: f64) -> f64 {
+        dot(&self.c, states) + self.d * command
+    }
+
     /// The frequency \[rad/s\] and the gain where the latter is largest, from 0.01 to 100 rad/s. The static gain is 1.
     pub fn peak(&self) -> (f64, f64) {
         let n = self.b.len();
@@ -133,6 +142,70 @@ impl Pilot {
         })
     }
 
+    /// Pilots whose parameters are drawn from the covariance that a fit left in the model file, around the fitted values; a
+    /// draw beyond the parameters' limits, or that is no actuator, is drawn again. Draw `k` is the same whatever `count` is.
+    /// None if the file has no covariance.
+    ///
+    /// # Errors
+    /// When a draw's tries are all used up.
+    pub fn drawn(part: &Part, name: &str, count: usize) -> Result<Option<Vec<Self>>, ProblemError> {
+        const TRIES: usize = 100;
+        let sure = part
+            .file
+            .as_ref()
+            .and_then(|own| own.file.uncertainty.as_ref());
+        let Some(sure) = sure else {
+            return Ok(None);
+        };
+        let root = square_root(&sure.covariance);
+        let one = |k: usize| {
+            let mut random = ChaCha8Rng::seed_from_u64(k as u64);
+            for _ in 0..TRIES {
+                let normal: Vec<f64> = (0..root.ncols())
+                    .map(|_| StandardNormal.sample(&mut random))
+                    .collect();
+                let moved = &root * DVector::from_vec(normal);
+                let mut other = part.clone();
+                let is_inside = sure.parameters.iter().zip(&moved).all(|(name, by)| {
+                    let Some(own) = other.variables.get_mut(name) else {
+                        return true;
+                    };
+                    own.start += by;
+                    own.min.is_none_or(|min| own.start >= min)
+                        && own.max.is_none_or(|max| own.start <= max)
+                });
+                if let Some(found) = is_inside.then(|| Self::of(&other, name).ok()).flatten() {
+                    return Ok(found);
+                }
+            }
+            let words = format!(
+                "{name}: in {TRIES} draws of its covariance there is no pilot between its parameters' limits"
+            );
+            Err(ProblemError::Part(words))
+        };
+        (0..count).map(one).collect::<Result<_, _>>().map(Some)
+    }
+
+    /// Its model file, at rest under these commands.
+    pub(crate) fn resting(&self, commands: [f64; 2]) -> String {
+        let mut starts = Vec::new();
+        for ((axis, input), command) in self
+            .axes
+            .iter()
+            .zip(super::helicopter::INPUTS)
+            .zip(commands)
+        {
+            starts.push((format!("{input}_command"), command));
+            let rest = axis.rest(command).unwrap_or_default();
+            starts.extend(
+                rest.into_iter()
+                    .enumerate()
+                    .map(|(k, x)| (format!("{input}_{k}"), x)),
+            );
+        }
+        pilotage_language::with_starts(&self.text(), &starts)
+    }
+
     /// Both axes as a model file, with the commands as inputs.
     pub(crate) fn text(&self) -> String {
         let mut text = String::from(
@@ -167,6 +240,15 @@ impl Pilot {
         }
         text + &outputs
     }
+}
+
+/// A matrix whose product with its transpose is a covariance, which may be singular.
+fn square_root(covariance: &[Vec<f64>]) -> DMatrix<f64> {
+    let n = covariance.len();
+    let own = DMatrix::from_fn(n, n, |i, j| 0.5 * (covariance[i][j] + covariance[j][i]));
+    let parts = own.symmetric_eigen();
+    let sizes = parts.eigenvalues.map(|value| value.max(0.0).sqrt());
+    parts.eigenvectors * DMatrix::from_diagonal(&sizes)
 }
 
 fn axis(part: &Part, name: &str, [input, output]: [&str; 2]) -> Result<Axis, ProblemError> {

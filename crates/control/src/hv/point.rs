@@ -56,6 +56,8 @@ pub struct Landings {
     /// Places of the helicopter's states, and of the pilot's of both axes.
     places: Vec<usize>,
     hands: [usize; 2],
+    /// The same with other pilots, as likely by a fit.
+    drawn: Vec<Self>,
 }
 
 /// The softest landing from a point.
@@ -79,8 +81,8 @@ pub struct Landing {
 
 /// Values of S that differ less are the same.
 const SAME: f64 = 0.005;
-/// Number of further starts where some do not converge.
-const SPARE: usize = 2;
+/// Number of further starts where some do not converge, or no two to the best.
+const SPARE: usize = 5;
 /// Options of the solver: S is wanted to three digits.
 const TOLERANCE: f64 = 1e-6;
 const MOST_ITERATIONS: usize = 300;
@@ -125,12 +127,43 @@ impl Landings {
             pilot,
             settings,
             posed,
+            drawn: Vec::new(),
         })
+    }
+
+    /// With other pilots of the same structure, for the band of the boundary.
+    ///
+    /// # Errors
+    /// As [`Landings::new`].
+    pub fn with_draws(mut self, pilots: Vec<Pilot>) -> Result<Self, ProblemError> {
+        let one = |pilot| Self::new(self.helicopter.clone(), Some(pilot), self.settings.clone());
+        self.drawn = pilots.into_iter().map(one).collect::<Result<_, _>>()?;
+        Ok(self)
+    }
+
+    /// Those with other pilots.
+    pub fn drawn(&self) -> &[Self] {
+        &self.drawn
     }
 
     /// The helicopter.
     pub fn helicopter(&self) -> &Helicopter {
         &self.helicopter
+    }
+
+    /// The pilot.
+    pub fn pilot(&self) -> Option<&Pilot> {
+        self.pilot.as_ref()
+    }
+
+    /// Places of the helicopter's states, in the order of its model.
+    pub(super) fn places(&self) -> &[usize] {
+        &self.places
+    }
+
+    /// Places of the first state of the pilot on both axes.
+    pub(super) fn hands(&self) -> [usize; 2] {
+        self.hands
     }
 
     /// The settings.
@@ -148,11 +181,12 @@ impl Landings {
         near: Option<&[f64]>,
     ) -> Option<Landing> {
         let trim = self.helicopter.trim(height, speed)?;
-        let (x, ground) = self
+        let course = self
             .helicopter
             .frozen(&trim, delay, self.settings.runs_down);
+        let x = course.last();
         let [h, u, w, _, _] = self.helicopter.places();
-        if ground.is_some() || x[h] <= 0.0 {
+        if course.is_down || x[h] <= 0.0 {
             let [sink, fast] = self.settings.touch_down;
             let s = (x[w] / sink).max(x[u].abs() / fast);
             return Some(Landing {
@@ -165,24 +199,22 @@ impl Landings {
                 z: Vec::new(),
             });
         }
-        let program = self.program_on(even(self.settings.intervals), (&trim, &x));
+        let program = self.program_on(even(self.settings.intervals), (&trim, x));
         let mut found: Vec<interior::Solution> = Vec::new();
         let mut certified = None;
         let near = near.filter(|near| near.len() == program.variables());
-        let converged_of = |found: &[interior::Solution]| {
-            found
-                .iter()
-                .filter(|own| own.status == Status::Converged)
-                .count()
+        let is_enough = |found: &[interior::Solution]| {
+            let [converged, same] = agreeing(found);
+            converged >= self.settings.starts && same >= 2.min(self.settings.starts)
         };
         for k in 0..self.settings.starts + SPARE {
-            if converged_of(&found) >= self.settings.starts {
+            if is_enough(&found) {
                 break;
             }
             let (z, barrier) = match (near, k) {
                 (Some(near), 0) => (self.moved(&program, near, x[h]), WARM),
-                (Some(_), k) => (self.start(&program, (&trim, &x), k - 1), COLD),
-                (None, k) => (self.start(&program, (&trim, &x), k), COLD),
+                (Some(_), k) => (self.start(&program, (&trim, x), k - 1), COLD),
+                (None, k) => (self.start(&program, (&trim, x), k), COLD),
             };
             let options = Options {
                 tolerance: TOLERANCE,
@@ -196,7 +228,7 @@ impl Landings {
             if is_soft {
                 certified = self.certified(&program, &found[found.len() - 1].z);
                 if certified.is_none() {
-                    certified = self.finer(&program, (&trim, &x), &found[found.len() - 1].z);
+                    certified = self.finer(&program, (&trim, x), &found[found.len() - 1].z);
                 }
                 if certified.is_some() {
                     break;
@@ -208,8 +240,6 @@ impl Landings {
         let best = converged().min_by(|a, b| a.objective.total_cmp(&b.objective));
         let best = best.unwrap_or(&found[0]);
         let is_converged = best.status == Status::Converged;
-        let same = converged()
-            .filter(|own| own.objective - best.objective <= SAME * best.objective.abs().max(1.0));
         let replayed = match (certified, is_converged) {
             (Some(s), _) => s,
             (None, true) => optimise::replay(&self.posed, &program, &best.z).objective,
@@ -223,9 +253,7 @@ impl Landings {
             },
             replayed,
             is_certified: certified.is_some(),
-            is_sure: same.count() >= 2.min(self.settings.starts)
-                && converged().count() >= self.settings.starts
-                && converged().all(|own| own.objective > 1.0),
+            is_sure: is_enough(&found) && converged().all(|own| own.objective > 1.0),
             duration: self
                 .posed
                 .seconds(&optimise::theta(&self.posed, &program, &best.z)),
@@ -236,6 +264,27 @@ impl Landings {
                 Vec::new()
             },
         })
+    }
+
+    /// S of the softest landing from the variables of another pilot's; NaN if the solver does not converge from these.
+    pub fn softest(&self, height: f64, speed: f64, delay: f64, near: &[f64]) -> f64 {
+        let program = self.program(height, speed, delay).map(|own| own.1);
+        let Some(program) = program.filter(|own| own.variables() == near.len()) else {
+            return f64::NAN;
+        };
+        let h = self.places[self.helicopter.places()[0]];
+        let start = program.initial[h].unwrap_or_default() * self.posed.states[h].scale;
+        let begin = self.moved(&program, near, start);
+        let options = Options {
+            tolerance: TOLERANCE,
+            most_iterations: MOST_ITERATIONS,
+            barrier: WARM,
+        };
+        let found = interior::solve(&program, begin, &options, &mut |_| true);
+        match found.status {
+            Status::Converged => found.objective,
+            _ => f64::NAN,
+        }
     }
 
     /// The same from finer meshes: a long descent on few intervals is a soft landing of the program alone.
@@ -266,6 +315,16 @@ impl Landings {
         let replay = optimise::replay(&self.posed, program, z);
         let lands = replay.is_whole && replay.violation <= VIOLATION;
         (lands && replay.objective <= 1.0 + VIOLATION).then_some(replay.objective)
+    }
+
+    /// The program of a point, with the problem that it is of. None if there is no trim.
+    pub(super) fn program(&self, height: f64, speed: f64, delay: f64) -> Option<(&Posed, Program)> {
+        let trim = self.helicopter.trim(height, speed)?;
+        let course = self
+            .helicopter
+            .frozen(&trim, delay, self.settings.runs_down);
+        let program = self.program_on(even(self.settings.intervals), (&trim, course.last()));
+        Some((&self.posed, program))
     }
 
     fn program_on(&self, mesh: Vec<f64>, (trim, x): (&Trim, &[f64])) -> Program {
@@ -365,6 +424,16 @@ impl Landings {
         self.posed
             .variables(program, &states, &|_| controls.clone(), &theta)
     }
+}
+
+/// Number of starts that converged, and of those that did to the best of them.
+fn agreeing(found: &[interior::Solution]) -> [usize; 2] {
+    let converged = || found.iter().filter(|own| own.status == Status::Converged);
+    let best = converged()
+        .map(|own| own.objective)
+        .fold(f64::INFINITY, f64::min);
+    let same = converged().filter(|own| own.objective - best <= SAME * best.abs().max(1.0));
+    [converged().count(), same.count()]
 }
 
 /// The problem of all points; their initial states and first controls differ.
