@@ -35,6 +35,7 @@ mod fmi;
 mod fmu_binary;
 mod fmu_commands;
 mod foreign;
+mod hv;
 mod init;
 mod invariance;
 mod isolated;

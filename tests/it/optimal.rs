@@ -1,4 +1,4 @@
-//! `pilotage optimise` and `pilotage hv`: what they write, and how they end.
+//! `pilotage optimise`: what it writes, and how it ends.
 
 use crate::command::{Folder, example};
 
@@ -100,66 +100,4 @@ fn a_problem_goes_to_the_command_that_solves_it() {
     let ended = folder.pilotage(&["optimise", "problem.toml", "-o", "cart.toml"]);
     assert_eq!(ended.code, 2);
     assert_eq!(folder.read("cart.toml"), CART);
-}
-
-const SMALL: [&str; 7] = [
-    "hv",
-    "--speeds",
-    "6:12:6",
-    "--heights",
-    "4:60:4",
-    "--delay",
-    "0.5",
-];
-
-#[test]
-fn a_map_is_the_same_after_a_stop_and_for_any_threads() {
-    let folder = Folder::new();
-    let run = |output: &str, more: &[&str]| {
-        let words = [&SMALL[..], &["-o", output], more].concat();
-        folder.pilotage(&words)
-    };
-    let whole = run("whole", &[]);
-    assert_eq!(whole.code, 0, "{whole:?}");
-    assert!(whole.stdout.contains("no flight limitation"), "{whole:?}");
-    // Stopped at once, it keeps what is done, and goes on.
-    assert_eq!(run("again", &["--time-limit", "1e-3"]).code, 1);
-    assert!(
-        folder.path("again/progress.txt").exists() || folder.files().contains(&"again".to_owned())
-    );
-    assert_eq!(run("again", &["--force"]).code, 0);
-    for file in ["map.csv", "boundary.csv", "hv.json", "hv.svg"] {
-        assert_eq!(
-            folder.read(&format!("whole/{file}")),
-            folder.read(&format!("again/{file}")),
-            "{file}"
-        );
-    }
-    assert!(!folder.path("again/progress.txt").exists());
-    let page = folder.read("whole/hv.html");
-    assert!(page.contains("perfect") && page.contains("no flight limitation"));
-    // Another map does not go over it.
-    let other = folder.pilotage(&["hv", "--speeds", "3", "--heights", "4:60:2", "-o", "whole"]);
-    assert_eq!(other.code, 2, "{other:?}");
-}
-
-#[test]
-fn a_pilot_makes_the_region_larger() {
-    let folder = Folder::new();
-    let model = "[model]\nname = \"slow\"\n[inputs]\ntarget = {}\n[parameters]\nlag = { start = 0.4, unit = \"s\" }\n\
-                 [states]\nstick = { der = \"(2 * target - stick) / lag\" }\n[outputs]\nstick = {}\n";
-    folder.write("slow.toml", model);
-    let words = [&SMALL[..], &["--pilot", "slow.toml", "--si", "--json"]].concat();
-    let found = folder.pilotage(&words).json();
-    let maps = found["maps"].as_array().unwrap();
-    let count = |k: usize| maps[k]["unsafe"].as_u64().unwrap();
-    assert!(count(1) > count(0), "{found}");
-    // The static gain is divided out, and said.
-    assert!((maps[1]["static_gains"][0].as_f64().unwrap() - 2.0).abs() < 1e-9);
-    let bad = folder.pilotage(&["hv", "--pilot", "integrator", "-o", "bad"]);
-    assert_eq!(bad.code, 2);
-    assert!(bad.stderr.contains("no static gain"), "{bad:?}");
-    let endless = folder.pilotage(&["hv", "--delay", "inf", "-o", "bad"]);
-    assert_eq!(endless.code, 2);
-    assert!(endless.stderr.contains("--delay"), "{endless:?}");
 }

@@ -1,7 +1,10 @@
 //! The built-in helicopter: powers, autorotation and energy; landings and maps against figures that other code computed from
 //! the same equations (CasADi with IPOPT, two independent programs).
 
-use pilotage_control::hv::{Axis, Class, Grid, Helicopter, Landings, Pilot, Settings, column, map};
+use pilotage_control::hv::{
+    Axis, Class, Grid, Helicopter, Landings, Pilot, Settings, column, joined, map,
+};
+use pilotage_estimation::system::part::Part;
 use pilotage_expression::Tape;
 
 fn helicopter() -> Helicopter {
@@ -233,6 +236,135 @@ fn boundaries_are_known() {
         assert_near(found[1].0, high, 1.5);
         let classes: Vec<Class> = column.cells.iter().map(|own| own.class).collect();
         assert!(!classes.contains(&Class::Unknown), "{classes:?}");
+    }
+}
+
+/// Heights of hover at which S is 1 after 0.5 s, with other limits and coefficients: the same tolerances.
+#[test]
+fn boundaries_move_as_is_known() {
+    let heights = [2.0, 3.0, 4.5, 30.0, 45.0, 52.0, 60.0, 75.0];
+    let touch_down = |limits: [f64; 2]| Settings {
+        touch_down: limits,
+        ..Settings::default()
+    };
+    let flat = Settings {
+        alpha: [15.0_f64.to_radians(), 1.5],
+        ..Settings::default()
+    };
+    let cases = [
+        (touch_down([2.4, 7.5]), 0.0087, 3.2, 52.6),
+        // S is flat here: 53.7 is 1.6 m from what 50 intervals give.
+        (touch_down([1.8, 15.0]), 0.0087, 2.5, 52.6),
+        (touch_down([3.1, 15.0]), 0.0087, 4.1, 48.3),
+        (flat, 0.0087, 3.2, 62.2),
+        (Settings::default(), 0.012, 2.9, 56.6),
+    ];
+    for (settings, drag, low, high) in cases {
+        let set = [("profile_drag".to_owned(), drag)];
+        let own = Landings::new(Helicopter::built_in(&set).unwrap(), None, settings).unwrap();
+        let column = column(&own, &heights, 0.0, 0.5, &|| false).unwrap();
+        let [opens, closes] = column.range().unwrap();
+        assert_near(opens.height, low, 0.5);
+        assert_near(closes.height, high, 1.5);
+    }
+}
+
+/// The high-energy rotor lands from any hover.
+#[test]
+fn a_heavy_rotor_has_no_unsafe_hover() {
+    let set = [("inertia".to_owned(), 911.0)];
+    let own = Landings::new(
+        Helicopter::built_in(&set).unwrap(),
+        None,
+        Settings::default(),
+    )
+    .unwrap();
+    let heights: Vec<f64> = (0..9).map(|k| 5.0 * 1.4_f64.powi(k)).collect();
+    let found = column(&own, &heights, 0.0, 0.0, &|| false).unwrap();
+    assert!(found.crossings.is_empty(), "{:?}", found.crossings);
+    let highest = found.cells.iter().map(|own| own.s).fold(0.0, f64::max);
+    assert_near(highest, 1.0, 0.03);
+}
+
+/// A lag whose time constant is known to 10 %: its drawn pilots spread the boundary as lags of that many seconds do.
+#[test]
+fn a_band_is_what_other_pilots_have() {
+    let lag = |seconds: f64| {
+        format!(
+            "[model]\nname = \"hand\"\n[inputs]\ntarget = {{}}\n[parameters]\nlag = {{ start = {seconds}, unit = \"s\", min = 0.01 }}\n\
+             [states]\nstick = {{ der = \"(target - stick) / lag\" }}\n[outputs]\nstick = {{}}\n\
+             [uncertainty]\nparameters = [\"lag\"]\ndegrees_of_freedom = [50]\ncovariance = [[9e-4]]\n"
+        )
+    };
+    let part = |seconds: f64| {
+        let none = |_: &str| Err(std::io::ErrorKind::NotFound.into());
+        Part::of_file(pilotage_language::parse(&lag(seconds), "hand.toml", &none).unwrap())
+    };
+    let pilot = |seconds: f64| Pilot::of(&part(seconds), "hand").unwrap();
+    let of = |pilot: Pilot| Landings::new(helicopter(), Some(pilot), Settings::default()).unwrap();
+    let drawn = Pilot::drawn(&part(0.3), "hand", 24).unwrap().unwrap();
+    // Draws are those of a normal distribution, the same for any number.
+    assert_eq!(
+        drawn[..3],
+        Pilot::drawn(&part(0.3), "hand", 3).unwrap().unwrap()
+    );
+    let lags: Vec<f64> = drawn.iter().map(|own| -1.0 / own.axes[0].a[0][0]).collect();
+    let mean = lags.iter().sum::<f64>() / 24.0;
+    let sd = (lags.iter().map(|own| (own - mean).powi(2)).sum::<f64>() / 23.0).sqrt();
+    assert!(
+        (mean - 0.3).abs() < 0.02 && (0.02..0.04).contains(&sd),
+        "{mean} {sd}"
+    );
+    let heights = [2.0, 3.0, 4.5, 7.0, 12.0, 20.0, 30.0, 42.0, 60.0];
+    let own = of(pilot(0.3)).with_draws(drawn).unwrap();
+    let found = column(&own, &heights, 3.0, 0.3, &|| false).unwrap();
+    let [low, high] = found.range().unwrap();
+    let (shortest, longest) = (
+        lags.iter().copied().fold(1.0, f64::min),
+        lags.iter().copied().fold(0.0, f64::max),
+    );
+    for (seconds, ends) in [
+        (shortest, [low.range[1], high.range[0]]),
+        (longest, [low.range[0], high.range[1]]),
+    ] {
+        let other = column(&of(pilot(seconds)), &heights, 3.0, 0.3, &|| false).unwrap();
+        let [low, high] = other.range().unwrap();
+        // The range leaves out the outermost of 24, and interpolates between points.
+        assert_near(ends[0], low.height, 0.15);
+        assert_near(ends[1], high.height, 0.7);
+    }
+    let chances: Vec<f64> = found.cells.iter().map(|own| own.chance).collect();
+    assert!(
+        chances[0] == 1.0 && chances[4] == 0.0 && chances[8] == 1.0,
+        "{chances:?}"
+    );
+}
+
+/// Below the knee's height one delay, above it another.
+#[test]
+fn delays_may_differ_by_the_knee() {
+    let own = landings(None, Settings::default());
+    let grid = Grid {
+        heights: vec![3.0, 6.0, 10.0, 16.0, 25.0, 50.0],
+        speeds: vec![6.0, 10.5],
+    };
+    let of = |delay: f64| map(&own, &grid, delay, &[], &|_| {}, &|| false).unwrap();
+    let (below, above) = (of(0.3), of(1.0));
+    let [speed, height] = above.knee.unwrap();
+    assert!(speed > 10.5 && below.knee.unwrap()[0] < speed);
+    let both = joined(&below, &above, height);
+    for k in 0..2 {
+        let [low, high] = both.columns[k].range().unwrap();
+        let expected = below.columns[k].range().map_or(height, |own| own[0].height);
+        assert!(low.height == expected || low.height == height, "{low:?}");
+        assert_eq!(high.height, above.columns[k].range().unwrap()[1].height);
+        assert!(
+            both.columns[k]
+                .cells
+                .iter()
+                .map(|own| own.height)
+                .eq(grid.heights.iter().copied())
+        );
     }
 }
 

@@ -342,11 +342,17 @@ fn knee(args: &Args, map: &Map) -> String {
 /// Low and high unsafe height at the lowest speed.
 fn hover(args: &Args, map: &Map) -> String {
     let [_, (unit, feet)] = units(args);
-    let found = map.columns.first().and_then(Column::range);
-    found.map_or("none".into(), |own| {
-        let [low, high] = own.map(|own| significant(feet * own.height, 3));
-        format!("{low} to {high} {unit}")
-    })
+    let Some(column) = map.columns.first() else {
+        return String::new();
+    };
+    let shown = |height: f64| significant(feet * height, 3);
+    match (column.range(), column.crossings.last()) {
+        (Some([low, high]), _) => format!("{} to {} {unit}", shown(low.height), shown(high.height)),
+        (None, Some(own)) if own.opens => format!("{} {unit} and up", shown(own.height)),
+        (None, Some(own)) => format!("up to {} {unit}", shown(own.height)),
+        (None, None) if column.cells.iter().all(|own| own.class == Class::Safe) => "none".into(),
+        (None, None) => "all, or unknown".into(),
+    }
 }
 
 /// The page.

@@ -279,24 +279,41 @@ fn inner(column: &Column) -> Option<f64> {
     Some((low.height * high.height).sqrt())
 }
 
-/// The fastest unsafe point of the region that begins at hover, by bisection from its last column.
+/// The fastest unsafe point of the region that begins at hover, by bisection from its last column; beyond the grid if that is
+/// the last one of all.
 fn knee(landings: &Landings, columns: &[Column], delay: f64) -> Option<[f64; 2]> {
+    /// Step of the search beyond the grid, and where it ends \[m/s\].
+    const STEP: f64 = 3.0;
+    const FASTEST: f64 = 90.0;
     let count = columns
         .iter()
         .take_while(|own| inner(own).is_some())
         .count();
     let last = columns.get(count.checked_sub(1)?)?;
     let height = inner(last)?;
-    let Some(next) = columns.get(count) else {
-        return Some([last.speed, height]);
+    let is_safe = |speed: f64| {
+        let landing = landings.from(height, speed, delay, None);
+        Class::of(landing.as_ref()) == Class::Safe
     };
-    let (mut low, mut high) = (last.speed, next.speed);
+    let mut low = last.speed;
+    let mut high = match columns.get(count) {
+        Some(next) => next.speed,
+        None => loop {
+            let next = low + STEP;
+            if next > FASTEST {
+                return None;
+            }
+            if is_safe(next) {
+                break next;
+            }
+            low = next;
+        },
+    };
     while high - low > FINE_SPEED {
         let middle = 0.5 * (low + high);
-        let landing = landings.from(height, middle, delay, None);
-        match Class::of(landing.as_ref()) {
-            Class::Safe => high = middle,
-            Class::Unsafe | Class::Unknown => low = middle,
+        match is_safe(middle) {
+            true => high = middle,
+            false => low = middle,
         }
     }
     Some([0.5 * (low + high), height])

@@ -91,6 +91,8 @@ const WARM: f64 = 1e-3;
 const COLD: f64 = 0.1;
 /// Weight of the squared steps of the controls (relative to their limits): S is flat in them.
 const REGULARISE: f64 = 1e-3;
+/// Part of the range of a path's limits by which a flight that is to be certified stays within them.
+const WITHIN: f64 = 0.02;
 /// Largest violation of a certified flight, of the limits' sizes.
 const VIOLATION: f64 = 1e-3;
 
@@ -223,6 +225,11 @@ impl Landings {
             };
             let own = interior::solve(&program, z, &options, &mut |_| true);
             let is_soft = own.status == Status::Converged && own.objective <= 1.0;
+            let is_again = |other: &interior::Solution| {
+                other.status == Status::Converged
+                    && (other.objective - own.objective).abs() <= TOLERANCE
+            };
+            let is_soft = is_soft && !found.iter().any(is_again);
             found.push(own);
             // One flight that lands within the limits is enough.
             if is_soft {
@@ -287,11 +294,19 @@ impl Landings {
         }
     }
 
-    /// The same from finer meshes: a long descent on few intervals is a soft landing of the program alone.
+    /// The same from finer meshes, a little within the limits of the path: a long descent on few intervals is a soft landing of
+    /// the program alone, and may be beyond them between nodes.
     fn finer(&self, program: &Program, start: (&Trim, &[f64]), z: &[f64]) -> Option<f64> {
         let (mut program, mut z) = (program.clone(), z.to_vec());
         for factor in [2, 4] {
-            let next = self.program_on(even(factor * self.settings.intervals), start);
+            let mut next = self.program_on(even(factor * self.settings.intervals), start);
+            for (low, high) in &mut next.limits[0] {
+                // The height has no upper one, and ends on its lower one.
+                if low.is_finite() && high.is_finite() {
+                    let by = WITHIN * (*high - *low);
+                    (*low, *high) = (*low + by, *high - by);
+                }
+            }
             let begin = optimise::carried(&self.posed, &program, &z, &next);
             let options = Options {
                 tolerance: TOLERANCE,
@@ -300,6 +315,14 @@ impl Landings {
             };
             let own = interior::solve(&next, begin, &options, &mut |_| true);
             if own.status != Status::Converged {
+                if std::env::var_os("DBG").is_some() {
+                    eprintln!(
+                        "finer {} {:?} {}",
+                        next.intervals(),
+                        own.status,
+                        own.iterations
+                    );
+                }
                 return None;
             }
             if let Some(s) = self.certified(&next, &own.z) {
@@ -313,6 +336,16 @@ impl Landings {
     /// The figure of the replay, if that flight lands within the limits.
     fn certified(&self, program: &Program, z: &[f64]) -> Option<f64> {
         let replay = optimise::replay(&self.posed, program, z);
+        if std::env::var_os("DBG").is_some() {
+            eprintln!(
+                "{} whole {} viol {} {} obj {}",
+                program.intervals(),
+                replay.is_whole,
+                replay.violation,
+                replay.violated,
+                replay.objective
+            );
+        }
         let lands = replay.is_whole && replay.violation <= VIOLATION;
         (lands && replay.objective <= 1.0 + VIOLATION).then_some(replay.objective)
     }
@@ -388,21 +421,10 @@ impl Landings {
     fn start(&self, program: &Program, (trim, x): (&Trim, &[f64]), k: usize) -> Vec<f64> {
         let [h, u, w, omega, _] = self.helicopter.places();
         let mut last = x.to_vec();
-        let end = [
-            [0.0, 8.0, 2.0, 0.8],
-            [0.0, 3.0, 2.0, 0.7],
-            [0.0, 12.0, 3.0, 0.9],
-            [0.0, 0.0, 4.0, 0.6],
-        ][k % 4];
-        (last[h], last[w]) = (end[0], end[2]);
-        last[u] = end[1].min(x[u].max(end[1]));
-        last[omega] = end[3] * x[omega];
-        let seconds = [
-            1.0 + x[h] / 8.0,
-            1.5 + x[h] / 5.0,
-            0.7 + x[h] / 12.0,
-            2.0 + x[h] / 6.0,
-        ][k % 4];
+        let Aim { end, seconds } = Aim::of(k, x[h]);
+        (last[h], last[w]) = (0.0, end[1]);
+        last[u] = end[0];
+        last[omega] = end[2] * x[omega];
         let mut theta = self.posed.theta();
         if let Duration::Sought(d) = self.posed.duration {
             let (low, high) = self.posed.parameters[d].limits;
@@ -423,6 +445,35 @@ impl Landings {
         let controls = vec![trim.cz, trim.alpha];
         self.posed
             .variables(program, &states, &|_| controls.clone(), &theta)
+    }
+}
+
+/// Where a start aims: speed and sink rate at touch-down \[m/s\], rotor speed over that of trim, and the time until then \[s\].
+struct Aim {
+    end: [f64; 3],
+    seconds: f64,
+}
+
+impl Aim {
+    /// That of start `k` from a height \[m\]; no two are the same.
+    fn of(k: usize, height: f64) -> Self {
+        let known = [
+            ([8.0, 2.0, 0.8], 1.0 + height / 8.0),
+            ([3.0, 2.0, 0.7], 1.5 + height / 5.0),
+            ([12.0, 3.0, 0.9], 0.7 + height / 12.0),
+            ([0.0, 4.0, 0.6], 2.0 + height / 6.0),
+        ];
+        if let Some((end, seconds)) = known.get(k) {
+            let (end, seconds) = (*end, *seconds);
+            return Self { end, seconds };
+        }
+        // Fractions that fill their ranges evenly: the plastic sequence.
+        let part = |step: f64| (0.5 + k as f64 * step).fract();
+        let [fast, sink, long] = [0.819_172_513, 0.671_043_607, 0.549_700_478].map(part);
+        Self {
+            end: [14.0 * fast, 1.0 + 4.0 * sink, 0.6 + 0.3 * fast],
+            seconds: 0.6 + 1.4 * long + height / (4.0 + 10.0 * sink),
+        }
     }
 }
 
