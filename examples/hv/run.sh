@@ -8,3 +8,4 @@ pilotage trials synth --vehicle integrator --target sines --runs 3 --duration 60
 pilotage init flights/*.csv --pilot crossover --vehicle integrator -o task.toml
 pilotage fit task.toml -o pilot.toml
 pilotage hv --pilot pilot.toml --delay 0.3 --speeds 0:15:3 --heights 2:100:12 -o map
+pilotage hv --pilot pilot.toml --delay 0.3 --at 9:15 -o landing

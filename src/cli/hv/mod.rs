@@ -10,9 +10,9 @@ mod page;
 use super::deadline::Deadline;
 use super::progress::Counter;
 use super::recognise::{self, FileKind};
+use super::system::flags;
 use super::{Failure, Outcome, folder, interrupt, number, overwrite, terminal};
 use crate::control::hv::{Class, Grid, Landings, Map, Pilot};
-use crate::cosim::SystemDescription;
 use crate::flights;
 use cases::Hands;
 use kept::Kept;
@@ -188,9 +188,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 
 /// The pilot of a file or of a name, as a linear system, and those of draws.
 fn pilot(source: &str, draws: u16) -> Result<Hands, Failure> {
-    let text = format!("[system.pilot]\nmodel = {}\n", toml::Value::from(source));
-    let system = SystemDescription::parse(&text, std::path::Path::new(""))?;
-    let part = flights::open(&system.instances[0])?;
+    let described = flags::described("pilot".into(), flags::model_source(source.into()));
+    let part = flights::open(&described)?;
     let pilot = Pilot::of(&part, source)?;
     let drawn = Pilot::drawn(&part, source, usize::from(draws))?;
     Ok(Hands {
