@@ -114,34 +114,48 @@ pub fn computed(
     kept: &mut Kept,
     outlook: &Outlook<'_>,
 ) -> Result<Option<Map>, Failure> {
-    let mut maps = Vec::new();
-    for delay in case.delay.times() {
-        let key = format!("{}; {delay:?}", case.name);
-        let known: Vec<Column> = kept.columns(&key);
-        let written = Mutex::new((&mut *kept, None));
-        let done = |column: &Column| {
-            (outlook.done)();
-            let mut written = written.lock().unwrap_or_else(PoisonError::into_inner);
-            if let Err(failure) = written.0.add(&key, column) {
-                written.1 = Some(failure);
-            }
-        };
-        let found = map(landings, grid, delay, &known, &done, outlook.stop);
-        if let (_, Some(failure)) = written.into_inner().unwrap_or_else(PoisonError::into_inner) {
-            return Err(failure);
+    let [below, above] = match case.delay {
+        Delay::Everywhere(delay) => {
+            return of_delay(&case.name, delay, landings, grid, kept, outlook);
         }
-        match found {
-            Some(found) => maps.push(found),
-            None => return Ok(None),
+        Delay::ByKnee(delays) => delays,
+    };
+    let Some(above) = of_delay(&case.name, above, landings, grid, kept, outlook)? else {
+        return Ok(None);
+    };
+    // Where nothing begins above safe heights, no height parts the delays.
+    let Some([_, height]) = above.knee else {
+        return Ok(Some(above));
+    };
+    let mut heights = grid.heights.clone();
+    heights.truncate(1 + heights.partition_point(|own| *own < height));
+    let speeds = grid.speeds.clone();
+    let low = Grid { heights, speeds };
+    let below = of_delay(&case.name, below, landings, &low, kept, outlook)?;
+    Ok(below.map(|below| joined(&below, &above, height)))
+}
+
+fn of_delay(
+    name: &str,
+    delay: f64,
+    landings: &Landings,
+    grid: &Grid,
+    kept: &mut Kept,
+    outlook: &Outlook<'_>,
+) -> Result<Option<Map>, Failure> {
+    let key = format!("{name}; {delay:?}");
+    let known: Vec<Column> = kept.columns(&key);
+    let written = Mutex::new((kept, None));
+    let done = |column: &Column| {
+        (outlook.done)();
+        let mut written = written.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Err(failure) = written.0.add(&key, column) {
+            written.1 = Some(failure);
         }
+    };
+    let found = map(landings, grid, delay, &known, &done, outlook.stop);
+    match written.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        (_, Some(failure)) => Err(failure),
+        (_, None) => Ok(found),
     }
-    let above = maps.pop();
-    Ok(match (above, maps.pop()) {
-        (Some(above), Some(below)) => Some(match above.knee {
-            Some([_, height]) => joined(&below, &above, height),
-            // Nothing of it begins above safe heights, so that no height parts them.
-            None => above,
-        }),
-        (above, _) => above,
-    })
 }
