@@ -5,5 +5,5 @@
 static HEAP: pilotage_process::memory::Heap = pilotage_process::memory::Heap;
 
 fn main() -> std::process::ExitCode {
-    pilotage::cli::main()
+    std::process::ExitCode::from(pilotage::cli::main())
 }

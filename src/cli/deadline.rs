@@ -3,6 +3,7 @@
 use super::interrupt;
 use crate::sqp::Status;
 use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// The end of the time that a whole command may take.
@@ -11,6 +12,8 @@ pub struct Deadline {
     begin: Instant,
     /// Wall-clock time [s].
     limit: Option<f64>,
+    /// Ctrl-C.
+    asked: &'static AtomicBool,
 }
 
 impl Deadline {
@@ -19,13 +22,14 @@ impl Deadline {
         Self {
             begin: Instant::now(),
             limit,
+            asked: interrupt::flag(),
         }
     }
 
     /// Whether to continue.
     pub fn ask(&self) -> ControlFlow<Status> {
         let seconds = self.begin.elapsed().as_secs_f64();
-        if interrupt::is_asked() {
+        if self.asked.load(Ordering::SeqCst) {
             ControlFlow::Break(Status::Interrupted)
         } else if self.limit.is_some_and(|limit| seconds > limit) {
             ControlFlow::Break(Status::TimeLimit)

@@ -4,13 +4,13 @@
 //! An FMU that ends the process with `exit(0)` or by a signal, or replaces it by another program, never looks like
 //! success: only what the process itself [reports](pilotage_process::finished) counts.
 
-use super::{Failure, recognise, terminal};
+use super::{Failure, call, recognise, terminal};
 use crate::file;
 use crate::fmi::call_name;
-use pilotage_process::{Child, Ended, Going};
+use pilotage_process::{Child, Ended, Going, program};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode, ExitStatus};
+use std::process::ExitStatus;
 use std::time::Duration;
 
 /// Prefix of the record with the path of the rows.
@@ -18,6 +18,9 @@ pub const ROWS: &str = "rows ";
 
 /// Maximum time for freeing FMUs when the work is done.
 const AFTERWARDS: Duration = Duration::from_secs(5);
+
+/// Exit code of a command that an FMU has ended.
+const FAILED: u8 = 1;
 
 /// Exit code of a process killed by Ctrl-C, as in shells: 128 + SIGINT.
 const KILLED: u8 = 130;
@@ -27,19 +30,12 @@ const KILLED: u8 = 130;
 const MOMENT: Duration = Duration::from_millis(100);
 
 /// Starts this program again with the same arguments, waits for it, and reports how it ended.
-pub fn watched() -> Result<ExitCode, Failure> {
+pub fn watched() -> Result<u8, Failure> {
     let cannot = |error: std::io::Error| {
         let why = format!("cannot start a process for the FMUs: {error}");
         Failure::new(why).hint("is there room in the temporary folder, and may it be written?")
     };
-    let mut arguments = std::env::args_os();
-    let name = arguments.next().unwrap_or_default();
-    let mut command = Command::new(std::env::current_exe().map_err(cannot)?);
-    command.args(arguments);
-    #[cfg(unix)]
-    std::os::unix::process::CommandExt::arg0(&mut command, name);
-    #[cfg(not(unix))]
-    drop(name);
+    let command = program::again().map_err(cannot)?;
     let mut child = Child::start(command, false).map_err(cannot)?;
     // If interrupts cannot be forwarded, the child ends by itself shortly after this process.
     let _ = child.hand_on_interrupts();
@@ -64,15 +60,15 @@ pub fn watched() -> Result<ExitCode, Failure> {
                     &format!("{who} {how} when the work was done; nothing is lost"),
                 );
             }
-            ExitCode::from(code)
+            code
         }
         Ended::Early(status) => early(status, &going, &child),
-        Ended::Late => ExitCode::FAILURE,
+        Ended::Late => FAILED,
     })
 }
 
 /// The child ended before its work was done.
-fn early(status: ExitStatus, going: &[Going], child: &Child) -> ExitCode {
+fn early(status: ExitStatus, going: &[Going], child: &Child) -> u8 {
     let who = whose(going);
     #[cfg(unix)]
     if let Some(code) = asked_for(status) {
@@ -89,7 +85,7 @@ fn early(status: ExitStatus, going: &[Going], child: &Child) -> ExitCode {
         }
         Some(who) => format!("{who} ended the process ({status})"),
         // A panic has printed its own message.
-        None if status.code() == Some(101) => return ExitCode::FAILURE,
+        None if status.code() == Some(101) => return FAILED,
         None => format!(
             "the process ended before its work was done, and in no call of an FMU ({status}): one of an FMU's threads, or an \
              alarm or a limit that it has set, may have ended it"
@@ -97,11 +93,11 @@ fn early(status: ExitStatus, going: &[Going], child: &Child) -> ExitCode {
     };
     terminal::say("error", &what);
     say_rows(child);
-    ExitCode::FAILURE
+    FAILED
 }
 
 /// Ctrl-C ended the child: reports the call that had not returned, and the path of the rows.
-fn interrupted(going: &[Going], child: &Child) -> ExitCode {
+fn interrupted(going: &[Going], child: &Child) -> u8 {
     // The first Ctrl-C only requests a stop.
     let who = whose(going).filter(|_| child.interrupts() > 1);
     if let Some(who) = who {
@@ -109,7 +105,7 @@ fn interrupted(going: &[Going], child: &Child) -> ExitCode {
         terminal::say("error", &what);
     }
     say_rows(child);
-    ExitCode::from(KILLED)
+    KILLED
 }
 
 /// Prints a hint to the rows written by a process that was interrupted, if there are any.
@@ -156,7 +152,7 @@ const DEEP: usize = 4;
 
 /// Whether an argument is a system file that refers to an FMU.
 pub fn systems_name_fmus() -> bool {
-    let mut arguments = std::env::args_os().skip(2);
+    let mut arguments = call::arguments().into_iter().skip(2);
     arguments.any(|path| {
         let path = Path::new(&path);
         recognise::may_be_system(path) && names_fmu(path, DEEP)
@@ -165,7 +161,7 @@ pub fn systems_name_fmus() -> bool {
 
 /// Whether an argument is an FMU, or a file that refers to one.
 pub fn arguments_name_fmus() -> bool {
-    std::env::args_os().skip(2).any(|argument| {
+    call::arguments().into_iter().skip(2).any(|argument| {
         // Arguments of the form `--vehicle=path` and `name=path`.
         let text = argument.to_string_lossy().into_owned();
         let value = text

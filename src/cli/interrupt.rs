@@ -1,6 +1,6 @@
 //! Ctrl-C: the first requests a stop with the results so far, the second kills the process.
 
-use super::{Failure, terminal};
+use super::{Failure, call, terminal};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -18,6 +18,10 @@ const SIGINT: i32 = 2;
 
 /// Installs the handler, which announces its effect on the first Ctrl-C. At most once per process.
 pub fn listen(stopping: &'static str) -> Result<(), Failure> {
+    // Who calls it listens.
+    if call::is_on() {
+        return Ok(());
+    }
     let mut last: Option<Instant> = None;
     let mut handler = move || {
         if last
@@ -41,7 +45,12 @@ pub fn listen(stopping: &'static str) -> Result<(), Failure> {
     listens.map_err(|error| Failure::new(format!("cannot listen to Ctrl-C: {error}")))
 }
 
-/// Whether Ctrl-C has been pressed.
+/// What tells whether this thread's command is to stop, also in other threads.
+pub fn flag() -> &'static AtomicBool {
+    call::stop().unwrap_or(&ASKED)
+}
+
+/// Whether Ctrl-C has been pressed: to be asked in the thread of the command.
 pub fn is_asked() -> bool {
-    ASKED.load(Ordering::SeqCst)
+    flag().load(Ordering::SeqCst)
 }

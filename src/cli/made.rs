@@ -1,15 +1,17 @@
 //! The origin of a page, and commands as the user can type them.
 
+use super::call;
 use crate::date;
 use crate::file;
 use crate::flights::trials::sha256;
 use crate::report::Made;
+use pilotage_process::program::file as program_file;
 use pilotage_text::printable::{escaped, is_hidden};
 use std::path::{Path, PathBuf};
 
 /// Command line and date of this run.
 pub fn made() -> Made {
-    let words = std::env::args_os().skip(1);
+    let words = call::arguments().into_iter().skip(1);
     let words = words.map(|word| quoted(&word.to_string_lossy()));
     let command: Vec<String> = std::iter::once("pilotage".to_owned())
         .chain(words)
@@ -24,8 +26,8 @@ pub fn made() -> Made {
 /// (`target/release/pilotage`).
 pub fn program() -> String {
     let name = "pilotage";
-    let typed = std::env::args_os().next().map(PathBuf::from);
-    let own = std::env::current_exe().and_then(std::fs::canonicalize).ok();
+    let typed = call::arguments().into_iter().next().map(PathBuf::from);
+    let own = program_file().and_then(|file| file.canonicalize().ok());
     let folders = std::env::var_os("PATH").unwrap_or_default();
     let mut found = std::env::split_paths(&folders).map(|folder| folder.join(name));
     let first = found.find(|path| path.is_file());

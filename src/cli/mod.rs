@@ -2,8 +2,9 @@
 //!
 //! One file per command; each has an `Args` (clap) and a `run(Args) -> Result<Outcome, Failure>`.
 
+pub mod call;
 mod compare;
-mod cosim;
+pub mod cosim;
 mod deadline;
 mod demo;
 mod excitation;
@@ -46,7 +47,6 @@ pub use failure::{Failure, Outcome};
 use clap::error::ErrorKind;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use pilotage_text::printable::one_line;
-use std::process::ExitCode;
 
 /// Identify how a human pilot acts on a vehicle, and export that pilot as an FMU.
 #[derive(Debug, Parser)]
@@ -118,8 +118,8 @@ struct IsolatedArgs {
 }
 
 /// Entry point of the command. Exit codes: 0 done, 1 ran but the answer is no, 2 invalid usage or input.
-pub fn main() -> ExitCode {
-    let parsed = Cli::command().try_get_matches();
+pub fn main() -> u8 {
+    let parsed = Cli::command().try_get_matches_from(call::arguments());
     let parsed = parsed.and_then(|matches| Ok((Cli::from_arg_matches(&matches)?, matches)));
     let (mut command, matches) = match parsed {
         Ok((cli, matches)) => (cli.command, matches),
@@ -157,13 +157,14 @@ pub fn main() -> ExitCode {
     let code = run(command);
     pilotage_process::finished(code);
     pilotage_process::leftovers::stay_if_ending();
-    ExitCode::from(code)
+    code
 }
 
 /// Prints help that was asked for, or what is wrong with the arguments: they may be names of files that somebody else made.
-fn refused(error: clap::Error) -> ExitCode {
+fn refused(error: clap::Error) -> u8 {
     // Once more, with arguments that cannot begin a line of their own in the message.
-    let shown = std::env::args_os().map(|own| one_line(&own.to_string_lossy()).into_owned());
+    let shown = call::arguments();
+    let shown = (shown.iter()).map(|own| one_line(&own.to_string_lossy()).into_owned());
     let again = Cli::command().try_get_matches_from(shown);
     let error = again.err().unwrap_or(error);
     if !matches!(
@@ -173,7 +174,7 @@ fn refused(error: clap::Error) -> ExitCode {
     {
         let error = error.format(&mut Cli::command());
         terminal::eprint(&error.to_string());
-        return ExitCode::from(2);
+        return 2;
     }
     error.exit()
 }
@@ -246,9 +247,9 @@ fn done(command: Command) -> Result<Outcome, Failure> {
     }
 }
 
-fn failed(failure: &Failure) -> ExitCode {
+fn failed(failure: &Failure) -> u8 {
     terminal::eprint(&format!("{failure}\n"));
-    ExitCode::from(2)
+    2
 }
 
 impl Command {

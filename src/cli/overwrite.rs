@@ -14,7 +14,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// The option of every command that writes files.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Default, clap::Args)]
 pub struct Overwrite {
     /// Overwrite a file of another kind than the one written in its place; inputs are never overwritten.
     #[arg(long)]

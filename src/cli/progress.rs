@@ -1,5 +1,6 @@
 //! Progress of long computations, shown on a terminal only.
 
+use super::call;
 use super::fit::Iterate;
 use super::terminal::line;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -56,8 +57,16 @@ impl Progress {
     }
 }
 
+/// Stderr; nothing for those who call the command.
+fn target() -> ProgressDrawTarget {
+    match call::is_on() {
+        true => ProgressDrawTarget::hidden(),
+        false => ProgressDrawTarget::stderr_with_hz(5),
+    }
+}
+
 fn bar() -> ProgressBar {
-    let target = ProgressDrawTarget::stderr_with_hz(5);
+    let target = target();
     let bar = ProgressBar::with_draw_target(None, target);
     let style = ProgressStyle::with_template("{bar:20} {pos} of {len} {msg}");
     bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
@@ -75,6 +84,9 @@ impl Spinner {
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden());
         bar.set_message(line(&what.into()));
         let (end, ended) = channel();
+        if call::is_on() {
+            return Self { bar, _end: end };
+        }
         let own = bar.clone();
         // Without a thread, for which there may be no memory, nothing is shown.
         let _ = std::thread::Builder::new().spawn(move || {
@@ -109,6 +121,7 @@ pub struct Counter {
     begin: Instant,
     bar: ProgressBar,
     what: &'static str,
+    is_quiet: bool,
 }
 
 impl Counter {
@@ -120,6 +133,7 @@ impl Counter {
             begin: Instant::now(),
             bar: bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())),
             what,
+            is_quiet: call::is_on(),
         }
     }
 
@@ -131,7 +145,7 @@ impl Counter {
     /// Counts a completed item.
     pub fn count(&self) {
         self.bar.inc(1);
-        if self.bar.is_hidden() && self.begin.elapsed() > PATIENCE {
+        if !self.is_quiet && self.bar.is_hidden() && self.begin.elapsed() > PATIENCE {
             self.bar
                 .set_draw_target(ProgressDrawTarget::stderr_with_hz(5));
             self.bar.set_message(self.what);

@@ -6,7 +6,7 @@
 //! server lead to a terminal, and what a user reports is what others see. JSON on stdout keeps its meaning: the visible form
 //! is its own escape of the same character.
 
-use super::Failure;
+use super::{Failure, call};
 use pilotage_process::own::{restore_streams, write_separated};
 use pilotage_text::printable::{shortened, visible};
 use std::io::{self, ErrorKind, Write};
@@ -46,6 +46,9 @@ pub fn shown(path: &Path) -> String {
 
 /// Prints to stdout. A closed reader (`pilotage ... | head`) is no failure.
 pub fn print(text: &str) -> Result<(), Failure> {
+    if call::print(&visible(text)) {
+        return Ok(());
+    }
     restore_streams();
     let mut stdout = Stdout;
     let written = stdout.write_all(visible(text).as_bytes());
@@ -59,6 +62,9 @@ pub fn print(text: &str) -> Result<(), Failure> {
 
 /// Prints to stderr, for output that would go to stdout if that were not used otherwise.
 pub fn eprint(text: &str) {
+    if call::eprint(&visible(text)) {
+        return;
+    }
     restore_streams();
     // Errors are ignored: stderr may be closed.
     let _ = io::stderr().lock().write_all(visible(text).as_bytes());

@@ -75,6 +75,11 @@ pub trait Component: Send {
         Ok(())
     }
 
+    /// After [`terminate`](Self::terminate): becomes as it was when it was made, for another run. Returns whether it can.
+    fn renew(&mut self) -> Result<bool, ComponentError> {
+        Ok(false)
+    }
+
     /// The continuous-time linearization of the component about its current state, with the inputs set last. States
     /// have the component's own names; inputs and outputs are named as in [`variables`](Self::variables), and omitted
     /// ones count as constant. `step` \[s\] is used only by components known only by their response to steps.

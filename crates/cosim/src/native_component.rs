@@ -208,6 +208,12 @@ impl<E: Equations + Send> Component for NativeComponent<E> {
         Ok(Progress::Done)
     }
 
+    fn renew(&mut self) -> Result<bool, ComponentError> {
+        self.simulation.reset();
+        self.saved.clear();
+        Ok(true)
+    }
+
     /// Exact, by dual numbers.
     fn linearize(&mut self, _step: f64) -> Result<Linear, ComponentError> {
         let table = self.simulation.table();

@@ -266,6 +266,11 @@ impl Component for Source {
         Ok(Progress::Done)
     }
 
+    fn renew(&mut self) -> Result<bool, ComponentError> {
+        self.saved.clear();
+        Ok(true)
+    }
+
     /// The state consists of a time only. Derivatives are not provided: they are not unique at corners, and without
     /// them the master's linear interpolation between communication points is what the table means.
     fn abilities(&self) -> Abilities {

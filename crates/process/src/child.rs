@@ -236,6 +236,12 @@ fn send(process: u32, signal: rustix::process::Signal) {
     }
 }
 
+/// Sends SIGINT to a process, if it still exists.
+#[cfg(unix)]
+pub fn interrupt(process: u32) {
+    send(process, rustix::process::Signal::INT);
+}
+
 /// Asks a process to end, so that it removes what it has created, and kills it if it does not end within 2 s.
 #[cfg(unix)]
 pub(crate) fn end(process: u32) {

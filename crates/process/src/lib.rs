@@ -17,6 +17,7 @@
 //! | [`memory`] | an allocator that ends the process with a message |
 //! | [`shared`] | the memory that two processes share |
 //! | [`own`] | restores stdout, stderr and the umask |
+//! | [`program`] | the program that runs: its arguments, and how it is started again |
 //! | `signals` | signals, handled by a thread |
 
 pub mod channel;
@@ -27,6 +28,7 @@ pub mod lock;
 pub mod memory;
 pub mod own;
 pub mod page;
+pub mod program;
 pub mod shared;
 #[cfg(unix)]
 pub mod signals;

@@ -2,28 +2,30 @@
 
 mod coupling;
 pub mod ending;
+pub mod prepared;
 mod report;
+mod rows;
 mod summary;
 mod watch;
 
 use self::coupling::CouplingArgs;
+use self::rows::Rows;
 use self::summary::Summary;
 use self::watch::{ProgressFormat, Watch};
 use super::number::{number, positive};
 use super::overwrite::{self, OutputKind, Overwrite};
 use super::system::flags::Wiring;
 use super::system::tables::InputTable;
-use super::system::{self, Built};
-use super::{Failure, Outcome, guard, interrupt, terminal};
-use crate::atomic_file::{self, GrowingFile};
+use super::system::Built;
+use super::{Failure, Outcome, call, interrupt, terminal};
+use crate::atomic_file;
+use crate::cosim::recorder::Signal;
 use crate::cosim::{
-    Clock, Components, CsvRecorder, Ending, Finite, MasterError, Selection, System,
-    SystemDescription, Thinned,
+    Algorithm, Clock, Components, Ending, Finite, NotFinite, Run, Selection, System, Thinned,
 };
 use crate::error_chain::error_chain;
 use clap::Parser;
 use std::ffi::OsString;
-use std::io;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -110,44 +112,99 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     // Errors that can be detected without the files are reported before the files are opened.
-    let given = args.stop_time.map(|stop| args.clock(stop)).transpose()?;
-    let every = args.rows_between()?;
+    args.stop_time.map(|stop| args.clock(stop)).transpose()?;
+    args.rows_between()?;
     args.check_report()?;
-    let Built {
-        mut system,
-        tables,
-        description,
-        files,
-        notes: read,
-    } = args.wiring.build(&args.overwrite, &args.outputs())?;
-    let clock = match given {
-        Some(clock) => clock,
-        None => args.clock(system.suggested_stop().ok_or_else(no_stop)?)?,
+    let built = args.wiring.build(&args.overwrite, &args.outputs())?;
+    let (done, built) = simulated(&args, built)?;
+    let summary = Summary {
+        args: &args,
+        files: &built.files,
+        done: &done,
     };
+    if let Some(path) = &args.report {
+        overwrite::save(path, summary.page()?)?;
+    }
+    terminal::print(&match args.json {
+        true => format!("{:#}\n", summary.to_json()),
+        false => summary.to_text(),
+    })?;
+    if let Some(message) = &done.ending.message {
+        terminal::say(done.ending.severity, message);
+    }
+    if !(args.allow_nan || done.not_finite.is_none()) {
+        for words in done.not_finite.words() {
+            terminal::say("error", &words);
+        }
+        terminal::say(
+            "hint",
+            "look for what computes it; --allow-nan takes such results",
+        );
+    }
+    let outcome = done.outcome(&args);
+    end(done.run.components, outcome);
+    Ok(outcome)
+}
+
+/// A run whose rows are saved.
+pub struct Simulated {
+    pub algorithm: Algorithm,
+    pub run: Run,
+    pub ending: ending::Words,
+    /// Wall-clock time \[s\].
+    pub seconds: f64,
+    /// Number of recorded rows.
+    pub rows: u64,
+    /// Recorded signals.
+    pub signals: Vec<Signal>,
+    /// Connections whose values are converted: output, its unit, input, its unit.
+    pub converted: Vec<[String; 4]>,
+    pub notes: Vec<String>,
+    /// Signals of the result with NaN or infinite values.
+    pub not_finite: NotFinite,
+}
+
+impl Simulated {
+    fn outcome(&self, args: &Args) -> Outcome {
+        let is_taken = args.allow_nan || self.not_finite.is_none();
+        match self.run.ending {
+            Ending::Completed | Ending::EndRequested { .. } if is_taken => Outcome::Done,
+            Ending::Completed | Ending::EndRequested { .. } => Outcome::No,
+            Ending::Stopped { .. } | Ending::Discarded { .. } | Ending::Failed { .. } => {
+                Outcome::No
+            }
+        }
+    }
+}
+
+/// Simulates a system and saves its rows; gives what is left of what was built.
+fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failure> {
+    let every = args.rows_between()?;
+    let mut system = std::mem::take(&mut built.system);
+    let stop = match args.stop_time {
+        Some(stop) => stop,
+        None => system.suggested_stop().ok_or_else(no_stop)?,
+    };
+    let clock = args.clock(stop)?;
     let mut coupling = args.coupling.coupling(&clock)?;
     coupling.measure |= args.report.is_some();
     if coupling.parallel {
         super::start_threads()?;
     }
     args.coupling.apply_parts(&mut system)?;
-    let selection = args.selection(&mut system, &tables)?;
-    let notes = tables.iter().flat_map(|table| table.notes(&clock));
-    let notes = read
-        .into_iter()
-        .chain(notes)
+    let selection = args.selection(&mut system, &built.tables)?;
+    let notes = built.tables.iter().flat_map(|table| table.notes(&clock));
+    let notes = (built.notes.iter().cloned().chain(notes))
         .chain(unfed(&system))
         .chain(system.limitations());
     let notes = notes.collect();
     let converted = system.converted();
     interrupt::listen("stopping after this step")?;
 
-    let file = open(&args.output)?;
-    let part = file.part().to_owned();
-    let mut csv = CsvRecorder::new(file);
-    let mut finite = Finite::new(&mut csv);
+    let mut sink = Rows::open(&args.output, clock.steps() / every + 2)?;
+    let mut finite = Finite::new(sink.recorder());
     let mut thinned = Thinned::new(&mut finite, selection, every);
     let mut watch = Watch::new(&mut thinned, args.progress, &clock);
-    pilotage_process::record(&format!("{}{}", guard::ROWS, part.display()));
     let run = crate::cosim::run_open(
         system,
         &clock,
@@ -161,7 +218,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         Ok(run) => run,
         Err(error) => {
             watch.end("failed", args.start_time, None);
-            return Err(explain(error, &description, csv, &part));
+            return Err(sink.explain(error, &built.description));
         }
     };
     let ending = ending::Words::with_rows(&run);
@@ -169,47 +226,19 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     let seconds = watch.elapsed().as_secs_f64();
     let Thinned { signals, rows, .. } = thinned;
     let not_finite = finite.finish();
-    save(csv, &args.output)?;
-    let summary = Summary {
-        args: &args,
-        files: &files,
+    sink.save(&args.output)?;
+    let done = Simulated {
         algorithm: coupling.algorithm,
-        run: &run,
-        ending: &ending,
+        run,
+        ending,
         seconds,
         rows,
-        signals: &signals,
+        signals,
         converted,
         notes,
-        not_finite: &not_finite,
+        not_finite,
     };
-    if let Some(path) = &args.report {
-        overwrite::save(path, summary.page()?)?;
-    }
-    terminal::print(&match args.json {
-        true => format!("{:#}\n", summary.to_json()),
-        false => summary.to_text(),
-    })?;
-    if let Some(message) = &ending.message {
-        terminal::say(ending.severity, message);
-    }
-    let is_taken = args.allow_nan || not_finite.is_none();
-    if !is_taken {
-        for words in not_finite.words() {
-            terminal::say("error", &words);
-        }
-        terminal::say(
-            "hint",
-            "look for what computes it; --allow-nan takes such results",
-        );
-    }
-    let outcome = match run.ending {
-        Ending::Completed | Ending::EndRequested { .. } if is_taken => Outcome::Done,
-        Ending::Completed | Ending::EndRequested { .. } => Outcome::No,
-        Ending::Stopped { .. } | Ending::Discarded { .. } | Ending::Failed { .. } => Outcome::No,
-    };
-    end(run.components, outcome);
-    Ok(outcome)
+    Ok((done, built))
 }
 
 /// Terminates and frees the components after all results are reported: a failure here causes only a warning.
@@ -262,6 +291,10 @@ impl Args {
 
     fn check_report(&self) -> Result<(), Failure> {
         let result = self.output.as_path();
+        if self.report.is_some() && call::is_on() {
+            let message = "--report draws a result in a file, and here it stays in memory";
+            return Err(Failure::new(message).hint("leave it out"));
+        }
         if self.report.is_some() && result.exists() && !result.is_file() {
             let message = format!(
                 "--report draws what the result holds, and nothing can be read back from {}",
@@ -275,8 +308,9 @@ impl Args {
     /// The output files.
     fn outputs(&self) -> Vec<(&Path, OutputKind)> {
         let page = self.report.as_deref().map(|path| (path, OutputKind::Page));
-        let result = (self.output.as_path(), OutputKind::Result);
-        [result].into_iter().chain(page).collect()
+        // Who calls the command takes the rows from memory.
+        let result = (!call::is_on()).then_some((self.output.as_path(), OutputKind::Result));
+        result.into_iter().chain(page).collect()
     }
 
     /// Number of communication steps between two recorded rows.
@@ -327,60 +361,4 @@ fn patterns(list: &str) -> Vec<String> {
 fn unfed(system: &System) -> impl Iterator<Item = String> {
     let open = system.open_inputs().into_iter();
     open.map(|input| format!("nothing feeds `{input}`; it keeps its start value"))
-}
-
-fn open(path: &Path) -> Result<GrowingFile, Failure> {
-    let file = GrowingFile::create(path).map_err(|error| {
-        let failure = Failure::cannot_write(path, &error);
-        match error.kind() {
-            io::ErrorKind::ResourceBusy => {
-                failure.hint("wait for it, or give this run another --output")
-            }
-            _ => failure,
-        }
-    })?;
-    if let Some(aside) = file.left_behind() {
-        terminal::note(&format!(
-            "an earlier run of {} was killed or crashed; its rows are in {}",
-            path.display(),
-            aside.display()
-        ));
-    }
-    Ok(file)
-}
-
-fn save(recorder: CsvRecorder<GrowingFile>, path: &Path) -> Result<(), Failure> {
-    let file = recorder.finish().and_then(GrowingFile::finish);
-    file.map_err(|error| match error.kind() {
-        io::ErrorKind::InvalidData => Failure::new(error.to_string())
-            .hint("with --isolate all an FMU cannot reach it")
-            .ran(),
-        _ => Failure::cannot_write(path, &error),
-    })
-}
-
-/// The failure to report. Discards the rows written so far, unless writing them failed: otherwise the run has not
-/// begun.
-fn explain(
-    error: MasterError,
-    description: &SystemDescription,
-    recorder: CsvRecorder<GrowingFile>,
-    part: &Path,
-) -> Failure {
-    let is_write_error = matches!(error, MasterError::Record { .. });
-    let failure = system::explain(error, description);
-    match is_write_error {
-        // A pipe or a device keeps no rows.
-        true if !part.is_file() => failure,
-        true => failure.hint(format!(
-            "is there room? The rows until then are in {}",
-            part.display()
-        )),
-        false => {
-            if let Ok(file) = recorder.finish() {
-                file.discard();
-            }
-            failure
-        }
-    }
 }

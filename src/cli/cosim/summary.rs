@@ -1,12 +1,10 @@
 //! The summary of a run for people and for scripts.
 
-use super::ending::Words;
-use super::{Args, report};
+use super::{Args, Simulated, report};
 use crate::cli::Failure;
 use crate::cli::made::{made, with_sums};
 use crate::cli::terminal;
-use crate::cosim::recorder::Signal;
-use crate::cosim::{Algorithm, NotFinite, NotFiniteSignal, Run};
+use crate::cosim::{Algorithm, NotFiniteSignal};
 use crate::report::{Simulation, simulation_page};
 use crate::series::{Series, SeriesError};
 use pilotage_text::counted;
@@ -19,20 +17,7 @@ pub struct Summary<'a> {
     pub args: &'a Args,
     /// Input files.
     pub files: &'a [PathBuf],
-    pub algorithm: Algorithm,
-    pub run: &'a Run,
-    pub ending: &'a Words,
-    /// Wall-clock time \[s\].
-    pub seconds: f64,
-    /// Number of recorded rows.
-    pub rows: u64,
-    /// Recorded signals.
-    pub signals: &'a [Signal],
-    /// Connections whose values are converted: output, its unit, input, its unit.
-    pub converted: Vec<[String; 4]>,
-    pub notes: Vec<String>,
-    /// Signals of the result with NaN or infinite values.
-    pub not_finite: &'a NotFinite,
+    pub done: &'a Simulated,
 }
 
 fn not_finite(signal: &NotFiniteSignal) -> Value {
@@ -42,103 +27,103 @@ fn not_finite(signal: &NotFiniteSignal) -> Value {
 
 impl Summary<'_> {
     pub fn to_json(&self) -> serde_json::Value {
-        let signals: Vec<_> = (self.signals.iter())
+        let signals: Vec<_> = (self.done.signals.iter())
             .map(|signal| json!({ "name": signal.name, "unit": signal.unit }))
             .collect();
-        let conversions: Vec<_> = (self.converted.iter())
+        let conversions: Vec<_> = (self.done.converted.iter())
             .map(|[from, from_unit, to, to_unit]| {
                 json!({ "from": from, "fromUnit": from_unit, "to": to, "toUnit": to_unit })
             })
             .collect();
         json!({
-            "status": self.ending.status,
-            "message": self.ending.message,
-            "algorithm": self.algorithm.to_string(),
-            "order": self.run.order,
-            "steps": self.run.steps,
+            "status": self.done.ending.status,
+            "message": self.done.ending.message,
+            "algorithm": self.done.algorithm.to_string(),
+            "order": self.done.run.order,
+            "steps": self.done.run.steps,
             "step": self.args.step,
-            "report": report::to_json(&self.run.report),
-            "time": self.run.time,
-            "seconds": self.seconds,
-            "rows": self.rows,
+            "report": report::to_json(&self.done.run.report),
+            "time": self.done.run.time,
+            "seconds": self.done.seconds,
+            "rows": self.done.rows,
             "signals": signals,
-            "unrecorded": self.run.unrecorded,
+            "unrecorded": self.done.run.unrecorded,
             "conversions": conversions,
-            "notes": self.notes,
-            "not_finite": self.not_finite.0.iter().map(not_finite).collect::<Value>(),
+            "notes": self.done.notes,
+            "not_finite": self.done.not_finite.0.iter().map(not_finite).collect::<Value>(),
             "output": self.args.output.display().to_string(),
         })
     }
 
     pub fn to_text(&self) -> String {
-        let order = match self.algorithm {
+        let order = match self.done.algorithm {
             Algorithm::Jacobi | Algorithm::Strong => String::new(),
-            Algorithm::GaussSeidel => format!(", in the order {}", self.run.order.join(", ")),
+            Algorithm::GaussSeidel => format!(", in the order {}", self.done.run.order.join(", ")),
         };
         let mut text = format!(
             "{} of {} s from {} s to {} s ({}{order})\n{} of {} in {}\n",
-            counted(self.run.steps as usize, "step"),
+            counted(self.done.run.steps as usize, "step"),
             self.args.step,
             self.args.start_time,
-            self.run.time,
-            self.algorithm,
-            counted(self.rows as usize, "row"),
-            counted(self.signals.len(), "signal"),
+            self.done.run.time,
+            self.done.algorithm,
+            counted(self.done.rows as usize, "row"),
+            counted(self.done.signals.len(), "signal"),
             terminal::shown(&self.args.output)
         );
         let not_finite = match self.args.allow_nan {
-            true => self.not_finite.words(),
+            true => self.done.not_finite.words(),
             false => Vec::new(),
         };
         for note in self.notes().into_iter().chain(not_finite) {
             text += &terminal::labelled("note", &note);
         }
-        text + &report::to_text(&self.run.report, self.args.coupling.details)
+        text + &report::to_text(&self.done.run.report, self.args.coupling.details)
     }
 
     /// Notes for the user, without those of the master.
     fn notes(&self) -> Vec<String> {
-        let converted = self.converted.iter().map(|[from, from_unit, to, to_unit]| {
+        let converted = self.done.converted.iter().map(|[from, from_unit, to, to_unit]| {
             format!("`{from}` [{from_unit}] is converted for `{to}` [{to_unit}]")
         });
         let wanted = &self.args.record;
-        let unrecorded = self.run.unrecorded.iter();
+        let unrecorded = self.done.run.unrecorded.iter();
         let unrecorded = unrecorded.filter(|name| wanted.is_empty() || wanted.contains(name));
         let unrecorded = unrecorded.map(|name| format!("`{name}` is text and not in the table"));
-        (converted.chain(self.notes.iter().cloned()))
+        (converted.chain(self.done.notes.iter().cloned()))
             .chain(unrecorded)
             .collect()
     }
 
     /// The HTML page, drawn from the written result.
     pub fn page(&self) -> Result<String, Failure> {
-        let run = self.run;
+        let run = &self.done.run;
         let series = match Series::read_table(&self.args.output) {
             // The run failed before its first row.
             Err(SeriesError::NoSamples { .. }) => Series::default(),
             read => read?,
         };
-        let ending = match (self.ending.status, self.ending.severity) {
+        let ending = match (self.done.ending.status, self.done.ending.severity) {
             ("completed", _) => ("good", "completed"),
             (status, "error") => ("bad", status),
             (status, _) => ("doubtful", status),
         };
-        let message = self.ending.message.iter().cloned();
+        let message = self.done.ending.message.iter().cloned();
         let notes = self.notes().into_iter();
         let notes = notes.chain(report::notes(&run.report));
         let duration = format!("{} to {} s", self.args.start_time, run.time);
         let facts = [
             ("simulated", duration),
             ("step", format!("{} s", self.args.step)),
-            ("algorithm", self.algorithm.to_string()),
+            ("algorithm", self.done.algorithm.to_string()),
             ("communication steps", run.report.steps.accepted.to_string()),
             ("rejected", run.report.steps.rejected.to_string()),
-            ("took", format!("{} s", significant(self.seconds, 3))),
+            ("took", format!("{} s", significant(self.done.seconds, 3))),
         ];
         Ok(simulation_page(&Simulation {
             ending,
             warnings: &message
-                .chain(self.not_finite.words())
+                .chain(self.done.not_finite.words())
                 .chain(report::warnings(&run.report))
                 .collect::<Vec<_>>(),
             notes: &notes.collect::<Vec<_>>(),

@@ -1,12 +1,13 @@
 //! Progress reports during a run, and its end on Ctrl-C.
 
-use super::super::{interrupt, terminal};
+use super::super::{call, interrupt, terminal};
 use crate::cosim::recorder::Signal;
 use crate::cosim::{Clock, Recorder};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Value, json};
 use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Format of the progress on stderr.
@@ -38,6 +39,8 @@ pub struct Watch<'r> {
     started: Instant,
     last_report: Instant,
     pace: Pace,
+    /// Ctrl-C.
+    asked: &'static AtomicBool,
 }
 
 /// Number of rows between two readings of the clock, adapted so that reading it costs nothing and is yet done often
@@ -89,6 +92,7 @@ impl<'r> Watch<'r> {
             started: now,
             last_report: now,
             pace: Pace::new(now),
+            asked: interrupt::flag(),
         }
     }
 
@@ -109,7 +113,8 @@ impl<'r> Watch<'r> {
         }
         self.last_report = now;
         self.print_json("running", time, None);
-        if self.format == ProgressFormat::Bar && now - self.started > PATIENCE {
+        let is_bar = self.format == ProgressFormat::Bar && !call::is_on();
+        if is_bar && now - self.started > PATIENCE {
             self.show_bar(time);
         }
     }
@@ -167,6 +172,6 @@ impl Recorder for Watch<'_> {
     }
 
     fn is_stop_asked(&mut self) -> bool {
-        interrupt::is_asked()
+        self.asked.load(Ordering::Relaxed)
     }
 }

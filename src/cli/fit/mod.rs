@@ -10,12 +10,14 @@
 //! | `models`, `kept` | the files of fitted models |
 //! | `orders`, `refits`, `checks` | what solves again |
 //! | `evaluate`, `start` | the start values |
+//! | `handed` | the results as tables, for a program that calls the command |
 //! | `watch`, `log`, `table` | what is shown while it solves |
 
 mod both;
 mod checks;
 mod describing;
 mod evaluate;
+mod handed;
 mod kept;
 mod log;
 mod models;

@@ -6,7 +6,7 @@ use super::refits::{NOTHING, Plan, Refitted};
 use super::start::Begin;
 use super::summary::{self, Outcomes};
 use super::task::Task;
-use super::{Args, Watch, evaluate, log, orders, page, start};
+use super::{Args, Watch, evaluate, handed, log, orders, page, start};
 use crate::atomic_file::AtomicFile;
 use crate::cli::deadline::Deadline;
 use crate::cli::made::{made, program, quoted};
@@ -25,6 +25,7 @@ use crate::sqp::Status;
 use serde_json::Value;
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 /// Fits a problem.
@@ -139,8 +140,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     fit.diagnostics.extend(doubts);
     task.doubt(&mut fit);
     // A user who stopped the fit still wants to see its validation.
+    let asked = interrupt::flag();
     let was_asked = interrupt::is_asked();
-    let goes_on = || match interrupt::is_asked() && !was_asked {
+    let goes_on = || match asked.load(Ordering::SeqCst) && !was_asked {
         true => ControlFlow::Break(Status::Interrupted),
         false => ControlFlow::Continue(()),
     };
@@ -167,6 +169,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     for own in &fitted {
         own.write(posed, &fit)?;
     }
+    handed::over(&outcome);
     if let Some(path) = &args.report {
         overwrite::save(path, page::page(&outcome, Vec::new(), &made()))?;
     }

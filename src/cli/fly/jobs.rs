@@ -8,6 +8,7 @@ use crate::report::side_by_side;
 use crate::series::{Series, flown};
 use pilotage_fly::message::{JobKind, JobState, ToPage};
 use pilotage_fly::session::{Board, Works};
+use pilotage_process::program;
 use pilotage_text::counted;
 use pilotage_text::number::significant;
 use serde_json::Value;
@@ -15,7 +16,7 @@ use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -409,8 +410,8 @@ impl Ended {
 /// Runs a command and reports the last line of its progress. Exit code 1 (fit not converged) is no error, since its
 /// page explains it.
 fn one(words: &[OsString], folder: &Path, progress: &dyn Fn(String)) -> Result<Ended, String> {
-    let program = std::env::current_exe().map_err(|error| error.to_string())?;
-    let mut child = Command::new(program)
+    let mut program = program::command().map_err(|error| error.to_string())?;
+    let mut child = program
         .args(words)
         .current_dir(folder)
         .stdin(Stdio::null())

@@ -9,6 +9,7 @@ use crate::cosim::{Component, Isolated, Limits, Program};
 use crate::error_chain::error_chain;
 use crate::fmi::InterfaceType;
 use crate::suggestion::{did_you_mean, suggestion};
+use pilotage_process::program;
 use std::error::Error;
 use std::path::Path;
 use std::time::Duration;
@@ -102,11 +103,9 @@ impl Isolation {
                 false => Failure::new(words),
             }
         };
-        let program = std::env::current_exe().map_err(|error| failed(error.into()))?;
-        let program = Program {
-            path: program,
-            arguments: vec![COMMAND.into()],
-        };
+        let (path, mut arguments) = program::start().map_err(|error| failed(error.into()))?;
+        arguments.push(COMMAND.into());
+        let program = Program { path, arguments };
         let limits = Limits {
             time: self.step_limit.map(Duration::from_secs_f64),
             memory: self.memory_limit.map(|megabytes| (1e6 * megabytes) as u64),

@@ -31,6 +31,7 @@ use crate::cosim::{MasterError, System, SystemDescription};
 use std::path::{Path, PathBuf};
 
 /// A connected system, its sources, and the tables that feed it.
+#[derive(Default)]
 pub struct Built {
     /// The system, ready to run.
     pub system: System,
@@ -88,13 +89,13 @@ fn build(
 }
 
 /// The instance of a system that has no other.
-fn only(system: &System) -> Option<&str> {
+pub fn only(system: &System) -> Option<&str> {
     let mut names = system.instance_names();
     names.next().filter(|_| names.next().is_none())
 }
 
 /// The name, prefixed with the only instance's if that gives one of its variables.
-fn full_name(system: &System, name: &str, only: Option<&str>) -> String {
+pub fn full_name(system: &System, name: &str, only: Option<&str>) -> String {
     let full = only.map(|instance| format!("{instance}.{name}"));
     full.filter(|name| system.find(name).is_ok())
         .unwrap_or_else(|| name.to_owned())

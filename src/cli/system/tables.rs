@@ -17,6 +17,8 @@ pub struct InputTable {
     end: f64,
     /// How the file was taken.
     note: Option<String>,
+    /// Columns that are named like inputs, with these.
+    pub wires: Vec<(String, String)>,
 }
 
 /// Adds a table as an instance and connects the columns named like inputs: `instance.input`, or `input` if there is
@@ -89,6 +91,7 @@ pub fn add(
         begin: ends[0],
         end: ends[1],
         note,
+        wires: named,
     })
 }
 

@@ -9,11 +9,11 @@ use crate::fmi::description::{ModelDescription, Severity};
 use crate::fmi::{Fmu, FmuError};
 use crate::fmi_check::Finding;
 use crate::fmi_check::behaviour::{self, BehaviourCheck, Report, What};
-use pilotage_process::{Child, Ended};
+use pilotage_process::{Child, Ended, program};
 use serde_json::{Value, json};
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitStatus, Stdio};
+use std::process::{ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -131,8 +131,7 @@ fn try_one(
             path.display()
         ))
     };
-    let program = std::env::current_exe().map_err(failed)?;
-    let mut command = Command::new(program);
+    let mut command = program::command().map_err(failed)?;
     command.args(["probe", "--check", &check.to_string()]);
     if let Some(unpacked) = unpacked {
         command.arg("--unpacked").arg(unpacked.path());

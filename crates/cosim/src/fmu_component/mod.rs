@@ -105,6 +105,8 @@ impl Outline {
 #[derive(Debug)]
 pub struct FmuComponent {
     instance: Instance,
+    /// What it was made of.
+    origin: (fmu::Library, String),
     access: Access,
     knowns: Knowns,
     variables: Vec<Variable>,
@@ -158,6 +160,7 @@ impl FmuComponent {
             saved: Vec::new(),
             orders: vec![1; variables.len()],
             instance,
+            origin: (library.clone(), name.to_owned()),
             access,
             knowns: Knowns::of(description),
             limitation: limitation(description, &variables),
@@ -282,6 +285,17 @@ impl Component for FmuComponent {
 
     fn terminate(&mut self) -> Result<(), ComponentError> {
         Ok(self.instance.terminate()?)
+    }
+
+    /// A new instance: of `fmi2Reset` not every FMU makes one.
+    fn renew(&mut self) -> Result<bool, ComponentError> {
+        let (library, name) = &self.origin;
+        let interface = library.description().co_simulation.as_ref();
+        let is_only_once = interface.is_some_and(|own| own.can_be_instantiated_only_once_per_process);
+        if !is_only_once {
+            *self = Self::new(&library.clone(), &name.clone())?;
+        }
+        Ok(!is_only_once)
     }
 
     /// By directional derivatives, if the description lists the states; otherwise by responses with steps of `step`, if

@@ -87,6 +87,12 @@ impl System {
         Ok(())
     }
 
+    /// The components with their names, without what connects them.
+    pub fn components(self) -> Vec<(String, Box<dyn Component>)> {
+        let own = self.instances.into_iter();
+        own.map(|own| (own.name, own.component)).collect()
+    }
+
     /// Makes an instance divide every communication step into that many equal parts (multi-rate), with inputs
     /// interpolated if they change within the step.
     ///
