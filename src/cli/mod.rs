@@ -36,6 +36,7 @@ mod pack;
 mod plot;
 mod progress;
 mod recognise;
+mod sweep;
 mod system;
 mod terminal;
 mod trials;
@@ -96,6 +97,10 @@ enum Command {
     Plot(plot::Args),
     /// Connect FMUs and simulate them.
     Cosim(Box<cosim::Args>),
+    /// Simulate a system many times with other values, and find what its measures depend on.
+    Sweep(Box<sweep::Args>),
+    /// Join the parts of a study that `sweep --shard` made.
+    Merge(sweep::MergeArgs),
     /// Linearise the coupled system: matrices, poles, margins and effective delay of its loops.
     Linearize(Box<linearize::Args>),
     /// Check FMUs against the standard, and run them.
@@ -224,6 +229,8 @@ fn done(command: Command) -> Result<Outcome, Failure> {
         Command::Compare(args) => compare::run(&args),
         Command::Optimise(args) => optimise::run(&args),
         Command::Hv(args) => hv::run(&args),
+        Command::Sweep(args) => sweep::run(&args),
+        Command::Merge(args) => sweep::merge(&args),
         Command::Vehicle(args) => vehicle::run(args),
         Command::Models(args) => models::run(args),
         Command::Model(args) => model::run(args),
@@ -258,11 +265,13 @@ impl Command {
         matches!(
             self,
             Self::Demo(_)
+                | Self::Merge(_)
                 | Self::Trials(_)
                 | Self::Init(_)
                 | Self::Fit(_)
                 | Self::Compare(_)
                 | Self::Hv(_)
+                | Self::Sweep(_)
                 | Self::Plot(_)
         )
     }
@@ -270,7 +279,7 @@ impl Command {
     /// Whether the command may run code of FMUs in its own process.
     fn may_call_fmus(&self) -> bool {
         match self {
-            Self::Cosim(_) | Self::Linearize(_) => true,
+            Self::Cosim(_) | Self::Linearize(_) | Self::Sweep(_) => true,
             Self::Fit(_)
             | Self::Compare(_)
             | Self::Init(_)
@@ -284,6 +293,7 @@ impl Command {
             Self::Info(_) | Self::Validate(_) => guard::systems_name_fmus(),
             // No wildcard: of each new command it must be said.
             Self::Demo(_)
+            | Self::Merge(_)
             | Self::Vehicle(_)
             | Self::Models(_)
             | Self::Export(_)

@@ -9,11 +9,11 @@ mod formula;
 mod frame;
 pub mod frequency;
 mod html;
-mod hv;
 mod loops;
 mod number;
 mod overlay;
 pub mod palette;
+mod plain;
 #[cfg(feature = "png")]
 pub mod png;
 #[cfg(not(feature = "png"))]
@@ -32,9 +32,9 @@ use crate::series::cell;
 
 pub use figure::Figure;
 pub use html::{Made, policy, side_by_side};
-pub use hv::{HvPage, hv_page};
 pub use loops::{LoopFigure, LoopPage, Stability, loop_page};
 pub use overlay::{Overlay, Parameters, overlay_page};
+pub use plain::{PlainPage, plain_page};
 pub use simulation::{Simulation, result_figures, simulation_page};
 pub use steps::{StepFigure, step_page};
 pub use tables::modes;

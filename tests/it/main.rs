@@ -70,6 +70,7 @@ mod shipped;
 mod starts;
 #[cfg(target_os = "linux")]
 mod strangers;
+mod sweep;
 mod system_examples;
 mod systems;
 mod threads;

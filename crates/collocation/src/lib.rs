@@ -110,7 +110,7 @@ pub use course::{Course, Quality};
 pub use loss::Loss;
 pub use mesh::{Recording, Run, Steps};
 pub use node::{Differentiated, Scales};
-pub use parallel::start_threads;
+pub use parallel::{start_threads, threads};
 pub use reference::Stop;
 pub use refinement::{Refined, refined, solve_refined};
 pub use simulate::rk4;

@@ -15,6 +15,11 @@ pub fn start_threads() -> io::Result<()> {
     started.map_err(io::Error::other)
 }
 
+/// Number of threads that the user wants work to be done on (RAYON_NUM_THREADS).
+pub fn threads() -> usize {
+    rayon::current_num_threads()
+}
+
 /// Calls `work(index, item)` for every item, in parallel if there is more than one thread.
 pub fn each<T: Send>(items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
     if items.len() > 1 && rayon::current_num_threads() > 1 {

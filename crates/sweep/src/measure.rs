@@ -108,6 +108,11 @@ impl Measure {
         })
     }
 
+    /// Names of the signals of which it may be.
+    pub fn signals(&self) -> &[String] {
+        &self.signals
+    }
+
     /// Its value in a run; NaN where there is none, as of a signal that never rises above 0.
     pub fn of(&self, run: &Series) -> f64 {
         let columns: Vec<Option<&[f64]>> = (self.signals.iter())
@@ -173,11 +178,23 @@ fn compiled(
     let words =
         "a signal outside of final(), rms() and the like, or where a number is expected: it";
     all.add("the measure", None, &formula, is_constant.then_some(words));
-    let CompiledExpressions { graph, nodes } = all.compile().map_err(|error| error.to_string())?;
+    let compiled = all.compile().map_err(|error| words_of(&error.to_string()));
+    let CompiledExpressions { graph, nodes } = compiled.map_err(|words| match words.contains("changes in time") {
+        true => format!("`{}` is a signal over time where one number is expected; write final(x), rms(x) or the like", text.trim()),
+        false => words,
+    })?;
     let count = 1 + signals.len() + known;
     Ok(Compiled {
         tape: Tape::new(&graph, count, |_| false, &[&nodes]),
     })
+}
+
+/// What an error says after its place in the text, which nobody has written.
+fn words_of(error: &str) -> String {
+    let rest = error
+        .strip_prefix("--measure:")
+        .and_then(|own| own.split_once(": "));
+    rest.map_or(error, |own| own.1).to_owned()
 }
 
 /// A string of TOML.
@@ -393,12 +410,12 @@ mod tests {
     #[test]
     fn what_is_no_number_of_a_run_is_refused() {
         for (given, words) in [
-            ("plant.y", "outside of final()"),
+            ("plant.y", "where one number is expected"),
             ("rms(plant.x)", "plant.x"),
             ("at(plant.y)", "at takes 2"),
             ("rms()", "rms takes 1"),
             ("rms(plant.y", "brackets"),
-            ("settling(plant.y, plant.y)", "number is expected"),
+            ("settling(plant.y, plant.y)", "one number is expected"),
             ("", ""),
         ] {
             let found = parsed(given).unwrap_err();

@@ -1,6 +1,6 @@
 //! `pilotage cosim`: connects FMUs and simulates them.
 
-mod coupling;
+pub mod coupling;
 pub mod ending;
 pub mod prepared;
 mod report;
@@ -14,9 +14,9 @@ use self::summary::Summary;
 use self::watch::{ProgressFormat, Watch};
 use super::number::{number, positive};
 use super::overwrite::{self, OutputKind, Overwrite};
+use super::system::Built;
 use super::system::flags::Wiring;
 use super::system::tables::InputTable;
-use super::system::Built;
 use super::{Failure, Outcome, call, interrupt, terminal};
 use crate::atomic_file;
 use crate::cosim::recorder::Signal;

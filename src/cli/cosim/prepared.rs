@@ -2,11 +2,9 @@
 
 use super::{Args, simulated};
 use crate::cli::call::{self, Done, Stop};
-use crate::cli::overwrite::Overwrite;
-use crate::cli::system::{self, Built};
+use crate::cli::system::opened::Opened;
 use crate::cli::{Failure, terminal};
-use crate::cosim::description::Setting;
-use crate::cosim::{Component, Ending, System, SystemDescription};
+use crate::cosim::Ending;
 use serde_json::json;
 use std::ffi::OsString;
 
@@ -58,11 +56,10 @@ impl Prepared {
     fn simulate(&mut self, settings: &[(String, String)]) -> Result<u8, Failure> {
         let mut opened = match self.opened.take() {
             Some(opened) => opened,
-            None => Opened::new(&self.args)?,
+            None => Opened::new(&self.args.wiring)?,
         };
         opened.wire(settings)?;
-        let Opened { built, description } = opened;
-        let (done, mut built) = simulated(&self.args, built)?;
+        let (done, built) = simulated(&self.args, opened.take())?;
         let mut notes = done.notes.clone();
         notes.extend(done.not_finite.words());
         let summary = json!({
@@ -74,44 +71,11 @@ impl Prepared {
         terminal::print(&summary.to_string())?;
         let code = done.outcome(&self.args).code();
         let is_over = matches!(done.run.ending, Ending::Completed);
-        let renewed = is_over.then(|| done.run.components.renewed()).flatten();
-        if let Some(components) = renewed {
-            built.system = joined(components)?;
-            self.opened = Some(Opened { built, description });
-        }
-        Ok(code)
-    }
-}
-
-/// Opened components, and the system that the words describe.
-struct Opened {
-    built: Built,
-    description: SystemDescription,
-}
-
-impl Opened {
-    fn new(args: &Args) -> Result<Self, Failure> {
-        let mut built = args.wiring.build(&Overwrite::default(), &[])?;
-        // That was a check of the wires; values may still be replaced.
-        built.system = joined(built.system.components())?;
-        let description = built.description.clone();
-        Ok(Self { built, description })
-    }
-
-    /// Wires the components and sets the values of the description, but for those that are replaced.
-    fn wire(&mut self, settings: &[(String, String)]) -> Result<(), Failure> {
-        let system = &mut self.built.system;
-        let setting = |(name, value): &(String, String)| Setting {
-            name: system::full_name(system, name, system::only(system)).into(),
-            value: value.clone(),
+        self.opened = match is_over {
+            true => opened.renewed(built, done.run.components)?,
+            false => None,
         };
-        let settings = settings.iter().map(setting).collect();
-        self.built.description = self.description.clone();
-        self.built.description.override_wiring(Vec::new(), settings);
-        for (from, to) in self.built.tables.iter().flat_map(|table| &table.wires) {
-            system.connect(from, to)?;
-        }
-        Ok(self.built.description.wire(system)?)
+        Ok(code)
     }
 }
 
@@ -119,13 +83,4 @@ impl Opened {
 fn said(failure: &Failure) -> u8 {
     terminal::eprint(&format!("{failure}\n"));
     failure.code()
-}
-
-/// A system of these components, not yet wired.
-fn joined(components: Vec<(String, Box<dyn Component>)>) -> Result<System, Failure> {
-    let mut system = System::new();
-    for (name, component) in components {
-        system.add(name, component)?;
-    }
-    Ok(system)
 }

@@ -10,7 +10,7 @@ use crate::cosim::{self, Algorithm, Clock, SeriesRecorder, SystemDescription};
 use crate::export::{Export, Provenance};
 use crate::models::TextModel;
 use crate::report::figure::{Figure, Panel, Series as Line};
-use crate::report::{HvPage, hv_page};
+use crate::report::{PlainPage, plain_page};
 use crate::series::{Column, Series};
 use pilotage_text::number::significant;
 use serde_json::{Value, json};
@@ -305,7 +305,7 @@ impl Flown<'_> {
             "The flight is optimal control's: of a pilot who knows everything and makes no error. It is no flight limitation."
                 .to_owned(),
         ];
-        hv_page(&HvPage {
+        plain_page(&PlainPage {
             title: &format!(
                 "Landing from {} m/s at {} m, {}",
                 self.at[0], self.at[1], self.case.name
@@ -315,9 +315,9 @@ impl Flown<'_> {
                 self.class() != "unknown",
             ),
             facts: &facts,
-            figure,
-            boundary: (Vec::new(), Vec::new()),
-            words: &words,
+            figures: std::slice::from_ref(figure),
+            tables: Vec::new(),
+            words: ("What this is", &words),
             made: &made(),
         })
     }

@@ -7,7 +7,7 @@ use crate::cli::made::made;
 use crate::cli::{format::aligned, terminal};
 use crate::control::hv::{Class, Column, Crossing, Map};
 use crate::report::figure::{Axis, Figure, Look, Panel, Series};
-use crate::report::{HvPage, hv_page};
+use crate::report::{PlainPage, plain_page};
 use pilotage_text::counted;
 use pilotage_text::number::significant;
 use serde_json::{Value, json};
@@ -382,13 +382,13 @@ pub fn html(args: &Args, shown: &[Shown], figure: &Figure) -> String {
             (point.as_str(), knee(args, &own.map)),
         ]
     });
-    hv_page(&HvPage {
+    plain_page(&PlainPage {
         title: "Height–velocity map after power loss",
         verdict: (&verdict, unknown == 0),
         facts: &facts.collect::<Vec<_>>(),
-        figure,
-        boundary: (BOUNDARY.to_vec(), boundary_rows(shown)),
-        words: &words(args, shown),
+        figures: std::slice::from_ref(figure),
+        tables: vec![("Boundary", (BOUNDARY.to_vec(), boundary_rows(shown)))],
+        words: ("What this is", &words(args, shown)),
         made: &made(),
     })
 }

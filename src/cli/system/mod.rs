@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `flags` | arguments that describe the system |
 //! | `isolation` | FMUs in separate processes |
+//! | `opened` | a system that is opened once and simulated often |
 //! | `resolve` | resolves `model = "..."` |
 //! | `tables` | tables that feed inputs |
 //! | `parameters` | start values from a file |
@@ -15,6 +16,7 @@ pub mod flags;
 pub mod isolation;
 #[cfg(feature = "fly")]
 mod one;
+pub mod opened;
 mod parameters;
 mod resolve;
 mod save;

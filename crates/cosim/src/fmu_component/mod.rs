@@ -291,7 +291,8 @@ impl Component for FmuComponent {
     fn renew(&mut self) -> Result<bool, ComponentError> {
         let (library, name) = &self.origin;
         let interface = library.description().co_simulation.as_ref();
-        let is_only_once = interface.is_some_and(|own| own.can_be_instantiated_only_once_per_process);
+        let is_only_once =
+            interface.is_some_and(|own| own.can_be_instantiated_only_once_per_process);
         if !is_only_once {
             *self = Self::new(&library.clone(), &name.clone())?;
         }

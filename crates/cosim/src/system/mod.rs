@@ -340,7 +340,7 @@ impl System {
     }
 
     /// `instance.variable` for all ports, including aliases.
-    pub(super) fn names(&self) -> impl Iterator<Item = (Port, String)> {
+    pub fn names(&self) -> impl Iterator<Item = (Port, String)> {
         self.ports().flat_map(|port| {
             let instance = &self.instances[port.instance].name;
             let names = self.variable(port).names();

@@ -1,0 +1,279 @@
+//! All that the numbers of a study depend on.
+
+use super::run::Opened;
+use super::{Args, Failure, reducers};
+use crate::cosim::SystemDescription;
+use crate::cosim::description::InstanceSource;
+use crate::series::Rows;
+use nalgebra::DMatrix;
+use pilotage_language::ModelFile;
+use pilotage_sweep::{Design, Joint, Measure, Method, Vary};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::path::Path;
+
+/// [`Method`] by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum MethodName {
+    /// All combinations of lists.
+    Grid,
+    /// Independent draws.
+    Random,
+    /// Each variable once in each of as many equally likely parts as there are samples.
+    LatinHypercube,
+    /// Points that fill the space evenly (Sobol's sequence, scrambled).
+    Sobol,
+    /// Base samples and what Sobol' indices need: N (k + 2) runs for k variables.
+    Saltelli,
+}
+
+/// A study.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// Version of the program.
+    pub version: String,
+    /// Sums of the contents of all instances, their wires and values.
+    pub system: String,
+    /// Settings of the simulation.
+    pub simulation: String,
+    /// The samples.
+    pub design: Design,
+    /// Names of the measures, with their expressions.
+    pub measures: Vec<(String, String)>,
+}
+
+impl Plan {
+    /// That of the arguments.
+    pub fn new(args: &Args, opened: &Opened) -> Result<Self, Failure> {
+        let measures = measures(args, opened)?;
+        let stop = opened.stop(args)?;
+        Ok(Self {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            system: sum(opened.description())?,
+            simulation: format!(
+                "{:?} {stop:?} {:?} {:?}",
+                args.start_time, args.step, args.coupling
+            ),
+            design: design(args, opened)?,
+            measures: measures
+                .iter()
+                .map(|own| (own.name.clone(), own.given.clone()))
+                .collect(),
+        })
+    }
+}
+
+/// The measures of the arguments, over the signals of a system.
+pub fn measures(args: &Args, opened: &Opened) -> Result<Vec<Measure>, Failure> {
+    let mut given = args.measure.clone();
+    if given.is_empty() {
+        given = opened
+            .outputs()
+            .iter()
+            .map(|name| format!("final({name})"))
+            .collect();
+    }
+    if given.is_empty() {
+        return Err(
+            Failure::new("nothing is measured, and the system has no outputs")
+                .hint("give --measure 'final(instance.variable)'"),
+        );
+    }
+    let signals = opened.signals();
+    let parse = |own: &String| {
+        let used: Vec<_> = signals
+            .iter()
+            .filter(|(name, _)| own.contains(name.as_str()))
+            .cloned()
+            .collect();
+        // All of them are named where one is unknown.
+        Measure::parse(own, &used).map_err(|error| {
+            let near = Measure::parse(own, &signals).err().unwrap_or(error);
+            Failure::from(near).hint(format!("one number of a run is made by {}", reducers()))
+        })
+    };
+    let all: Vec<Measure> = given.iter().map(parse).collect::<Result<_, _>>()?;
+    if let Some(k) = (1..all.len()).find(|k| all[..*k].iter().any(|own| own.name == all[*k].name)) {
+        let message = format!("two measures are named `{}`", all[k].name);
+        return Err(Failure::new(message).hint("give one a name: --measure 'other = ...'"));
+    }
+    Ok(all)
+}
+
+fn design(args: &Args, opened: &Opened) -> Result<Design, Failure> {
+    if let Some(file) = &args.table {
+        return of_table(file, opened);
+    }
+    let (mut vary, mut joint) = (Vec::new(), Vec::new());
+    for given in &args.vary {
+        match given.split_once('~') {
+            Some((instance, "fit")) => joint.push(fitted(instance.trim(), opened.description())?),
+            _ => {
+                let mut own = Vary::parse(given)?;
+                own.name = opened.full_name(&own.name)?;
+                vary.push(own);
+            }
+        }
+    }
+    let is_grid = joint.is_empty() && vary.iter().all(|own| own.law.list().is_some());
+    let method = match args.method {
+        None if is_grid => Method::Grid,
+        None | Some(MethodName::LatinHypercube) => Method::LatinHypercube,
+        Some(MethodName::Grid) => Method::Grid,
+        Some(MethodName::Random) => Method::Random,
+        Some(MethodName::Sobol) => Method::Sobol,
+        Some(MethodName::Saltelli) => Method::Saltelli,
+    };
+    let design = Design {
+        vary,
+        joint,
+        method,
+        samples: args.samples as usize,
+        seed: args.seed,
+        rows: Vec::new(),
+    };
+    Ok(design.checked()?)
+}
+
+/// The rows of a table.
+fn of_table(path: &Path, opened: &Opened) -> Result<Design, Failure> {
+    let file = path.display().to_string();
+    let bytes = crate::file::bytes(path);
+    let bytes = bytes.map_err(|error| Failure::new(format!("cannot read {file}: {error}")))?;
+    let mut rows = Rows::new(&bytes[..], &file)?;
+    let mut vary = Vec::new();
+    if rows.advance()? {
+        for name in rows.cells().map(str::to_owned).collect::<Vec<_>>() {
+            let name = opened
+                .full_name(&name)
+                .map_err(|failure| failure.hint(format!("{file} has a column of that name")))?;
+            let law = pilotage_sweep::Law::List(Vec::new());
+            vary.push(Vary { name, law });
+        }
+    }
+    let mut all = Vec::new();
+    while rows.advance()? {
+        if rows.count() != vary.len() {
+            return Err(rows.ragged(vary.len()).into());
+        }
+        let value = |(cell, own): (&str, &Vary)| {
+            let value = cell.parse().ok().filter(|value: &f64| value.is_finite());
+            let words = || {
+                Failure::new(format!(
+                    "{file}, line {}: `{cell}` is no value of {}",
+                    rows.line(),
+                    own.name
+                ))
+            };
+            value.ok_or_else(words)
+        };
+        all.push(
+            rows.cells()
+                .zip(&vary)
+                .map(value)
+                .collect::<Result<Vec<f64>, _>>()?,
+        );
+    }
+    let design = Design {
+        vary,
+        joint: Vec::new(),
+        method: Method::Table,
+        samples: 0,
+        seed: 0,
+        rows: all,
+    };
+    Ok(design
+        .checked()
+        .map_err(|error| Failure::from(error).hint(format!("look into {file}")))?)
+}
+
+/// Parameters of an instance with the covariance that a fit left in its model file.
+fn fitted(instance: &str, description: &SystemDescription) -> Result<Joint, Failure> {
+    let own = description
+        .instances
+        .iter()
+        .find(|own| own.name == instance);
+    let Some(own) = own else {
+        let all: Vec<&str> = description
+            .instances
+            .iter()
+            .map(|own| own.name.as_str())
+            .collect();
+        let message = format!("--vary {instance}~fit: there is no instance `{instance}`");
+        return Err(Failure::new(message).hint(format!("there are {}", all.join(", "))));
+    };
+    let file = own
+        .source
+        .value
+        .file()
+        .filter(|file| crate::cli::recognise::is_model(file));
+    let none = || {
+        let message = format!(
+            "--vary {instance}~fit: `{instance}` is no model file with the covariance of a fit"
+        );
+        Failure::new(message).hint("`pilotage fit -o pilot.toml` writes one")
+    };
+    let model: ModelFile = pilotage_language::read(file.ok_or_else(none)?)?.file;
+    let sure = model.uncertainty.as_ref().ok_or_else(none)?;
+    let start = |name: &String| {
+        let own = model.parameters.iter().find(|own| own.name == *name)?;
+        own.start.number()
+    };
+    let means: Vec<Option<f64>> = sure.parameters.iter().map(start).collect();
+    let kept: Vec<usize> = (0..means.len()).filter(|k| means[*k].is_some()).collect();
+    let n = kept.len();
+    let covariance = DMatrix::from_fn(n, n, |i, j| sure.covariance[kept[i]][kept[j]]);
+    let parts = (0.5 * (&covariance + covariance.transpose())).symmetric_eigen();
+    let root = parts.eigenvectors
+        * DMatrix::from_diagonal(&parts.eigenvalues.map(|own| own.max(0.0).sqrt()));
+    Ok(Joint {
+        names: kept
+            .iter()
+            .map(|k| format!("{instance}.{}", sure.parameters[*k]))
+            .collect(),
+        mean: kept.iter().filter_map(|k| means[*k]).collect(),
+        root: (0..n)
+            .map(|i| root.row(i).iter().copied().collect())
+            .collect(),
+    })
+}
+
+/// A sum of what instances are made of, and of how they are wired.
+fn sum(description: &SystemDescription) -> Result<String, Failure> {
+    let mut all = Sha256::new();
+    for own in &description.instances {
+        all.update(format!(
+            "{} {:?} {:?}\n",
+            own.name,
+            own.order.as_ref().map(|own| own.value),
+            own.interface
+        ));
+        match (&own.source.value, own.source.value.file()) {
+            (InstanceSource::BuiltIn(name), _) => all.update(name),
+            (_, Some(file)) => {
+                // An unpacked FMU is told by its description.
+                let file = if file.is_dir() {
+                    file.join("modelDescription.xml")
+                } else {
+                    file.to_owned()
+                };
+                let bytes = crate::file::bytes(&file);
+                all.update(bytes.map_err(|error| {
+                    Failure::new(format!("cannot read {}: {error}", file.display()))
+                })?);
+            }
+            (_, None) => {}
+        }
+    }
+    for own in &description.connections {
+        all.update(format!("{}={}\n", own.from.value, own.to.value));
+    }
+    for own in &description.settings {
+        all.update(format!("{}={}\n", own.name.value, own.value));
+    }
+    Ok(all
+        .finalize()
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect())
+}

@@ -1,0 +1,277 @@
+//! The runs of a study, on all threads.
+
+use super::plan::{self, Plan};
+use super::store::{Row, Store};
+use super::{Args, Counter, Deadline, Failure};
+use crate::cli::cosim::ending;
+use crate::cli::system;
+use crate::cosim::{
+    Clock, Ending, Selection, SeriesRecorder, SystemDescription, Thinned, ValueKind,
+};
+use crate::fmi::Fmu;
+use pilotage_sweep::Measure;
+use std::collections::BTreeSet;
+use std::sync::Mutex;
+use std::sync::PoisonError;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// The system of a study, opened.
+pub struct Opened(system::opened::Opened);
+
+impl Opened {
+    /// Opens that of the arguments.
+    pub fn of(args: &Args) -> Result<Self, Failure> {
+        system::opened::Opened::new(&args.wiring).map(Self)
+    }
+
+    /// The system.
+    pub fn description(&self) -> &SystemDescription {
+        &self.0.description
+    }
+
+    /// Names of all outputs that are numbers, but for those of tables.
+    pub fn outputs(&self) -> Vec<String> {
+        let tables: Vec<&str> = self
+            .0
+            .built
+            .tables
+            .iter()
+            .map(|own| own.name.as_str())
+            .collect();
+        let outputs = self.0.built.system.outputs();
+        let is_number = |name: &str, kind: ValueKind| {
+            let instance = name.split('.').next().unwrap_or_default();
+            kind != ValueKind::String && !tables.contains(&instance)
+        };
+        outputs
+            .filter(|(name, own)| is_number(name, own.kind))
+            .map(|own| own.0)
+            .collect()
+    }
+
+    /// Names and units of all variables.
+    pub fn signals(&self) -> Vec<(String, String)> {
+        let system = &self.0.built.system;
+        let unit = |name: &str| {
+            let unit = system.find(name).ok().and_then(|own| own.unit.as_ref());
+            unit.map(|own| own.name.clone()).unwrap_or_default()
+        };
+        let names: BTreeSet<String> = system.names().map(|own| own.1).collect();
+        names
+            .into_iter()
+            .map(|name| (unit(&name), name))
+            .map(|(unit, name)| (name, unit))
+            .collect()
+    }
+
+    /// A variable's name with its instance; an error if there is none.
+    pub fn full_name(&self, name: &str) -> Result<String, Failure> {
+        let system = &self.0.built.system;
+        let name = system::full_name(system, name, system::only(system));
+        system.find(&name)?;
+        Ok(name)
+    }
+
+    /// When a run ends \[s\].
+    pub fn stop(&self, args: &Args) -> Result<f64, Failure> {
+        let suggested = || self.0.built.system.suggested_stop();
+        args.stop_time.or_else(suggested).ok_or_else(|| {
+            Failure::new("no --stop-time, and the FMUs suggest none, or different ones")
+                .hint("say when the simulation ends, such as --stop-time 10")
+        })
+    }
+
+    /// Whether an FMU can be instantiated but once in a process.
+    fn is_only_once(&self) -> bool {
+        let files = self
+            .description()
+            .instances
+            .iter()
+            .filter_map(|own| own.source.value.file());
+        files.filter_map(|file| Fmu::open(file).ok()).any(|fmu| {
+            let description = fmu.description();
+            let own = description
+                .co_simulation
+                .iter()
+                .map(|own| own.can_be_instantiated_only_once_per_process);
+            let other = description
+                .model_exchange
+                .iter()
+                .map(|own| own.can_be_instantiated_only_once_per_process);
+            own.chain(other).any(|own| own)
+        })
+    }
+}
+
+/// Samples of which one is to show whether components can be made new.
+const TRIES: usize = 5;
+
+/// What all runs of a study have in common.
+pub struct Pilot<'a> {
+    args: &'a Args,
+    plan: &'a Plan,
+    clock: Clock,
+    measures: Vec<Measure>,
+    /// Variables that the measures need.
+    recorded: Vec<String>,
+    /// Whether components that are made new give what they gave at first.
+    is_renewable: bool,
+    is_only_once: bool,
+    first: Mutex<Option<Opened>>,
+}
+
+impl<'a> Pilot<'a> {
+    /// Runs the first sample twice, with components that are made new in between.
+    pub fn new(args: &'a Args, plan: &'a Plan, opened: Opened) -> Result<Self, Failure> {
+        let measures = plan::measures(args, &opened)?;
+        let recorded: BTreeSet<String> = measures
+            .iter()
+            .flat_map(|own| own.signals().iter().cloned())
+            .collect();
+        let mut own = Self {
+            clock: Clock::new(args.start_time, opened.stop(args)?, args.step)?,
+            is_only_once: opened.is_only_once(),
+            args,
+            plan,
+            measures,
+            recorded: recorded.into_iter().collect(),
+            is_renewable: true,
+            first: Mutex::new(None),
+        };
+        let mut place = Some(opened);
+        // Of those that fail, what is left is not used again.
+        for k in 0..plan.design.count().min(TRIES) {
+            let first = own.one(&mut place, k)?;
+            if first.failure.is_none() {
+                own.is_renewable = place.is_some() && own.one(&mut place, k)?.is_same(&first);
+                break;
+            }
+        }
+        own.first = Mutex::new(place.filter(|_| own.is_renewable));
+        Ok(own)
+    }
+
+    /// Runs samples. False if it was stopped.
+    pub fn all(
+        &self,
+        wanted: &[usize],
+        counter: &Counter,
+        deadline: &Deadline,
+        store: &mut Store,
+    ) -> Result<bool, Failure> {
+        let next = AtomicUsize::new(0);
+        let kept = Mutex::new((store, None));
+        let work = || {
+            let mut place = self
+                .first
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .take();
+            loop {
+                let is_failed = || {
+                    kept.lock()
+                        .unwrap_or_else(PoisonError::into_inner)
+                        .1
+                        .is_some()
+                };
+                if deadline.ask().is_break() || is_failed() {
+                    return;
+                }
+                let Some(k) = wanted.get(next.fetch_add(1, Ordering::Relaxed)) else {
+                    return;
+                };
+                let row = self.one(&mut place, *k);
+                if !self.is_renewable {
+                    place = None;
+                }
+                let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+                if let Err(failure) = row.and_then(|row| kept.0.add(row)) {
+                    kept.1.get_or_insert(failure);
+                }
+                counter.count();
+            }
+        };
+        let threads = match self.is_only_once {
+            true => 1,
+            false => crate::collocation::threads().min(wanted.len()),
+        };
+        std::thread::scope(|scope| {
+            for _ in 1..threads {
+                scope.spawn(work);
+            }
+            work();
+        });
+        match kept.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            (_, Some(failure)) => Err(failure),
+            (store, None) => Ok(wanted.iter().all(|k| store.has(*k))),
+        }
+    }
+
+    /// Runs a sample with the components in a place, or with new ones; leaves them there if they can be used again.
+    fn one(&self, place: &mut Option<Opened>, k: usize) -> Result<Row, Failure> {
+        let mut opened = match place.take() {
+            Some(own) => own.0,
+            None => Opened::of(self.args)?.0,
+        };
+        let failed = |words: String| Row {
+            sample: k,
+            measured: vec![f64::NAN; self.measures.len()],
+            failure: Some(words),
+        };
+        let values = self.plan.design.values(k);
+        let settings = self.plan.design.names().zip(&values).map(|(name, value)| {
+            let kind = opened
+                .built
+                .system
+                .find(name)
+                .map_or(ValueKind::Real, |own| own.kind);
+            // Other numbers than reals are written without a point.
+            let is_whole = kind != ValueKind::Real && value.fract() == 0.0;
+            let text = if is_whole {
+                format!("{value:.0}")
+            } else {
+                format!("{value:?}")
+            };
+            (name.to_owned(), text)
+        });
+        let settings: Vec<(String, String)> = settings.collect();
+        if let Err(failure) = opened.wire(&settings) {
+            return Ok(failed(failure.message().to_owned()));
+        }
+        let mut built = opened.take();
+        self.args.coupling.apply_parts(&mut built.system)?;
+        let selection = Selection::new(&mut built.system, &self.recorded)?;
+        let mut recorder = SeriesRecorder::with_capacity(self.clock.steps() as usize + 2);
+        let mut thinned = Thinned::new(&mut recorder, Some(selection), 1);
+        let coupling = self.args.coupling.coupling(&self.clock)?;
+        let system = std::mem::take(&mut built.system);
+        let tolerance = self.args.coupling.component_tolerance();
+        let run = crate::cosim::run_open(system, &self.clock, tolerance, coupling, &mut thinned);
+        let run = match run {
+            Ok(run) => run,
+            Err(error) => {
+                return Ok(failed(
+                    system::explain(error, &built.description)
+                        .message()
+                        .to_owned(),
+                ));
+            }
+        };
+        if let Ending::Failed { .. } | Ending::Discarded { .. } | Ending::Stopped { .. } =
+            run.ending
+        {
+            return Ok(failed(ending::Words::of(&run).message.unwrap_or_default()));
+        }
+        let measured = self
+            .measures
+            .iter()
+            .map(|own| own.of(&recorder.series))
+            .collect();
+        *place = opened.renewed(built, run.components)?.map(Opened);
+        Ok(Row {
+            sample: k,
+            measured,
+            failure: None,
+        })
+    }
+}

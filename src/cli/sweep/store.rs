@@ -1,0 +1,312 @@
+//! The samples of a study that are done: a line for each in a file, so that a study which was stopped or killed goes on, and
+//! shards are joined.
+
+use super::plan::Plan;
+use super::{Failure, Shard};
+use crate::cli::overwrite;
+use crate::file;
+use crate::series::cell;
+use pilotage_text::number::significant;
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// A sample that is done.
+#[derive(Debug, Clone)]
+pub struct Row {
+    /// Its number, from 0.
+    pub sample: usize,
+    /// Its measures; NaN where there are none.
+    pub measured: Vec<f64>,
+    /// Why it failed.
+    pub failure: Option<String>,
+}
+
+impl Row {
+    /// Whether both have the same numbers, to the last bit.
+    pub fn is_same(&self, other: &Self) -> bool {
+        let bits = |own: &Self| {
+            own.measured
+                .iter()
+                .map(|value| value.to_bits())
+                .collect::<Vec<_>>()
+        };
+        bits(self) == bits(other) && self.failure == other.failure
+    }
+
+    fn line(&self) -> String {
+        let numbers = self.measured.iter().map(|value| format!("\t{value:?}"));
+        let reason = self.failure.as_deref().map_or(String::new(), |own| {
+            format!("\t{}", own.replace(['\t', '\n', '\r'], " "))
+        });
+        let status = if self.failure.is_some() {
+            "failed"
+        } else {
+            "done"
+        };
+        format!(
+            "{}\t{status}{}{reason}\n",
+            self.sample,
+            numbers.collect::<String>()
+        )
+    }
+
+    fn read(line: &str, measures: usize) -> Option<Self> {
+        let mut fields = line.split('\t');
+        let sample = fields.next()?.parse().ok()?;
+        let is_failed = match fields.next()? {
+            "done" => false,
+            "failed" => true,
+            _ => return None,
+        };
+        let measured = (0..measures)
+            .map(|_| fields.next()?.parse().ok())
+            .collect::<Option<_>>()?;
+        let failure = if is_failed {
+            Some(fields.next()?.to_owned())
+        } else {
+            None
+        };
+        fields.next().is_none().then_some(Self {
+            sample,
+            measured,
+            failure,
+        })
+    }
+}
+
+/// The file of a study, or of a part of it.
+pub struct Store {
+    path: PathBuf,
+    header: String,
+    shard: Shard,
+    rows: BTreeMap<usize, Row>,
+    file: Option<File>,
+    is_resumed: bool,
+}
+
+/// Name of the file of a part.
+fn name(shard: Shard) -> String {
+    match shard {
+        Shard::WHOLE => "progress.txt".to_owned(),
+        Shard { own, of } => format!("shard-{own}-of-{of}.txt"),
+    }
+}
+
+impl Store {
+    /// Reads what an earlier run of the same study has done.
+    pub fn open(folder: &Path, plan: &Plan, shard: Shard) -> Result<Self, Failure> {
+        let path = folder.join(name(shard));
+        let header = format!("{}\n", serde_json::to_string(plan)?);
+        let mut own = Self {
+            header,
+            shard,
+            rows: BTreeMap::new(),
+            file: None,
+            is_resumed: false,
+            path,
+        };
+        if own.path.is_file() {
+            let text = file::text(&own.path).map_err(|error| own.unreadable(&error))?;
+            if let Some(rest) = text.strip_prefix(&own.header) {
+                let count = plan.design.count();
+                own.rows = rows(rest, plan.measures.len())
+                    .filter(|row| row.sample < count)
+                    .map(|row| (row.sample, row))
+                    .collect();
+                own.is_resumed = true;
+                // Without a line that was cut off.
+                own.finish(&own.rows()?)?;
+                own.append()?;
+            }
+        }
+        Ok(own)
+    }
+
+    fn unreadable(&self, error: &std::io::Error) -> Failure {
+        Failure::new(format!("cannot read {}: {error}", self.path.display()))
+    }
+
+    /// Whether an earlier run goes on.
+    pub fn is_resumed(&self) -> bool {
+        self.is_resumed
+    }
+
+    /// Begins the file.
+    pub fn begin(&mut self) -> Result<(), Failure> {
+        overwrite::save(&self.path, &self.header)?;
+        self.append()
+    }
+
+    fn append(&mut self) -> Result<(), Failure> {
+        let file = OpenOptions::new().append(true).open(&self.path);
+        self.file = Some(file.map_err(|error| Failure::cannot_write(&self.path, &error))?);
+        Ok(())
+    }
+
+    /// Number of samples that are done.
+    pub fn count(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Whether a sample is done.
+    pub fn has(&self, sample: usize) -> bool {
+        self.rows.contains_key(&sample)
+    }
+
+    /// Keeps a sample.
+    pub fn add(&mut self, row: Row) -> Result<(), Failure> {
+        if let Some(file) = &mut self.file {
+            let written = file.write_all(row.line().as_bytes());
+            written.map_err(|error| Failure::cannot_write(&self.path, &error))?;
+        }
+        self.rows.insert(row.sample, row);
+        Ok(())
+    }
+
+    /// All samples, by number.
+    pub fn rows(&self) -> Result<Vec<Row>, Failure> {
+        Ok(self
+            .rows
+            .values()
+            .filter(|own| self.shard.has(own.sample))
+            .cloned()
+            .collect())
+    }
+
+    /// Writes the file anew, by number.
+    pub fn finish(&self, rows: &[Row]) -> Result<(), Failure> {
+        let lines = rows.iter().map(Row::line);
+        overwrite::save(&self.path, self.header.clone() + &lines.collect::<String>())
+    }
+
+    /// Removes the file.
+    pub fn remove(&self) {
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+/// The whole lines of a file that can be read.
+fn rows(text: &str, measures: usize) -> impl Iterator<Item = Row> {
+    let lines = text
+        .split_inclusive('\n')
+        .filter_map(|line| line.strip_suffix('\n'));
+    lines.filter_map(move |line| Row::read(line, measures))
+}
+
+/// The study of which these folders have the parts.
+pub fn merged(folders: &[PathBuf]) -> Result<(Plan, Vec<Row>), Failure> {
+    let mut header: Option<(String, PathBuf)> = None;
+    let mut all = BTreeMap::new();
+    for folder in folders {
+        let entries = std::fs::read_dir(folder);
+        let entries = entries
+            .map_err(|error| Failure::new(format!("cannot read {}: {error}", folder.display())))?;
+        let is_part = |path: &PathBuf| {
+            let name = path
+                .file_name()
+                .map(|own| own.to_string_lossy().into_owned())
+                .unwrap_or_default();
+            name == "progress.txt" || (name.starts_with("shard-") && name.ends_with(".txt"))
+        };
+        let mut files: Vec<PathBuf> = entries
+            .flatten()
+            .map(|own| own.path())
+            .filter(is_part)
+            .collect();
+        files.sort();
+        if files.is_empty() {
+            let message = format!("{} has no part of a study", folder.display());
+            return Err(
+                Failure::new(message).hint("`pilotage sweep --shard I/N -o FOLDER` writes one")
+            );
+        }
+        for path in files {
+            let text = file::text(&path).map_err(|error| {
+                Failure::new(format!("cannot read {}: {error}", path.display()))
+            })?;
+            let (first, rest) = text.split_once('\n').unwrap_or((&text, ""));
+            let plan: Plan = serde_json::from_str(first).map_err(|error| {
+                Failure::new(format!(
+                    "{}: line 1 is no plan of a study: {error}",
+                    path.display()
+                ))
+            })?;
+            match &header {
+                Some((known, other)) if known != first => {
+                    let message = format!(
+                        "{} and {} are parts of different studies",
+                        other.display(),
+                        path.display()
+                    );
+                    return Err(Failure::new(message)
+                        .hint("all parts have the same files, options and version of pilotage"));
+                }
+                Some(_) => {}
+                None => header = Some((first.to_owned(), path.clone())),
+            }
+            let count = plan.design.count();
+            all.extend(
+                rows(rest, plan.measures.len())
+                    .filter(|own| own.sample < count)
+                    .map(|own| (own.sample, own)),
+            );
+        }
+    }
+    let (first, _) = header.ok_or_else(|| Failure::new("there are no parts"))?;
+    let plan: Plan = serde_json::from_str(&first)?;
+    plan.design.clone().checked()?;
+    let count = plan.design.count();
+    if let Some(missing) = (0..count).find(|k| !all.contains_key(k)) {
+        let message = format!(
+            "{} of {count} samples are missing, the first is sample {missing}",
+            count - all.len()
+        );
+        return Err(Failure::new(message)
+            .hint("name the folders of all parts, and let each come to its end"));
+    }
+    Ok((plan, all.into_values().collect()))
+}
+
+/// All samples as a table.
+pub fn table(plan: &Plan, rows: &[Row]) -> String {
+    let names = plan
+        .design
+        .names()
+        .chain(plan.measures.iter().map(|own| own.0.as_str()));
+    let mut text = String::from("sample");
+    names.for_each(|name| text += &format!(",{}", cell(name)));
+    text += ",status,reason\n";
+    for row in rows {
+        text += &row.sample.to_string();
+        for value in plan.design.values(row.sample) {
+            text += &format!(",{value:?}");
+        }
+        for value in &row.measured {
+            let shown = if value.is_finite() {
+                format!("{value:?}")
+            } else {
+                String::new()
+            };
+            text += &format!(",{shown}");
+        }
+        let reason = row.failure.as_deref().unwrap_or_default();
+        let status = if row.failure.is_some() {
+            "failed"
+        } else {
+            "done"
+        };
+        text += &format!(",{status},{}\n", cell(reason));
+    }
+    text
+}
+
+/// A number for people.
+pub fn shown(value: f64) -> String {
+    if value.is_finite() {
+        significant(value, 4)
+    } else {
+        "-".to_owned()
+    }
+}
