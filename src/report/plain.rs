@@ -3,6 +3,9 @@
 use super::figure::Figure;
 use super::html::{self, Made, html};
 
+/// Header and rows of a table.
+pub type Table<'a> = (Vec<&'a str>, Vec<Vec<String>>);
+
 /// Content of a page.
 #[derive(Debug)]
 pub struct PlainPage<'a> {
@@ -15,7 +18,7 @@ pub struct PlainPage<'a> {
     /// Figures.
     pub figures: &'a [Figure],
     /// Tables: heading, header and rows; without rows it is left out.
-    pub tables: Vec<(&'a str, (Vec<&'a str>, Vec<Vec<String>>))>,
+    pub tables: Vec<(&'a str, Table<'a>)>,
     /// Heading and paragraphs of what it is, and what it is not.
     pub words: (&'a str, &'a [String]),
     /// Where it comes from.

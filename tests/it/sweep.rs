@@ -170,7 +170,7 @@ fn parameters_of_a_fit_are_drawn_together() {
     let plant = PLANT
         .replace("[states]", "gain = { start = 1 }\n[states]")
         .replace("level - y", "gain * level - y");
-    folder.write("plant.toml", &format!("{plant}{sure}"));
+    folder.write("plant.toml", format!("{plant}{sure}"));
     let ended = folder.pilotage(&words(&[
         "--vary",
         "plant~fit",

@@ -246,7 +246,7 @@ impl Flown<'_> {
         let mut panels = Vec::new();
         let mut panel = |label: &str, lines: &[(&str, &str, Option<&[f64]>)]| {
             let series = lines.iter().filter_map(|(name, colour, values)| {
-                Some(Line::line(*name, *colour, &own.time, (*values)?))
+                Some(Line::line(name, *colour, &own.time, (*values)?))
             });
             panels.push(Panel::over_time(label, 140.0, series.collect()));
         };

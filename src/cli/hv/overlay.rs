@@ -3,7 +3,7 @@
 use crate::cli::Failure;
 use crate::series::Rows;
 use pilotage_units::Unit;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A curve.
 pub struct Curve {
@@ -15,10 +15,10 @@ pub struct Curve {
 
 /// Reads curves: CSV with the columns `speed [UNIT]` and `height [UNIT]`.
 pub fn read(files: &[PathBuf]) -> Result<Vec<Curve>, Failure> {
-    files.iter().map(one).collect()
+    files.iter().map(|own| one(own)).collect()
 }
 
-fn one(path: &PathBuf) -> Result<Curve, Failure> {
+fn one(path: &Path) -> Result<Curve, Failure> {
     let file = path.display().to_string();
     let bytes = crate::file::bytes(path);
     let bytes = bytes.map_err(|error| Failure::new(format!("cannot read {file}: {error}")))?;

@@ -182,9 +182,8 @@ fn of_table(path: &Path, opened: &Opened) -> Result<Design, Failure> {
         seed: 0,
         rows: all,
     };
-    Ok(design
-        .checked()
-        .map_err(|error| Failure::from(error).hint(format!("look into {file}")))?)
+    let fault = |error| Failure::from(error).hint(format!("look into {file}"));
+    design.checked().map_err(fault)
 }
 
 /// Parameters of an instance with the covariance that a fit left in its model file.

@@ -230,8 +230,10 @@ impl Helicopter {
                 .map(|(a, b)| between(*a, *b));
             let last: Vec<f64> = last.collect();
             let end = between(time[k], time[k + 1]);
-            (time.truncate(k + 1), states.truncate(k + 1));
-            (time.push(end), states.push(last));
+            time.truncate(k + 1);
+            states.truncate(k + 1);
+            time.push(end);
+            states.push(last);
         }
         Frozen {
             time,

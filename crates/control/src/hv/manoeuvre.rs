@@ -24,6 +24,9 @@ pub struct Manoeuvre {
     pub pilot: Option<String>,
 }
 
+/// Time \[s\], states of the helicopter, commands, and what the rotor sees of them.
+type Instant = (f64, Vec<f64>, [f64; 2], [f64; 2]);
+
 impl Landings {
     /// The softest landing as a flight. None if there is no trim.
     pub fn manoeuvre(&self, height: f64, speed: f64, delay: f64) -> Option<Manoeuvre> {
@@ -33,10 +36,9 @@ impl Landings {
             .helicopter()
             .frozen(&trim, delay, self.settings().runs_down);
         let controls = [trim.cz, trim.alpha];
-        let mut rows: Vec<(f64, Vec<f64>, [f64; 2], [f64; 2])> =
-            (course.time.iter().zip(&course.states))
-                .map(|(time, x)| (*time, x.clone(), controls, controls))
-                .collect();
+        let mut rows: Vec<Instant> = (course.time.iter().zip(&course.states))
+            .map(|(time, x)| (*time, x.clone(), controls, controls))
+            .collect();
         if let Some((posed, program)) = self
             .program(height, speed, delay)
             .filter(|_| !landing.z.is_empty())
