@@ -47,6 +47,7 @@ pub use failure::{Failure, Outcome};
 use clap::error::ErrorKind;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use pilotage_text::printable::one_line;
+use std::sync::{Mutex, PoisonError};
 
 /// Identify how a human pilot acts on a vehicle, and export that pilot as an FMU.
 #[derive(Debug, Parser)]
@@ -205,13 +206,20 @@ fn run(command: Command) -> u8 {
     }
 }
 
-/// Starts the threads for parallel work.
+/// Starts the threads for parallel work, once for all commands of this process.
 fn start_threads() -> Result<(), Failure> {
-    crate::collocation::start_threads().map_err(|error| {
+    static HAVE_STARTED: Mutex<bool> = Mutex::new(false);
+    let mut have_started = HAVE_STARTED.lock().unwrap_or_else(PoisonError::into_inner);
+    if *have_started {
+        return Ok(());
+    }
+    let started = crate::collocation::start_threads().map_err(|error| {
         Failure::new(format!("cannot start threads: {error}")).hint(
             "RAYON_NUM_THREADS=1 asks for one only; limits of memory and of processes (`ulimit -v`, `ulimit -u`) may forbid it",
         )
-    })
+    });
+    *have_started = started.is_ok();
+    started
 }
 
 fn done(command: Command) -> Result<Outcome, Failure> {
