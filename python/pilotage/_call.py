@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Mapping
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from ._tables import Table
 
 _pilotage.hosted(sys.executable, _command.before("pilotage"), "pilotage")
+
+# Prefix of folders for arrays and texts.
+FOLDER = "pilotage-python-"
 
 PathLike = str | os.PathLike[str]
 
@@ -142,11 +146,17 @@ def taken(left: _pilotage.Left) -> Left:
     from ._tables import Table
 
     code, stdout, stderr, tables, texts = left
-    said = Said(stderr)
+    said = Said(cleaned(stderr))
     for warning in said.warnings:
         warnings.warn(warning, PilotageWarning, stacklevel=level())
     named = {name: Table.of(native) for name, native in tables}
-    return Left(code, stdout, said.error, said.hint, said.notes, named, dict(texts))
+    known = {name: cleaned(own) for name, own in texts}
+    return Left(code, cleaned(stdout), said.error, said.hint, said.notes, named, known)
+
+
+def cleaned(text: str) -> str:
+    """Without the temporary folder in which arrays and texts stand, of which nobody knows."""
+    return re.sub(rf"[^\s`\"']*{FOLDER}\w+/", "", text) if FOLDER in text else text
 
 
 class Said:

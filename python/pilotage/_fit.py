@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ._call import Left, PathLike, call, pairs, words
+from ._call import Left, PathLike, call, cleaned, pairs, words
 from ._errors import Error, InputError
 from ._tables import Array, Files, Table
 
@@ -239,7 +239,8 @@ class Recipe:
 
         def finish(left: Left) -> Fit:
             found = sorted(path for path in target.rglob("*") if path.is_file())
-            texts = {path.stem: path.read_text(encoding="utf-8") for path in found if path.suffix == ".toml"}
+            models = [path for path in found if path.suffix == ".toml"]
+            texts = {path.stem: cleaned(path.read_text(encoding="utf-8")) for path in models}
             return Fit(left, texts, self)
 
         return finish(call("fit", words(*given, json=True, output=output, **flags), finish))
@@ -341,6 +342,8 @@ def profile(fit: Fit, *parameters: str, **options: object) -> dict[str, Table]:
             table = Profile(numbers([point["value"] for point in points]), columns)
             table.interval = {key: one[key] for key in ("low", "high", "class")}
             found[full] = table
+    if not found:
+        raise Error(f"there are no profiles: {again.verdict}")
     return found
 
 

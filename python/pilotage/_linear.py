@@ -44,7 +44,9 @@ class Linearization:
         self.B = matrix(json["B"], n, m)
         self.C = matrix(json["C"], p, n)
         self.D = matrix(json["D"], p, m)
-        self.poles = np.array([complex(own["real"], own["imaginary"]) for own in json["poles"]], complex)
+        # Of each pair the command has one.
+        half = np.array([complex(own["real"], own["imaginary"]) for own in json["poles"]], complex)
+        self.poles = np.concatenate([half, half[half.imag != 0].conj()])
         self.stability: str = json["stability"]
         self.loops: list[dict[str, Any]] = json["loops"]
         self.notes: list[str] = json["notes"]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ._call import PathLike, call, pairs, text, words
+from ._call import Left, PathLike, call, pairs, text, words
 from ._tables import Files, Table
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ class Model:
         own.status, own.notes = found.status, found.notes
         return own
 
-    def _run(self, command: str, **flags: object) -> Any:
+    def _run(self, command: str, **flags: object) -> Left:
         files = Files()
         file = self.file if self.text is None else files.text("model.toml", self.text)
         return call(f"model {command}", words(file, json=True, order=self.order, **flags))

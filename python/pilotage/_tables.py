@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import shutil
 import tempfile
+import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -12,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _pilotage
-from ._call import PathLike
+from ._call import FOLDER, PathLike
 from ._errors import InputError
 
 if TYPE_CHECKING:
@@ -214,8 +216,8 @@ class Files:
     """Runs and texts as files in a folder of their own, as long as this is there."""
 
     def __init__(self) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="pilotage-python-")
-        self.path = Path(self._folder.name)
+        self.path = Path(tempfile.mkdtemp(prefix=FOLDER))
+        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
 
     def runs(self, given: Any) -> list[str]:
         """The files of one run or of several; paths stay as they are."""

@@ -13,12 +13,29 @@ from ._tables import Files, Run, read_run
 
 
 class Finding(NamedTuple):
-    """What a check of an FMU found: `error`, `warning` or `note`, the rule, and what is wrong."""
+    """What a check of an FMU found.
 
-    file: str
+    Attributes
+    ----------
+    fmu : str
+        The FMU.
+    severity : str
+        `error` (it violates the standard), `warning` or `note`.
+    message : str
+        What is wrong.
+    section : str
+        Of the standard.
+    file, line, variable : optional
+        Where.
+    """
+
+    fmu: str
     severity: str
-    code: str
     message: str
+    section: str | None
+    file: str | None
+    line: int | None
+    variable: str | None
 
 
 def version() -> str:
@@ -45,7 +62,7 @@ def validate(*fmus: PathLike, run: bool = True, time_limit: float | None = None)
     """
     left = call("validate", words(*fmus, json=True, no_run=not run, time_limit=time_limit))
     return [
-        Finding(own["file"], found["severity"], found["code"], found["message"])
+        Finding(own["file"], *(found[name] for name in Finding._fields[1:]))
         for own in left.json()["fmus"]
         for found in own["findings"]
     ]

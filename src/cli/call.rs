@@ -235,7 +235,9 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 /// The texts of a folder.
 fn texts(folder: &Path) -> Vec<(String, String)> {
     let of = |path: PathBuf| {
-        let name = path.file_stem().filter(|_| path.extension().is_some_and(|own| own == TEXT));
+        let name = path
+            .file_stem()
+            .filter(|_| path.extension().is_some_and(|own| own == TEXT));
         Some((name?.to_str()?.to_owned(), file::text(&path).ok()?))
     };
     files(folder).into_iter().filter_map(of).collect()
@@ -245,7 +247,12 @@ fn texts(folder: &Path) -> Vec<(String, String)> {
 fn tables(folder: &Path) -> Vec<(String, Series)> {
     let table = |file: &PathBuf| {
         let series = Series::read_table(file).ok()?;
-        let name = series.comments.first()?.trim().strip_prefix(NAME)?.to_owned();
+        let name = series
+            .comments
+            .first()?
+            .trim()
+            .strip_prefix(NAME)?
+            .to_owned();
         Some((name, series))
     };
     files(folder).iter().filter_map(table).collect()
@@ -298,7 +305,11 @@ pub fn keep_text(name: &str, text: String) {
 /// Hands over a table.
 pub fn keep(name: &str, table: Series) {
     let mut table = Some(table);
-    with(|call| call.done.tables.extend(table.take().map(|table| (name.to_owned(), table))));
+    with(|call| {
+        call.done
+            .tables
+            .extend(table.take().map(|table| (name.to_owned(), table)))
+    });
     if let (Some(mut table), Some(folder)) = (table, std::env::var_os(FOLDER)) {
         static COUNT: Mutex<usize> = Mutex::new(0);
         let mut count = COUNT.lock().unwrap_or_else(PoisonError::into_inner);

@@ -33,10 +33,7 @@ pub fn left(py: Python<'_>, done: Done) -> PyResult<Left<'_>> {
 fn table(py: Python<'_>, series: Series) -> PyResult<Table<'_>> {
     let column = |own: Column| Ok((own.name, own.unit, bytes(py, &own.values)?));
     let columns = series.columns.into_iter().map(column);
-    Ok((
-        bytes(py, &series.time)?,
-        columns.collect::<PyResult<_>>()?,
-    ))
+    Ok((bytes(py, &series.time)?, columns.collect::<PyResult<_>>()?))
 }
 
 fn bytes<'py>(py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyByteArray>> {
@@ -51,7 +48,10 @@ fn bytes<'py>(py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyByteArra
 
 fn doubles(bytes: &[u8]) -> Vec<f64> {
     let (values, _) = bytes.as_chunks();
-    values.iter().map(|value| f64::from_ne_bytes(*value)).collect()
+    values
+        .iter()
+        .map(|value| f64::from_ne_bytes(*value))
+        .collect()
 }
 
 /// Writes a table over time as CSV: comments, the bytes of the times, then name, unit and bytes of each column. Numbers read

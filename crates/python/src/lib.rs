@@ -67,7 +67,8 @@ impl Prepared {
         let own = Arc::clone(&self.0);
         let done = worker::run(py, move |stop| {
             let mut own = own.lock().unwrap_or_else(PoisonError::into_inner);
-            own.as_mut().map_or_else(Done::default, |own| own.run(&settings, stop))
+            own.as_mut()
+                .map_or_else(Done::default, |own| own.run(&settings, stop))
         })?;
         left(py, done)
     }

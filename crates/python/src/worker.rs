@@ -66,7 +66,8 @@ pub fn run(py: Python<'_>, work: impl FnOnce(&Stop) -> Done + Send + 'static) ->
                 };
             }
             Ok(Err(_)) | Err(RecvTimeoutError::Disconnected) => {
-                let message = "pilotage has failed (a panic, whose message is on stderr): please report it";
+                let message =
+                    "pilotage has failed (a panic, whose message is on stderr): please report it";
                 return Err(PyRuntimeError::new_err(message));
             }
             Err(RecvTimeoutError::Timeout) => {}

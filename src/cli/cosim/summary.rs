@@ -83,9 +83,13 @@ impl Summary<'_> {
 
     /// Notes for the user, without those of the master.
     fn notes(&self) -> Vec<String> {
-        let converted = self.done.converted.iter().map(|[from, from_unit, to, to_unit]| {
-            format!("`{from}` [{from_unit}] is converted for `{to}` [{to_unit}]")
-        });
+        let converted = self
+            .done
+            .converted
+            .iter()
+            .map(|[from, from_unit, to, to_unit]| {
+                format!("`{from}` [{from_unit}] is converted for `{to}` [{to_unit}]")
+            });
         let wanted = &self.args.record;
         let unrecorded = self.done.run.unrecorded.iter();
         let unrecorded = unrecorded.filter(|name| wanted.is_empty() || wanted.contains(name));

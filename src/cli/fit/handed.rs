@@ -93,9 +93,7 @@ fn responses(outcomes: &Outcomes<'_>) -> Vec<(String, Series)> {
 
 fn table(of: &dyn Fn(f64) -> Complex<f64>, middle: f64) -> Series {
     let place = |k| 2.0 * f64::from(k) / f64::from(POINTS - 1) - 1.0;
-    let time: Vec<f64> = (0..POINTS)
-        .map(|k| middle * RANGE.powf(place(k)))
-        .collect();
+    let time: Vec<f64> = (0..POINTS).map(|k| middle * RANGE.powf(place(k))).collect();
     let values: Vec<Complex<f64>> = time.iter().map(|omega| of(*omega)).collect();
     let column = |name: &str, part: fn(&Complex<f64>) -> f64| Column {
         name: name.to_owned(),
