@@ -111,7 +111,7 @@ def call(
 
 
 def listen(
-    run: Callable[[], _pilotage.Left],
+    run: Callable[[], _pilotage._Left],
     finish: Callable[[Left], Any] | None = None,
     accepted: tuple[int, ...] = (0, 1),
 ) -> Left:
@@ -141,7 +141,7 @@ def failure(left: Left) -> Error:
             return FmuError(message, left.hint)
 
 
-def taken(left: _pilotage.Left) -> Left:
+def taken(left: _pilotage._Left) -> Left:
     """What native code left; its warnings are Python's."""
     from ._tables import Table
 

@@ -45,7 +45,7 @@ class Table(Mapping[str, Array]):
         self.units = {name: (units or {}).get(name, "") for name in self._columns}
 
     @classmethod
-    def of(cls, native: _pilotage.Table) -> Self:
+    def of(cls, native: _pilotage._Table) -> Self:
         """Of what native code gives; the memory is not copied."""
         time, columns = native
         arrays = {name: np.frombuffer(data) for name, _, data in columns}

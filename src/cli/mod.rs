@@ -208,17 +208,23 @@ fn run(command: Command) -> u8 {
 
 /// Starts the threads for parallel work, once for all commands of this process.
 fn start_threads() -> Result<(), Failure> {
-    static HAVE_STARTED: Mutex<bool> = Mutex::new(false);
-    let mut have_started = HAVE_STARTED.lock().unwrap_or_else(PoisonError::into_inner);
-    if *have_started {
-        return Ok(());
+    static PROCESS: Mutex<Option<u32>> = Mutex::new(None);
+    let mut process = PROCESS.lock().unwrap_or_else(PoisonError::into_inner);
+    let own = std::process::id();
+    match *process {
+        Some(before) if before == own => return Ok(()),
+        Some(_) => {
+            let message = "this process was forked from one that computes in parallel, and has none of its threads";
+            return Err(Failure::new(message).hint("spawn it instead of forking it"));
+        }
+        None => {}
     }
     let started = crate::collocation::start_threads().map_err(|error| {
         Failure::new(format!("cannot start threads: {error}")).hint(
             "RAYON_NUM_THREADS=1 asks for one only; limits of memory and of processes (`ulimit -v`, `ulimit -u`) may forbid it",
         )
     });
-    *have_started = started.is_ok();
+    *process = started.is_ok().then_some(own);
     started
 }
 

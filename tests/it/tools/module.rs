@@ -177,7 +177,8 @@ fn the_wheel_is_whole() {
     let name = wheel.file_name().unwrap().to_string_lossy().into_owned();
     assert!(name.contains("-cp311-abi3-"), "{name}");
     let mut archive = zip::ZipArchive::new(std::fs::File::open(wheel).unwrap()).unwrap();
-    let names: Vec<String> = archive.file_names().map(str::to_owned).collect();
+    let names = archive.file_names().map(|name| name.unwrap().into_owned());
+    let names: Vec<String> = names.collect();
     for part in [
         "pilotage/__init__.py",
         "pilotage/_pilotage.pyi",

@@ -1,6 +1,8 @@
 """Fits from Python: those of the command, from files and from arrays; what is made of them."""
 
+import os
 import pickle
+import shutil
 import sys
 import threading
 import unittest
@@ -135,6 +137,37 @@ class Fits(Folder):
             thread.join()
         self.assertEqual(found[0], found[1])
         self.assertEqual(found[0], pl.fit(FLIGHTS[:2]))
+
+
+    def test_a_forked_process_simulates_and_refuses_to_fit(self) -> None:
+        child = os.fork()
+        if child == 0:
+            code = 1
+            try:
+                result = pl.simulate(ROOT / "examples/systems/loop.toml", stop_time=1, step=0.1)
+                try:
+                    pl.fit(FLIGHTS[:1])
+                except pl.InputError as error:
+                    code = 0 if "forked" in str(error) and result.status == "completed" else 2
+            finally:
+                os._exit(code)
+        self.assertEqual(os.waitpid(child, 0)[1], 0)
+
+    def test_a_problem_with_an_fmu_is_fitted_in_a_process_of_its_own(self) -> None:
+        examples = ROOT / "examples/problems/battery"
+        for name in ("cell.toml", "drive.csv", "open_circuit.csv", "problem.toml"):
+            shutil.copy(examples / name, self.folder)
+        plain = pl.fit(self.folder / "problem.toml")
+        pl.export(self.folder / "cell.toml", self.folder / "cell.fmu")
+        text = (self.folder / "problem.toml").read_text().replace('"cell.toml"', '"cell.fmu"')
+        (self.folder / "problem.toml").write_text(text)
+        fit = pl.fit(self.folder / "problem.toml")
+        for name, value in plain.values.items():
+            self.assertAlmostEqual(fit.values[name], value, delta=1e-4 * abs(value))
+        self.assertEqual(list(fit.runs), list(plain.runs))
+        (run,), (other,) = fit.runs.values(), plain.runs.values()
+        np.testing.assert_allclose(run["model voltage"], other["model voltage"], rtol=1e-4)
+        self.assertIn(fit.verdict, fit.summary)
 
 
 class Refusals(unittest.TestCase):
