@@ -289,6 +289,7 @@ impl Component for FmuComponent {
 
     /// By `fmi2Reset`, `fmi3Reset`.
     fn renew(&mut self) -> Result<bool, ComponentError> {
+        self.instance.terminate()?;
         self.instance.reset()?;
         if self.fmi3.is_some() {
             self.fmi3 = Some(Fmi3::of(&self.description).0);
