@@ -55,7 +55,7 @@ class System:
 
     def _reset(self) -> None:
         self._files: Files | None = None
-        self._prepared: dict[tuple[str, ...], _pilotage.Prepared] = {}
+        self._prepared: dict[str, _pilotage.Prepared] = {}
         self._lock = threading.Lock()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -98,11 +98,13 @@ class System:
             case _:
                 own = text(source)
         self.models.append((name, own))
+        self._prepared.clear()
         return self
 
     def connect(self, output: str, input: str) -> Self:
         """Connects an output to an input, both `instance.variable`; units are converted."""
         self.connections.append((output, input))
+        self._prepared.clear()
         return self
 
     def set(self, name: str, value: object) -> Self:
@@ -126,19 +128,19 @@ class System:
 
     def prepared(self, flags: Mapping[str, object]) -> _pilotage.Prepared:
         """The opened system; opened once for the same flags."""
-        named, wiring = self.words()
-        own = words(*named, **wiring, **flags)
-        with self._lock:
-            known = self._prepared.get(tuple(own))
-            if known is None:
-                try:
-                    known = _pilotage.Prepared(own)
-                except ValueError as error:
-                    raise InputError(str(error).removeprefix("error: ").strip()) from None
+        key = repr(flags)
+        known = self._prepared.get(key)
+        if known is None:
+            named, wiring = self.words()
+            try:
+                known = _pilotage.Prepared(words(*named, **wiring, **flags))
+            except ValueError as error:
+                raise InputError(str(error).removeprefix("error: ").strip()) from None
+            with self._lock:
                 # An opened system holds its FMUs: the last two are kept.
                 while len(self._prepared) > 1:
                     del self._prepared[next(iter(self._prepared))]
-                self._prepared[tuple(own)] = known
+                self._prepared[key] = known
         return known
 
 
