@@ -48,6 +48,7 @@ pub use failure::{Failure, Outcome};
 use clap::error::ErrorKind;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use pilotage_text::printable::one_line;
+use std::sync::{Mutex, PoisonError};
 
 /// Identify how a human pilot acts on a vehicle, and export that pilot as an FMU.
 #[derive(Debug, Parser)]
@@ -210,13 +211,26 @@ fn run(command: Command) -> u8 {
     }
 }
 
-/// Starts the threads for parallel work.
+/// Starts the threads for parallel work, once for all commands of this process.
 fn start_threads() -> Result<(), Failure> {
-    crate::collocation::start_threads().map_err(|error| {
+    static PROCESS: Mutex<Option<u32>> = Mutex::new(None);
+    let mut process = PROCESS.lock().unwrap_or_else(PoisonError::into_inner);
+    let own = std::process::id();
+    match *process {
+        Some(before) if before == own => return Ok(()),
+        Some(_) => {
+            let message = "this process was forked from one that computes in parallel, and has none of its threads";
+            return Err(Failure::new(message).hint("spawn it instead of forking it"));
+        }
+        None => {}
+    }
+    let started = crate::collocation::start_threads().map_err(|error| {
         Failure::new(format!("cannot start threads: {error}")).hint(
             "RAYON_NUM_THREADS=1 asks for one only; limits of memory and of processes (`ulimit -v`, `ulimit -u`) may forbid it",
         )
-    })
+    });
+    *process = started.is_ok().then_some(own);
+    started
 }
 
 fn done(command: Command) -> Result<Outcome, Failure> {

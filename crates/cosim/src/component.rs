@@ -75,8 +75,10 @@ pub trait Component: Send {
         Ok(())
     }
 
-    /// After [`terminate`](Self::terminate): becomes as it was when it was made, for another run. Returns whether it can.
+    /// Ends the simulation and becomes as it was when it was made, for another run. Returns whether it can; if not, it is
+    /// [terminated](Self::terminate).
     fn renew(&mut self) -> Result<bool, ComponentError> {
+        self.terminate()?;
         Ok(false)
     }
 

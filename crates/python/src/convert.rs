@@ -54,11 +54,12 @@ fn doubles(bytes: &[u8]) -> Vec<f64> {
         .collect()
 }
 
-/// Writes a table over time as CSV: the bytes of the times, then name, unit and bytes of each column. Numbers read back as
-/// they are.
+/// Writes a table over time as CSV: comments, the bytes of the times, then name, unit and bytes of each column. Numbers read
+/// back as they are.
 #[pyfunction]
 pub fn write_table(
     path: PathBuf,
+    comments: Vec<String>,
     time: &[u8],
     columns: Vec<(String, String, Vec<u8>)>,
 ) -> PyResult<()> {
@@ -76,6 +77,7 @@ pub fn write_table(
     };
     let columns = columns.into_iter().map(column).collect::<PyResult<_>>()?;
     let series = Series {
+        comments,
         time,
         columns,
         ..Series::default()

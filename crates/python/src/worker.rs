@@ -4,7 +4,7 @@ use pilotage::cli::call::{Done, Stop};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Interval between two looks for signals.
@@ -15,32 +15,36 @@ const PATIENCE: Duration = Duration::from_millis(130);
 /// Work for a thread, and who waits for it.
 type Work = Box<dyn FnOnce() + Send>;
 
-/// Threads that wait for work: to start one takes longer than a short simulation.
-static IDLE: Mutex<Vec<Sender<Work>>> = Mutex::new(Vec::new());
+/// Threads that wait for work, of this process: to start one takes longer than a short simulation.
+static IDLE: Mutex<(u32, Vec<Sender<Work>>)> = Mutex::new((0, Vec::new()));
 
-fn give(mut work: Work) -> std::io::Result<()> {
-    loop {
-        let idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let Some(thread) = idle else { break };
-        // One that is gone, as all are in a forked process.
-        match thread.send(work) {
-            Ok(()) => return Ok(()),
-            Err(back) => work = back.0,
-        }
+fn idle() -> MutexGuard<'static, (u32, Vec<Sender<Work>>)> {
+    let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
+    let process = std::process::id();
+    // A forked process has none of the threads.
+    if idle.0 != process {
+        *idle = (process, Vec::new());
+    }
+    idle
+}
+
+fn give(work: Work) -> std::io::Result<()> {
+    let gone = |_| std::io::Error::other("a thread has ended before its work");
+    let waiting = idle().1.pop();
+    if let Some(thread) = waiting {
+        return thread.send(work).map_err(gone);
     }
     let (sender, receiver) = channel::<Work>();
     let own = sender.clone();
     let serve = move || {
         while let Ok(work) = receiver.recv() {
             work();
-            let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
-            idle.push(own.clone());
+            idle().1.push(own.clone());
         }
     };
     std::thread::Builder::new()
         .name("pilotage".into())
         .spawn(serve)?;
-    let gone = |_| std::io::Error::other("a thread has ended before its work");
     sender.send(work).map_err(gone)
 }
 

@@ -1,5 +1,6 @@
 //! `pilotage model step`: step responses of a model.
 
+use super::super::call;
 use super::super::made::made;
 use super::super::number::{number, positive};
 use super::super::overwrite::{self, OutputKind, Overwrite};
@@ -163,6 +164,9 @@ pub fn run(model: &ModelArgs, args: &StepArgs) -> Result<Outcome, Failure> {
     progress.clear();
     if let Some(path) = &args.csv {
         overwrite::save(path, series(&time, &responses).to_csv())?;
+    }
+    if call::takes_tables() {
+        call::keep("responses", series(&time, &responses));
     }
     if let Some(path) = &args.report {
         let title = format!("step responses of {}", model.compiled().file.name);

@@ -1,5 +1,5 @@
 //! The second tier: tests that need more than Rust. Python with fmpy and other tools, which the tests install
-//! themselves (network); cargo, which builds models and finds the built examples; binutils; valgrind.
+//! themselves (network); cargo, which builds models, the Python module, and finds the built examples; binutils; valgrind.
 
 mod dependencies;
 mod describing;
@@ -11,6 +11,7 @@ mod margins;
 mod masters;
 mod model_fmus;
 mod modes;
+mod module;
 mod other_tools;
 mod pack;
 mod pages;

@@ -27,6 +27,7 @@ use pilotage_fmi::instance::Saved;
 use pilotage_fmi::{Fmu, FmuError, Instance, InterfaceType, Step, fmu};
 use std::collections::HashSet;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Opens and loads an FMU and makes a component of it: with the wanted interface, if available, otherwise co-simulation
 /// before model exchange.
@@ -105,8 +106,7 @@ impl Outline {
 #[derive(Debug)]
 pub struct FmuComponent {
     instance: Instance,
-    /// What it was made of.
-    origin: (fmu::Library, String),
+    description: Arc<ModelDescription>,
     access: Access,
     knowns: Knowns,
     variables: Vec<Variable>,
@@ -160,7 +160,7 @@ impl FmuComponent {
             saved: Vec::new(),
             orders: vec![1; variables.len()],
             instance,
-            origin: (library.clone(), name.to_owned()),
+            description: Arc::clone(description),
             access,
             knowns: Knowns::of(description),
             limitation: limitation(description, &variables),
@@ -287,16 +287,15 @@ impl Component for FmuComponent {
         Ok(self.instance.terminate()?)
     }
 
-    /// A new instance: of `fmi2Reset` not every FMU makes one.
+    /// By `fmi2Reset`, `fmi3Reset`.
     fn renew(&mut self) -> Result<bool, ComponentError> {
-        let (library, name) = &self.origin;
-        let interface = library.description().co_simulation.as_ref();
-        let is_only_once =
-            interface.is_some_and(|own| own.can_be_instantiated_only_once_per_process);
-        if !is_only_once {
-            *self = Self::new(&library.clone(), &name.clone())?;
+        self.instance.terminate()?;
+        self.instance.reset()?;
+        if self.fmi3.is_some() {
+            self.fmi3 = Some(Fmi3::of(&self.description).0);
         }
-        Ok(!is_only_once)
+        self.time = 0.0;
+        Ok(true)
     }
 
     /// By directional derivatives, if the description lists the states; otherwise by responses with steps of `step`, if

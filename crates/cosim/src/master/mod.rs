@@ -262,15 +262,13 @@ impl Components {
         failed
     }
 
-    /// Terminates the components and makes them new for another run. `None` if one of them has failed or cannot be
-    /// [made new](Component::renew).
+    /// The components, [made new](Component::renew) for another run. `None` if one of them has failed or cannot be.
     pub fn renewed(mut self) -> Option<Vec<(String, Box<dyn Component>)>> {
         if self.culprit.is_some() {
             return None;
         }
         let wired = std::mem::take(&mut self.wired);
         let renew = |mut own: Wired| {
-            own.component.terminate().ok()?;
             let is_new = own.component.renew().unwrap_or(false);
             is_new.then_some((own.name, own.component))
         };

@@ -468,6 +468,22 @@ impl Component for Isolated {
         self.free()
     }
 
+    /// The process stays.
+    fn renew(&mut self) -> Result<bool, ComponentError> {
+        let is_new = match self.ask(Question::Renew)? {
+            Answer::Renewed(is_new) => is_new,
+            _ => return Err(self.nonsense()),
+        };
+        if !is_new {
+            self.free()?;
+        }
+        self.next_jump = None;
+        self.received = (Vec::new(), Vec::new());
+        self.read.clear();
+        (self.has_begun, self.has_stepped) = (false, false);
+        Ok(is_new)
+    }
+
     fn linearize(&mut self, step: f64) -> Result<Linear, ComponentError> {
         match self.ask(Question::Linearize(step))? {
             Answer::Linear(system) => system.read().ok_or_else(|| self.nonsense()),

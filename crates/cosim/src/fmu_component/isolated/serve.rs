@@ -128,6 +128,7 @@ impl Served {
                 own.terminate()?;
                 Answer::Done
             }
+            Question::Renew => Answer::Renewed(own.renew()?),
             Question::Linearize(step) => Answer::Linear(own.linearize(step)?.into()),
             Question::Save(place) => {
                 own.save(place)?;

@@ -46,6 +46,7 @@ pub enum Question<'a> {
         outputs: Cow<'a, [u32]>,
     },
     Terminate,
+    Renew,
     Linearize(f64),
     Save(usize),
     Restore(usize),
@@ -74,6 +75,8 @@ pub enum Answer {
     Reals(Vec<f64>),
     Value(Value),
     Words(Option<String>),
+    /// Whether it is as it was when it was made.
+    Renewed(bool),
     /// Result of a step; time of the next jump of outputs, after a step or any other change of time; and the requested
     /// reals, if available.
     Moved(Progress, Option<f64>, Option<Vec<f64>>),
