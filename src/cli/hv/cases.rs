@@ -5,6 +5,7 @@ use super::numbers::Delay;
 use super::{Args, Outlook};
 use crate::cli::Failure;
 use crate::control::hv::{Column, Grid, Helicopter, Landings, Map, Pilot, Settings, joined, map};
+use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
 /// A case.
@@ -87,12 +88,22 @@ pub fn settings(args: &Args) -> Settings {
     }
 }
 
+/// Whether a helicopter is named like the built-in one, and there is no file of that name.
+pub fn is_built_in(file: &Path) -> bool {
+    file == Path::new("helicopter") && !file.exists()
+}
+
 /// The helicopter with these values of its parameters.
 pub fn helicopter(args: &Args, set: &[(String, f64)]) -> Result<Helicopter, Failure> {
-    Ok(match &args.helicopter {
-        Some(file) => Helicopter::read(file, set)?,
-        None => Helicopter::built_in(set)?,
-    })
+    let own = match &args.helicopter {
+        Some(file) if !is_built_in(file) => Helicopter::read(file, set)?,
+        _ => Helicopter::built_in(set)?,
+    };
+    if args.runs_down && !own.runs_down() {
+        let message = "--runs-down: the helicopter's model has no state `engine` that fades";
+        return Err(Failure::new(message).hint("`pilotage models show helicopter` has one"));
+    }
+    Ok(own)
 }
 
 /// The landings of a case.

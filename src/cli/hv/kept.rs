@@ -16,6 +16,7 @@ pub struct Kept {
     text: String,
     columns: Vec<(String, Column)>,
     is_resumed: bool,
+    is_of_others: bool,
 }
 
 impl Kept {
@@ -54,9 +55,11 @@ impl Kept {
             false => String::new(),
         };
         let rest = earlier.strip_prefix(&first);
+        let is_of_others = rest.is_none() && !earlier.is_empty();
         let columns = rest.map_or(Vec::new(), |rest| rest.lines().filter_map(read).collect());
         Ok(Self {
             is_resumed: rest.is_some(),
+            is_of_others,
             text: if rest.is_some() { earlier } else { first },
             path,
             columns,
@@ -66,6 +69,11 @@ impl Kept {
     /// Whether an earlier run goes on.
     pub fn is_resumed(&self) -> bool {
         self.is_resumed
+    }
+
+    /// Whether there is a run with other settings that was stopped.
+    pub fn is_of_others(&self) -> bool {
+        self.is_of_others
     }
 
     /// Number of columns that are done.

@@ -5,7 +5,7 @@ use super::numbers::Delay;
 use super::{Args, DOTS, WIDTH};
 use crate::cli::made::{made, program, quoted};
 use crate::cli::{Failure, Outcome, folder, overwrite, system, terminal};
-use crate::control::hv::{Manoeuvre, Settings};
+use crate::control::hv::{Landings, Manoeuvre, Settings};
 use crate::cosim::{self, Algorithm, Clock, SeriesRecorder, SystemDescription};
 use crate::export::{Export, Provenance};
 use crate::models::TextModel;
@@ -18,6 +18,8 @@ use std::path::Path;
 
 /// Longest communication step of the replay \[s\].
 const STEP: f64 = 0.005;
+/// Difference of S from which the co-simulation is another flight.
+const AGREEMENT: f64 = 0.02;
 
 /// A landing and what the co-simulation of its FMUs makes of it.
 struct Flown<'a> {
@@ -25,6 +27,8 @@ struct Flown<'a> {
     at: [f64; 2],
     delay: f64,
     manoeuvre: Manoeuvre,
+    /// Static gains that were divided out of the pilot.
+    gains: Option<[f64; 2]>,
     /// S at touch-down of the co-simulation, and the step \[s\]; NaN where the states are no outputs.
     replayed: (f64, f64),
 }
@@ -45,13 +49,14 @@ pub fn run(args: &Args, cases: &[Case], hands: Option<&Hands>) -> Result<Outcome
         let landings = cases::landings(args, case, hands)?;
         let [speed, height] = *at;
         let found = landings.manoeuvre(height, speed, delay);
-        let missing = || {
-            let point = format!("at {speed} m/s and {height} m");
-            Failure::new(format!(
-                "{point} there is no trim to begin from: the rotor cannot carry the helicopter there"
-            ))
-        };
-        computed.push((delay, found.ok_or_else(missing)?));
+        let found = found.ok_or_else(|| missing(&landings, *at))?;
+        if !found.landing.s.is_finite() {
+            let message = format!(
+                "{speed} m/s at {height} m: no start of the optimiser converged, so that nothing is known of this point"
+            );
+            return Err(Failure::new(message).hint("take a lower point, or more --intervals: the program suits descents of a minute or less").ran());
+        }
+        computed.push((delay, found));
     }
     folder::create_new(&args.output, args.force)?;
     let mut all = Vec::new();
@@ -65,6 +70,7 @@ pub fn run(args: &Args, cases: &[Case], hands: Option<&Hands>) -> Result<Outcome
             at: *at,
             delay,
             manoeuvre,
+            gains: hands.map(|own| own.pilot.axes.each_ref().map(|axis| axis.gain)),
             replayed: (f64::NAN, f64::NAN),
         };
         std::fs::create_dir_all(&folder).map_err(|error| {
@@ -85,6 +91,26 @@ pub fn run(args: &Args, cases: &[Case], hands: Option<&Hands>) -> Result<Outcome
             .collect(),
     })?;
     Ok(Outcome::Done)
+}
+
+/// Why there is no landing from a point: speed and height.
+fn missing(landings: &Landings, [speed, height]: [f64; 2]) -> Failure {
+    let point = format!("{speed} m/s at {height} m");
+    let [low, high, _] = landings.settings().cz;
+    let words = match landings.helicopter().trim(height, speed) {
+        Some(_) if landings.trim(height, speed).is_some() => {
+            format!("{point}: the equations cannot be integrated over the delay")
+        }
+        Some(trim) => format!(
+            "{point}: level flight needs a thrust of C_T/sigma {} and a tilt of {} deg, which are not within {low} to {high} and the --tilt",
+            significant(trim.cz, 3),
+            significant(trim.alpha.to_degrees(), 3),
+        ),
+        None => format!(
+            "{point}: there is no level flight to begin from: the rotor cannot carry the helicopter"
+        ),
+    };
+    Failure::new(words).hint("look at mass, density and power of the helicopter")
 }
 
 impl Flown<'_> {
@@ -215,7 +241,7 @@ impl Flown<'_> {
             built.system,
             &Clock::new(0.0, stop, step)?,
             None,
-            Algorithm::GaussSeidel,
+            Algorithm::Strong,
             &mut recorder,
         )?;
         let series = recorder.series;
@@ -298,13 +324,14 @@ impl Flown<'_> {
             ("S of the FMUs", shown(self.replayed.0)),
             ("time to the ground [s]", shown(self.end())),
         ];
-        let words = [
+        let mut words = vec![
             "S is the larger of sink rate and speed at touch-down over what is permitted. A point is unsafe only if several starts \
              of the optimiser agree."
                 .to_owned(),
             "The flight is optimal control's: of a pilot who knows everything and makes no error. It is no flight limitation."
                 .to_owned(),
         ];
+        words.extend(self.gains.map(super::page::pilot_words));
         plain_page(&PlainPage {
             title: &format!(
                 "Landing from {} m/s at {} m, {}",
@@ -358,8 +385,15 @@ impl Flown<'_> {
             "wrote {}: flight.csv, landing.html, landing.svg, and the FMUs\n",
             terminal::shown(folder)
         );
+        let far = (self.replayed.0 - landing.replayed).abs();
+        if far > AGREEMENT {
+            text += &format!(
+                "note: the FMUs land with another S: a flight of {} s without feedback multiplies what communication steps of {step} s are off\n",
+                significant(self.end(), 3)
+            );
+        }
         text += &format!(
-            "next: {} cosim {} --step {step} --stop-time {stop} -o result.csv\n",
+            "next: {} cosim {} --algorithm strong --step {step} --stop-time {stop} -o result.csv\n",
             program(),
             quoted(&file.to_string_lossy())
         );

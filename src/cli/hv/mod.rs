@@ -120,7 +120,22 @@ pub struct Outlook<'a> {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
-    if let Some(file) = &args.helicopter {
+    if let Some(k) = (1..args.set.len()).find(|k| {
+        args.set[..*k]
+            .iter()
+            .any(|own| own.name == args.set[*k].name)
+    }) {
+        let name = &args.set[k].name;
+        let message = format!("--set gives `{name}` twice");
+        return Err(Failure::new(message).hint(format!(
+            "several values for a map of each: --set {name}=1,2"
+        )));
+    }
+    if let Some(file) = args
+        .helicopter
+        .as_ref()
+        .filter(|file| !cases::is_built_in(file))
+    {
         recognise::expect([file], &[FileKind::Model], "a model file of a helicopter")?;
     }
     let hands = args
@@ -148,7 +163,11 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let landings: Vec<Landings> = landings.collect::<Result<_, _>>()?;
     let mut kept = Kept::open(args, landings[0].helicopter(), hands.as_ref())?;
     if !kept.is_resumed() {
-        folder::create_new(&args.output, args.force)?;
+        let created = folder::create_new(&args.output, args.force);
+        created.map_err(|failure| match kept.is_of_others() {
+            true => failure.hint("a run with other settings was stopped in it; the same settings go on, --force begins anew"),
+            false => failure,
+        })?;
     }
     interrupt::listen("stopping; the columns that are done are kept")?;
     let deadline = Deadline::after(args.time_limit);

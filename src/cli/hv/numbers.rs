@@ -51,10 +51,11 @@ pub fn speeds(text: &str) -> Result<Numbers, String> {
     }
 }
 
-/// `LOW:HIGH[:COUNT]`, at equal ratios.
+/// `LOW:HIGH[:COUNT]`, at equal ratios, or one.
 pub fn heights(text: &str) -> Result<Numbers, String> {
     let numbers = split(text, ':')?;
     let (low, high, count) = match numbers[..] {
+        [only] if only > 0.0 => return Ok(Numbers(vec![only])),
         [low, high] => (low, high, 24.0),
         [low, high, count] => (low, high, count),
         _ => return Err("expected LOW:HIGH or LOW:HIGH:COUNT".to_owned()),

@@ -5,7 +5,7 @@ use super::overlay::Curve;
 use super::{Args, counts};
 use crate::cli::made::made;
 use crate::cli::{format::aligned, terminal};
-use crate::control::hv::{Class, Column, Crossing, Map};
+use crate::control::hv::{Class, Column, Crossing, Map, Range};
 use crate::report::figure::{Axis, Figure, Look, Panel, Series};
 use crate::report::{PlainPage, plain_page};
 use pilotage_text::counted;
@@ -35,29 +35,44 @@ fn units(args: &Args) -> [(&'static str, f64); 2] {
 /// The boundary as lines of speeds and heights: that of the region at hover, by the low branch, the knee and the high
 /// branch; and that of the strip over the ground.
 fn lines(map: &Map) -> [Vec<[f64; 2]>; 2] {
-    let [low, mut high] = [0, 1].map(|end| branch(map, end, |own| own.height));
+    let region = map.region();
+    let ends = |end: fn(&Range) -> Option<Crossing>| {
+        let all = region
+            .iter()
+            .filter_map(move |(speed, own)| Some([*speed, end(own)?.height]));
+        all.collect::<Vec<_>>()
+    };
+    let (low, mut high) = (ends(|own| own.low), ends(|own| own.high));
     high.reverse();
-    let strip = map.columns.iter();
-    let strip = strip.filter_map(|own| Some([own.speed, own.strip()?.height]));
+    let strip = map
+        .strip()
+        .into_iter()
+        .filter_map(|(speed, own)| Some([speed, own.high?.height]));
     [
         low.into_iter().chain(map.knee).chain(high).collect(),
         strip.collect(),
     ]
 }
 
-/// Speeds and what is asked of one end of the unsafe range.
-fn branch(map: &Map, end: usize, what: impl Fn(&Crossing) -> f64) -> Vec<[f64; 2]> {
-    let columns = map.columns.iter();
-    let all = columns.filter_map(|own| Some([own.speed, what(&own.range()?[end])]));
-    all.collect()
-}
-
-/// The outline of the band of an end of the unsafe range, where it is known.
-fn band(map: &Map, end: usize) -> Vec<[f64; 2]> {
-    let [low, mut high] = [0, 1].map(|k| branch(map, end, |own| own.range[k]));
-    high.reverse();
-    let all = low.into_iter().chain(high);
-    all.filter(|own| own[1].is_finite()).collect()
+/// The outlines of the bands of both ends of the region, where they are known.
+fn bands(map: &Map) -> [Vec<[f64; 2]>; 2] {
+    let region = map.region();
+    let outline = |end: fn(&Range) -> Option<Crossing>| {
+        let known = || {
+            region
+                .iter()
+                .filter_map(move |(speed, own)| Some((*speed, end(own)?.range)))
+        };
+        let [low, mut high] = [0, 1].map(|k| {
+            known()
+                .map(|(speed, range)| [speed, range[k]])
+                .collect::<Vec<_>>()
+        });
+        high.reverse();
+        let all = low.into_iter().chain(high);
+        all.filter(|own| own[1].is_finite()).collect()
+    };
+    [outline(|own| own.low), outline(|own| own.high)]
 }
 
 /// A number of a table; empty where there is none.
@@ -121,13 +136,23 @@ fn boundary_rows(shown: &[Shown]) -> Vec<Vec<String>> {
             let words = [own.case.name.clone(), branch.to_owned()].into_iter();
             rows.push(words.chain(numbers.map(|value| number(value, 5))).collect());
         };
+        let (region, strip) = (own.map.region(), own.map.strip());
         for column in &own.map.columns {
-            if let Some([low, high]) = column.range() {
-                row("low", column.speed, low.height, low.range);
-                row("high", column.speed, high.height, high.range);
-            }
-            if let Some(own) = column.strip() {
-                row("strip", column.speed, own.height, own.range);
+            for range in column.ranges() {
+                let is_of = |all: &[(f64, Range)]| {
+                    let mut all = all.iter();
+                    all.any(|at| at.0 == column.speed && at.1.heights == range.heights)
+                };
+                let names = match (is_of(&region), is_of(&strip)) {
+                    (true, _) => ["low", "high"],
+                    (_, true) => ["strip", "strip"],
+                    _ => ["other low", "other high"],
+                };
+                for (name, end) in names.into_iter().zip([range.low, range.high]) {
+                    if let Some(end) = end {
+                        row(name, column.speed, end.height, end.range);
+                    }
+                }
             }
         }
         if let Some([speed, height]) = own.map.knee {
@@ -238,11 +263,7 @@ pub fn figure(args: &Args, shown: &[Shown], overlays: &[Curve]) -> Figure {
             true => Look::Dashed,
             false => Look::Line,
         };
-        for outline in [0, 1]
-            .map(|end| band(&own.map, end))
-            .iter()
-            .filter(|own| own.len() > 2)
-        {
+        for outline in bands(&own.map).iter().filter(|own| own.len() > 2) {
             series.push(drawn(
                 &format!("95 % {}", own.case.name),
                 colour,
@@ -304,15 +325,7 @@ fn words(args: &Args, shown: &[Shown]) -> Vec<String> {
          beyond the limit of the thrust coefficient, and obstacles; its inflow near the vortex ring is empirical."
             .to_owned(),
     ];
-    if let Some(gains) = shown.iter().find_map(|own| own.gain) {
-        let gains = gains.map(|gain| significant(gain, 4));
-        all.push(format!(
-            "The pilot's linearisation stands between command and rotor on both axes; its static gains ({} and {}), which \
-             scale its task, are divided out. The delay is recognition alone: the pilot's own lag is in the pilot. \
-             Limits hold for the command and for what the rotor sees; the command may jump, since the pilot does not.",
-            gains[0], gains[1],
-        ));
-    }
+    all.extend(shown.iter().find_map(|own| own.gain).map(pilot_words));
     if let Some(own) = shown.iter().find(|own| own.draws > 0) {
         all.push(format!(
             "The band is that of {} drawn from the covariance of the fit: 95 % of them have the boundary within it. It says what \
@@ -325,6 +338,17 @@ fn words(args: &Args, shown: &[Shown]) -> Vec<String> {
         all.push("The pilot's file has no covariance, so there is no band.".to_owned());
     }
     all
+}
+
+/// How the pilot is in the loop.
+pub fn pilot_words(gains: [f64; 2]) -> String {
+    let [first, second] = gains.map(|gain| significant(gain, 4));
+    format!(
+        "The pilot's linearisation, where it begins, stands between command and rotor on both axes, each by itself: limits, dead zones \
+         and rates of the pilot's own, and what one axis does to the other, are not in it. Its static gains ({first} and {second}), \
+         which scale its task, are divided out. The delay is recognition alone: the pilot's own lag is in the pilot. Limits hold for \
+         the command and for what the rotor sees; the command may jump, since the pilot does not."
+    )
 }
 
 /// Speed and height of a knee in words.
@@ -346,12 +370,21 @@ fn hover(args: &Args, map: &Map) -> String {
         return String::new();
     };
     let shown = |height: f64| significant(feet * height, 3);
-    match (column.range(), column.crossings.last()) {
-        (Some([low, high]), _) => format!("{} to {} {unit}", shown(low.height), shown(high.height)),
-        (None, Some(own)) if own.opens => format!("{} {unit} and up", shown(own.height)),
-        (None, Some(own)) => format!("up to {} {unit}", shown(own.height)),
-        (None, None) if column.cells.iter().all(|own| own.class == Class::Safe) => "none".into(),
-        (None, None) => "all, or unknown".into(),
+    let region = map.region();
+    let is_first = |own: &&(f64, Range)| own.0 == column.speed;
+    match region
+        .first()
+        .filter(is_first)
+        .map(|own| (own.1.low, own.1.high))
+    {
+        Some((Some(low), Some(high))) => {
+            format!("{} to {} {unit}", shown(low.height), shown(high.height))
+        }
+        Some((Some(low), None)) => format!("{} {unit} and up", shown(low.height)),
+        Some((None, Some(high))) => format!("up to {} {unit}", shown(high.height)),
+        Some((None, None)) => "all heights".into(),
+        None if column.cells.iter().all(|own| own.class == Class::Safe) => "none".into(),
+        None => "none, or unknown".into(),
     }
 }
 

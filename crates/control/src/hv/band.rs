@@ -65,7 +65,8 @@ pub fn add(
     }
     for (own, mut heights) in column.crossings.iter_mut().zip(edges) {
         heights.sort_by(f64::total_cmp);
-        own.range = QUANTILES.map(|part| quantile(&heights, part));
+        let [low, high] = QUANTILES.map(|part| quantile(&heights, part));
+        own.range = [low.min(own.height), high.max(own.height)];
     }
     Some(())
 }

@@ -112,6 +112,11 @@ impl Helicopter {
         })
     }
 
+    /// Whether its engine can run down: it has the state `engine`.
+    pub fn runs_down(&self) -> bool {
+        self.engine.is_some()
+    }
+
     fn inputs(&self, cz: f64, alpha: f64) -> [f64; 2] {
         if self.is_swapped {
             [alpha, cz]
@@ -196,18 +201,12 @@ impl Helicopter {
         if let (Some(engine), true) = (self.engine, runs_down) {
             x[engine] = self.required_power(trim);
         }
-        if seconds <= 0.0 {
-            return Frozen {
-                time: vec![0.0],
-                states: vec![x],
-                is_down: false,
-            };
-        }
-        let run = bare_run(
-            [0.0, seconds],
-            self.inputs(trim.cz, trim.alpha).to_vec(),
-            x.len(),
-        );
+        let mut all = Frozen {
+            time: vec![0.0],
+            states: vec![x],
+            is_down: false,
+            is_whole: true,
+        };
         let quality = Quality {
             tolerance: 1e-10,
             magnitudes: self
@@ -217,29 +216,21 @@ impl Helicopter {
                 .collect(),
             most_steps: 5000,
         };
-        let course = self.model.course(&run, &[], &x, &quality, &|| false);
-        let (mut time, mut states) = (course.time, course.states);
-        let h = self.places[0];
-        let ground = states.windows(2).position(|pair| pair[1][h] < 0.0);
-        if let Some(k) = ground {
-            let part = states[k][h] / (states[k][h] - states[k + 1][h]);
-            let between = |a: f64, b: f64| a + part * (b - a);
-            let last = states[k]
-                .iter()
-                .zip(&states[k + 1])
-                .map(|(a, b)| between(*a, *b));
-            let last: Vec<f64> = last.collect();
-            let end = between(time[k], time[k + 1]);
-            time.truncate(k + 1);
-            states.truncate(k + 1);
-            time.push(end);
-            states.push(last);
+        let [h, _, w, ..] = self.places;
+        while !all.is_down && all.is_whole && all.end() < seconds {
+            let (from, x) = (all.end(), all.last().to_vec());
+            // Short of the ground, below which the model is none.
+            let short = x[h].max(0.0) / (4.0 * x[w].max(0.5));
+            let to = seconds.min(from + short.clamp(1e-3, 0.1));
+            let inputs = self.inputs(trim.cz, trim.alpha).to_vec();
+            let run = bare_run([from, to], inputs, x.len());
+            let course = self.model.course(&run, &[], &x, &quality, &|| false);
+            all.is_whole = course.time.last().is_some_and(|last| *last >= to);
+            for (time, state) in course.time.into_iter().zip(course.states).skip(1) {
+                all.add(time, state, h);
+            }
         }
-        Frozen {
-            time,
-            states,
-            is_down: ground.is_some(),
-        }
+        all
     }
 }
 
@@ -252,9 +243,36 @@ pub struct Frozen {
     pub states: Vec<Vec<f64>>,
     /// Whether it ends at the ground.
     pub is_down: bool,
+    /// Whether the equations could be integrated to its end.
+    pub is_whole: bool,
 }
 
 impl Frozen {
+    /// When it ends \[s\].
+    pub fn end(&self) -> f64 {
+        self.time[self.time.len() - 1]
+    }
+
+    /// Adds a state, or that on the way to it at which the height, state `h`, is 0.
+    fn add(&mut self, time: f64, state: Vec<f64>, h: usize) {
+        if self.is_down {
+            return;
+        }
+        self.is_down = state[h] < 0.0;
+        if !self.is_down {
+            self.time.push(time);
+            self.states.push(state);
+            return;
+        }
+        let (from, before) = (self.end(), self.last());
+        let part = before[h] / (before[h] - state[h]);
+        let between = |a: f64, b: f64| a + part * (b - a);
+        let ground = before.iter().zip(&state).map(|(a, b)| between(*a, *b));
+        let ground = ground.collect();
+        self.time.push(between(from, time));
+        self.states.push(ground);
+    }
+
     /// The states at the end.
     pub fn last(&self) -> &[f64] {
         &self.states[self.states.len() - 1]

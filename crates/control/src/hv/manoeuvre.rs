@@ -2,7 +2,7 @@
 
 use super::helicopter::INPUTS;
 use super::point::{Landing, Landings};
-use crate::optimise;
+use crate::optimise::{self, even};
 use pilotage_language::with_starts;
 
 /// A landing as a flight.
@@ -31,7 +31,7 @@ impl Landings {
     /// The softest landing as a flight. None if there is no trim.
     pub fn manoeuvre(&self, height: f64, speed: f64, delay: f64) -> Option<Manoeuvre> {
         let landing = self.from(height, speed, delay, None)?;
-        let trim = self.helicopter().trim(height, speed)?;
+        let trim = self.trim(height, speed)?;
         let course = self
             .helicopter()
             .frozen(&trim, delay, self.settings().runs_down);
@@ -39,11 +39,15 @@ impl Landings {
         let mut rows: Vec<Instant> = (course.time.iter().zip(&course.states))
             .map(|(time, x)| (*time, x.clone(), controls, controls))
             .collect();
+        let (mesh, z) = match &landing.finer {
+            Some((mesh, z)) => (mesh.clone(), z),
+            None => (even(self.settings().intervals), &landing.z),
+        };
         if let Some((posed, program)) = self
-            .program(height, speed, delay)
-            .filter(|_| !landing.z.is_empty())
+            .program([height, speed, delay], mesh)
+            .filter(|_| !z.is_empty())
         {
-            for at in optimise::trajectory(posed, &program, &landing.z) {
+            for at in optimise::trajectory(posed, &program, z) {
                 let x = self
                     .places()
                     .iter()

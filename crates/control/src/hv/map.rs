@@ -228,7 +228,7 @@ pub fn joined(below: &Map, above: &Map, height: f64) -> Map {
         let step = (ends[0] != ends[1]).then_some(Crossing {
             height,
             opens: ends[1],
-            range: [height; 2],
+            range: [f64::NAN; 2],
         });
         let crossings = low
             .crossings
@@ -259,24 +259,103 @@ pub fn joined(below: &Map, above: &Map, height: f64) -> Map {
     }
 }
 
-impl Column {
-    /// The ends of the unsafe range that begins above safe heights, as from hover: from where it first opens to where it last closes.
-    pub fn range(&self) -> Option<[Crossing; 2]> {
-        let opens = self.crossings.iter().position(|own| own.opens)?;
-        let closes = self.crossings.iter().rposition(|own| !own.opens)?;
-        (closes > opens).then(|| [self.crossings[opens], self.crossings[closes]])
+/// Unsafe heights at a speed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Range {
+    /// Where they begin; none if the lowest height is one of them.
+    pub low: Option<Crossing>,
+    /// Where they end; none if the highest is one of them.
+    pub high: Option<Crossing>,
+    /// The lowest and the highest of them \[m\], of those that were looked at.
+    pub heights: [f64; 2],
+}
+
+impl Range {
+    /// The ratio of the heights that both have; 1 or less if there are none.
+    fn common(&self, other: &Self) -> f64 {
+        let [a, b] = [self.heights, other.heights];
+        a[1].min(b[1]) / a[0].max(b[0])
     }
 
-    /// The end of the unsafe heights over the ground, where these are unsafe from the lowest on.
-    pub fn strip(&self) -> Option<Crossing> {
-        self.crossings.first().filter(|own| !own.opens).copied()
+    /// Their middle, in ratios.
+    fn middle(&self) -> f64 {
+        (self.heights[0] * self.heights[1]).sqrt()
     }
 }
 
-/// The middle of the unsafe range, in ratios.
-fn inner(column: &Column) -> Option<f64> {
-    let [low, high] = column.range()?;
-    Some((low.height * high.height).sqrt())
+impl Column {
+    /// All unsafe heights, by height.
+    pub fn ranges(&self) -> Vec<Range> {
+        let known = || self.cells.iter().filter(|own| own.class != Class::Unknown);
+        let (Some(lowest), Some(highest)) = (known().next(), known().next_back()) else {
+            return Vec::new();
+        };
+        let mut all = Vec::new();
+        let mut open = (lowest.class == Class::Unsafe).then_some((None, lowest.height));
+        for own in &self.crossings {
+            if own.opens {
+                open = Some((Some(*own), own.height));
+            } else if let Some((low, from)) = open.take() {
+                all.push(Range {
+                    low,
+                    high: Some(*own),
+                    heights: [from, own.height],
+                });
+            }
+        }
+        if let Some((low, from)) = open {
+            all.push(Range {
+                low,
+                high: None,
+                heights: [from, highest.height],
+            });
+        }
+        all
+    }
+}
+
+impl Map {
+    /// The unsafe region that begins at the lowest speed: of the first columns, the range in common with that of the column
+    /// before, beginning with the largest of the first.
+    pub fn region(&self) -> Vec<(f64, Range)> {
+        region(&self.columns)
+    }
+
+    /// Unsafe heights from the lowest on that are not of the region, as over the ground at high speed.
+    pub fn strip(&self) -> Vec<(f64, Range)> {
+        let region = self.region();
+        // Bands that are not known are no numbers, which are not equal to themselves.
+        let is_own = |at: &(f64, Range), speed: f64, own: &Range| at.0 == speed && at.1.heights == own.heights;
+        let is_other = |speed: f64, own: &Range| !region.iter().any(|at| is_own(at, speed, own));
+        let of = |own: &Column| {
+            let first = own
+                .ranges()
+                .into_iter()
+                .next()
+                .filter(|own| own.low.is_none());
+            first
+                .filter(|range| is_other(own.speed, range))
+                .map(|range| (own.speed, range))
+        };
+        self.columns.iter().filter_map(of).collect()
+    }
+}
+
+fn region(columns: &[Column]) -> Vec<(f64, Range)> {
+    let mut all: Vec<(f64, Range)> = Vec::new();
+    for own in columns {
+        let size = |range: &Range| match all.last() {
+            Some((_, before)) => range.common(before),
+            None => range.heights[1] / range.heights[0],
+        };
+        let ranges = own.ranges();
+        let largest = ranges.iter().max_by(|a, b| size(a).total_cmp(&size(b)));
+        match largest.filter(|range| all.is_empty() || size(range) > 1.0) {
+            Some(range) => all.push((own.speed, *range)),
+            None => break,
+        }
+    }
+    all
 }
 
 /// The fastest unsafe point of the region that begins at hover, by bisection from its last column; beyond the grid if that is
@@ -285,18 +364,15 @@ fn knee(landings: &Landings, columns: &[Column], delay: f64) -> Option<[f64; 2]>
     /// Step of the search beyond the grid, and where it ends \[m/s\].
     const STEP: f64 = 3.0;
     const FASTEST: f64 = 90.0;
-    let count = columns
-        .iter()
-        .take_while(|own| inner(own).is_some())
-        .count();
-    let last = columns.get(count.checked_sub(1)?)?;
-    let height = inner(last)?;
+    let region = region(columns);
+    let (speed, range) = region.last()?;
+    let height = range.middle();
     let is_safe = |speed: f64| {
         let landing = landings.from(height, speed, delay, None);
         Class::of(landing.as_ref()) == Class::Safe
     };
-    let mut low = last.speed;
-    let mut high = match columns.get(count) {
+    let mut low = *speed;
+    let mut high = match columns.get(region.len()) {
         Some(next) => next.speed,
         None => loop {
             let next = low + STEP;

@@ -9,6 +9,6 @@ mod point;
 
 pub use helicopter::{Frozen, Helicopter, INPUTS, STATES, Trim};
 pub use manoeuvre::Manoeuvre;
-pub use map::{Cell, Class, Column, Crossing, Grid, Map, column, joined, map};
+pub use map::{Cell, Class, Column, Crossing, Grid, Map, Range, column, joined, map};
 pub use pilot::{Axis, Pilot};
 pub use point::{Landing, Landings, Settings};

@@ -33,6 +33,8 @@ pub struct Pilot {
     pub axes: [Axis; 2],
 }
 
+/// Growth \[1/s\] from which a pole is unstable, beyond rounding.
+const LEAST_GROWTH: f64 = 1e-9;
 /// Largest gain at any frequency over the static one, of a pilot that can be an actuator.
 const MOST_GAIN: f64 = 10.0;
 
@@ -76,6 +78,16 @@ impl Axis {
     /// The output with these states under a command.
     pub fn output(&self, states: &[f64], command: f64) -> f64 {
         dot(&self.c, states) + self.d * command
+    }
+
+    /// Largest real part of a pole \[1/s\].
+    pub fn growth(&self) -> f64 {
+        let n = self.b.len();
+        let poles = DMatrix::from_fn(n, n, |i, j| self.a[i][j]).complex_eigenvalues();
+        poles
+            .iter()
+            .map(|own| own.re)
+            .fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// The frequency \[rad/s\] and the gain where the latter is largest, from 0.01 to 100 rad/s. The static gain is 1.
@@ -301,13 +313,19 @@ fn axis(part: &Part, name: &str, [input, output]: [&str; 2]) -> Result<Axis, Pro
     let own = Axis::new(a, b, c, at(n, n)).ok_or_else(|| {
         fault("its linearisation has no static gain: it integrates, or its output does not follow its input".into())
     })?;
+    let fastest = own.growth();
+    if fastest > LEAST_GROWTH {
+        return Err(fault(format!(
+            "its linearisation is unstable: a pole at +{fastest:.3} 1/s; a pilot between command and rotor is stable by itself"
+        )));
+    }
     let (frequency, gain) = own.peak();
     match gain <= MOST_GAIN {
         true => Ok(own),
         false => Err(fault(format!(
-            "its gain at {frequency:.2} rad/s is {gain:.0} times its static one: it differentiates what it sees, as for a \
-             vehicle that integrates several times, and is no actuator between command and rotor; identify it on a vehicle \
-             that follows the stick, as `pilotage trials synth --vehicle integrator` has it"
+            "its gain at {frequency:.2} rad/s is {gain:.0} times its static one: it resonates, or differentiates what it sees, as \
+             for a vehicle that integrates several times, and is no actuator between command and rotor; identify it on a \
+             vehicle that follows the stick, as `pilotage trials synth --vehicle integrator` has it"
         ))),
     }
 }

@@ -77,7 +77,12 @@ pub struct Landing {
     pub iterations: usize,
     /// Variables of the program, for neighbours; empty where the ground came during the delay.
     pub z: Vec<f64>,
+    /// Mesh and variables of the flight that was integrated again, where it is of a finer mesh.
+    pub finer: Option<(Vec<f64>, Vec<f64>)>,
 }
+
+/// S of a flight that lands within the limits, with its mesh and variables.
+type Certified = (f64, (Vec<f64>, Vec<f64>));
 
 /// Values of S that differ less are the same.
 const SAME: f64 = 0.005;
@@ -174,7 +179,8 @@ impl Landings {
     }
 
     /// The softest landing from a height \[m\] and a speed \[m/s\], after a delay \[s\] in which the controls are those of
-    /// trim. It begins from a neighbour's variables, too, if given. None if there is no trim.
+    /// trim. It begins from a neighbour's variables, too, if given. None if there is no trim within the controls'
+    /// limits, or the equations cannot be integrated over the delay.
     pub fn from(
         &self,
         height: f64,
@@ -182,10 +188,13 @@ impl Landings {
         delay: f64,
         near: Option<&[f64]>,
     ) -> Option<Landing> {
-        let trim = self.helicopter.trim(height, speed)?;
+        let trim = self.trim(height, speed)?;
         let course = self
             .helicopter
             .frozen(&trim, delay, self.settings.runs_down);
+        if !course.is_whole {
+            return None;
+        }
         let x = course.last();
         let [h, u, w, _, _] = self.helicopter.places();
         if course.is_down || x[h] <= 0.0 {
@@ -199,11 +208,12 @@ impl Landings {
                 duration: 0.0,
                 iterations: 0,
                 z: Vec::new(),
+                finer: None,
             });
         }
         let program = self.program_on(even(self.settings.intervals), (&trim, x));
         let mut found: Vec<interior::Solution> = Vec::new();
-        let mut certified = None;
+        let (mut certified, mut finer) = (None, None);
         let near = near.filter(|near| near.len() == program.variables());
         let is_enough = |found: &[interior::Solution]| {
             let [converged, same] = agreeing(found);
@@ -234,8 +244,11 @@ impl Landings {
             // One flight that lands within the limits is enough.
             if is_soft {
                 certified = self.certified(&program, &found[found.len() - 1].z);
-                if certified.is_none() {
-                    certified = self.finer(&program, (&trim, x), &found[found.len() - 1].z);
+                if certified.is_none()
+                    && let Some((s, flight)) =
+                        self.finer(&program, (&trim, x), &found[found.len() - 1].z)
+                {
+                    (certified, finer) = (Some(s), Some(flight));
                 }
                 if certified.is_some() {
                     break;
@@ -270,12 +283,15 @@ impl Landings {
             } else {
                 Vec::new()
             },
+            finer,
         })
     }
 
     /// S of the softest landing from the variables of another pilot's; NaN if the solver does not converge from these.
     pub fn softest(&self, height: f64, speed: f64, delay: f64, near: &[f64]) -> f64 {
-        let program = self.program(height, speed, delay).map(|own| own.1);
+        let program = self
+            .program([height, speed, delay], even(self.settings.intervals))
+            .map(|own| own.1);
         let Some(program) = program.filter(|own| own.variables() == near.len()) else {
             return f64::NAN;
         };
@@ -296,7 +312,7 @@ impl Landings {
 
     /// The same from finer meshes, a little within the limits of the path: a long descent on few intervals is a soft landing of
     /// the program alone, and may be beyond them between nodes.
-    fn finer(&self, program: &Program, start: (&Trim, &[f64]), z: &[f64]) -> Option<f64> {
+    fn finer(&self, program: &Program, start: (&Trim, &[f64]), z: &[f64]) -> Option<Certified> {
         let (mut program, mut z) = (program.clone(), z.to_vec());
         for factor in [2, 4] {
             let mut next = self.program_on(even(factor * self.settings.intervals), start);
@@ -315,18 +331,10 @@ impl Landings {
             };
             let own = interior::solve(&next, begin, &options, &mut |_| true);
             if own.status != Status::Converged {
-                if std::env::var_os("DBG").is_some() {
-                    eprintln!(
-                        "finer {} {:?} {}",
-                        next.intervals(),
-                        own.status,
-                        own.iterations
-                    );
-                }
                 return None;
             }
             if let Some(s) = self.certified(&next, &own.z) {
-                return Some(s);
+                return Some((s, (next.mesh, own.z)));
             }
             (program, z) = (next, own.z);
         }
@@ -336,27 +344,30 @@ impl Landings {
     /// The figure of the replay, if that flight lands within the limits.
     fn certified(&self, program: &Program, z: &[f64]) -> Option<f64> {
         let replay = optimise::replay(&self.posed, program, z);
-        if std::env::var_os("DBG").is_some() {
-            eprintln!(
-                "{} whole {} viol {} {} obj {}",
-                program.intervals(),
-                replay.is_whole,
-                replay.violation,
-                replay.violated,
-                replay.objective
-            );
-        }
         let lands = replay.is_whole && replay.violation <= VIOLATION;
         (lands && replay.objective <= 1.0 + VIOLATION).then_some(replay.objective)
     }
 
+    /// Steady level flight with controls within their limits.
+    pub fn trim(&self, height: f64, speed: f64) -> Option<Trim> {
+        let [low, high, _] = self.settings.cz;
+        let found = self.helicopter.trim(height, speed)?;
+        let is_within =
+            (low..=high).contains(&found.cz) && found.alpha.abs() <= self.settings.alpha[0];
+        is_within.then_some(found)
+    }
+
     /// The program of a point, with the problem that it is of. None if there is no trim.
-    pub(super) fn program(&self, height: f64, speed: f64, delay: f64) -> Option<(&Posed, Program)> {
+    pub(super) fn program(
+        &self,
+        [height, speed, delay]: [f64; 3],
+        mesh: Vec<f64>,
+    ) -> Option<(&Posed, Program)> {
         let trim = self.helicopter.trim(height, speed)?;
         let course = self
             .helicopter
             .frozen(&trim, delay, self.settings.runs_down);
-        let program = self.program_on(even(self.settings.intervals), (&trim, course.last()));
+        let program = self.program_on(mesh, (&trim, course.last()));
         Some((&self.posed, program))
     }
 
