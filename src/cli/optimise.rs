@@ -5,7 +5,6 @@ use super::overwrite::{self, OutputKind, Overwrite};
 use super::progress::Spinner;
 use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, interrupt, terminal};
-use crate::control::interior::Status;
 use crate::control::optimise::{Answer, Effort, Verdict, optimise};
 use crate::control::pose::Posed;
 use crate::estimation::ProblemFile;
@@ -226,16 +225,6 @@ fn to_text(file: &str, posed: &Posed, answer: &Answer) -> String {
     text
 }
 
-fn status(status: Status) -> &'static str {
-    match status {
-        Status::Converged => "converged",
-        Status::Infeasible => "infeasible",
-        Status::NoProgress => "no progress",
-        Status::MaxIterations => "iteration limit",
-        Status::Stopped => "stopped",
-    }
-}
-
 fn to_json(posed: &Posed, answer: &Answer, seconds: f64) -> Value {
     let pairs = posed.parameters.iter().zip(&answer.parameters);
     let parameters: Map<String, Value> = pairs
@@ -256,7 +245,7 @@ fn to_json(posed: &Posed, answer: &Answer, seconds: f64) -> Value {
         })
     });
     let starts = answer.starts.iter().map(|own| {
-        json!({ "status": status(own.status), "objective": own.objective, "iterations": own.iterations })
+        json!({ "status": own.status.as_str(), "objective": own.objective, "iterations": own.iterations })
     });
     let meshes = answer.meshes.iter();
     let costates: Map<String, Value> = posed

@@ -52,8 +52,8 @@
 //!
 //! | module, each used by the next | contents |
 //! | --- | --- |
-//! | `dense`, `evaluation` | small matrices; the equations at many points at once |
 //! | [`program`] | the nonlinear program |
+//! | `evaluation`, `rows` | its functions at several points at once; the Jacobian of what is limited |
 //! | `kkt` | its linear systems, by elimination and a Riccati recursion |
 //! | [`interior`] | the interior-point method |
 //! | [`pose`] | a problem file as a program |
@@ -68,6 +68,7 @@ mod kkt;
 pub mod optimise;
 pub mod pose;
 pub mod program;
+mod rows;
 
 pub use optimise::{Answer, Effort, Verdict, optimise};
 pub use pose::Posed;

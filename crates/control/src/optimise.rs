@@ -277,8 +277,8 @@ pub fn optimise(
 fn rank(found: &Solution) -> (u8, f64) {
     match found.status {
         Status::Converged => (0, found.objective),
-        Status::Stopped | Status::MaxIterations | Status::NoProgress => (1, found.violation),
         Status::Infeasible => (2, found.violation),
+        _ => (1, found.violation),
     }
 }
 

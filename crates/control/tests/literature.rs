@@ -3,7 +3,7 @@
 use pilotage_control::interior::{self, Options, Status};
 use pilotage_control::optimise::{Answer, Effort, Verdict, even, optimise, start};
 use pilotage_control::pose::Posed;
-use pilotage_control::program::{Place, Values};
+use pilotage_control::program::Place;
 use pilotage_estimation::{ProblemFile, part};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -123,10 +123,8 @@ fn multipliers_are_those_of_the_lagrangian() {
         let begin = start(&posed, &program, 0);
         let found = interior::solve(&program, begin, &Options::default(), &mut |_| true);
         assert_eq!(found.status, Status::Converged, "{name}");
-        let rows = program.rows();
         let lagrangian = |z: &[f64]| {
-            let mut values = Values::default();
-            program.evaluate(z, &rows, &mut values);
+            let values = program.values(z);
             let sum = |multipliers: &[f64], values: &[f64]| -> f64 {
                 multipliers.iter().zip(values).map(|(l, v)| l * v).sum()
             };
