@@ -5,6 +5,17 @@
 //! All limits are of quantities `g` with slacks `s`. Where no step is acceptable, the objective is left aside until the
 //! constraints are met better (the paper's restoration, by Newton steps on the constraints alone).
 
+pub static T: [std::sync::atomic::AtomicU64; 8] =
+    [const { std::sync::atomic::AtomicU64::new(0) }; 8];
+pub fn timed<R>(k: usize, f: impl FnOnce() -> R) -> R {
+    let c = std::time::Instant::now();
+    let r = f();
+    T[k].fetch_add(
+        c.elapsed().as_nanos() as u64,
+        std::sync::atomic::Ordering::Relaxed,
+    );
+    r
+}
 mod direction;
 mod point;
 mod search;
@@ -94,6 +105,8 @@ const MOST_FLOOR: f64 = 1e8;
 const ACCEPTABLE: f64 = 100.0;
 /// Largest gradient of the objective before it is scaled down.
 const STEEPEST: f64 = 100.0;
+/// Largest multiplier of an equation that is taken as an estimate.
+const MOST_MULTIPLIER: f64 = 1e3;
 /// Number of attempts to meet the constraints alone.
 const RESTORATIONS: usize = 20;
 
@@ -230,14 +243,40 @@ impl<'p> Solver<'p> {
             self.factor = STEEPEST / steepest;
             self.linearise();
         }
+        self.estimate();
         let violation = self.here.violation();
         self.most_violation = 1e4 * violation.max(1.0);
         self.least_violation = 1e-4 * violation.max(1.0);
     }
 
+    /// Multipliers of the equations that make the gradient of the Lagrangian least (the paper, section 3.6). Those
+    /// of the equations are 0 before.
+    fn estimate(&mut self) {
+        let own = &mut self.linearised;
+        own.sigma.clear();
+        own.sigma.resize(self.rows.0.len(), 0.0);
+        own.of_outputs.clear();
+        own.of_outputs
+            .resize(self.weights.outputs.len(), [0.0; LANES]);
+        (own.is_exact, own.smooth, own.damping) = (false, 0.0, 1.0);
+        let (c, e) = (&self.multipliers.c, &self.multipliers.e);
+        let (gradient, step) = (&mut self.lagrangian, &mut self.direction.step);
+        if !self.kkt.factor(&self.evaluator, own)
+            || !self.kkt.solve(&self.evaluator, own, (c, e), gradient, step)
+        {
+            return;
+        }
+        let all = step.c.as_flattened().iter().chain(&step.e);
+        if all.fold(0.0_f64, |m, l| m.max(l.abs())) <= MOST_MULTIPLIER {
+            self.multipliers.c.clone_from(&step.c);
+            self.multipliers.e.clone_from(&step.e);
+        }
+        self.linearise();
+    }
+
     /// Values at a point's variables.
     fn evaluate(&mut self, at: &mut Point) {
-        self.evaluator.values(&at.z, &mut at.values);
+        timed(2, || self.evaluator.values(&at.z, &mut at.values));
         let outputs = at.values.outputs.as_flattened();
         at.g.clear();
         at.g.extend(
@@ -260,8 +299,10 @@ impl<'p> Solver<'p> {
         at.equations.scatter(own.e.iter().copied(), outputs);
         let objective = outputs.len() - LANES * self.program.end.n_outputs();
         outputs[objective] = self.factor;
-        self.evaluator
-            .derivatives(&self.here.z, &self.weights, &mut at.derivatives);
+        timed(0, || {
+            self.evaluator
+                .derivatives(&self.here.z, &self.weights, &mut at.derivatives)
+        });
         let gradients = at.derivatives.gradients.as_flattened();
         at.limited.update(gradients);
         at.equations.update(gradients);
@@ -276,7 +317,9 @@ impl<'p> Solver<'p> {
         for (r, weight) in own.e.iter().enumerate() {
             at.equations.add_row(r, *weight, out);
         }
-        add_pulled(&self.evaluator, &at.derivatives, &own.c, out);
+        timed(1, || {
+            add_pulled(&self.evaluator, &at.derivatives, &own.c, out)
+        });
         let known = self.program.n() + self.program.m();
         for i in (0..known).filter(|i| is_known(self.program, *i)) {
             out[i] = 0.0;
@@ -369,7 +412,7 @@ impl<'p> Solver<'p> {
                 let status = if good { Status::Converged } else { status };
                 return self.finished(status, kkt, number);
             }
-            self.linearise();
+            timed(5, || self.linearise());
             number += 1;
         }
     }

@@ -1,5 +1,6 @@
 //! Midpoints and ends of a group of intervals, eliminated by the linearised defects.
 
+use super::combine::{choose, combine_lanes};
 use super::{Kkt, Linearised, Spread};
 use crate::evaluation::Evaluator;
 use crate::program::Program;
@@ -34,6 +35,10 @@ pub(super) struct Scratch {
     right: Vec<Lanes>,
     product: Vec<Lanes>,
     second: Vec<Lanes>,
+    /// Rows that matter.
+    rows: Vec<usize>,
+    states: Vec<usize>,
+    chosen: Vec<usize>,
 }
 
 impl Eliminated {
@@ -57,6 +62,9 @@ impl Eliminated {
                 right: zeros(n * all),
                 product: zeros(size * all),
                 second: zeros(places),
+                rows: Vec::with_capacity(size),
+                states: (0..n).collect(),
+                chosen: Vec::with_capacity(size),
             },
         }
     }
@@ -88,10 +96,10 @@ fn invert(a: &mut [Lanes], n: usize, inverse: &mut [Lanes]) {
     (0..n).for_each(|i| inverse[i * n + i] = [1.0; LANES]);
     for k in 0..n {
         for i in k + 1..n {
-            let is_larger: [bool; LANES] = std::array::from_fn(|lane| {
-                SMALL * a[i * n + k][lane].abs() > a[k * n + k][lane].abs()
-            });
-            for lane in (0..LANES).filter(|lane| is_larger[*lane]) {
+            for lane in 0..LANES {
+                if SMALL * a[i * n + k][lane].abs() <= a[k * n + k][lane].abs() {
+                    continue;
+                }
                 for j in 0..n {
                     let other = a[i * n + j][lane];
                     a[i * n + j][lane] = std::mem::replace(&mut a[k * n + j][lane], other);
@@ -101,14 +109,17 @@ fn invert(a: &mut [Lanes], n: usize, inverse: &mut [Lanes]) {
                 }
             }
         }
-        let pivot = a[k * n + k].map(|pivot| 1.0 / pivot);
+        let mut pivot = a[k * n + k];
+        for lane in &mut pivot {
+            *lane = 1.0 / *lane;
+        }
         for j in 0..n {
             a[k * n + j] = times(a[k * n + j], pivot);
             inverse[k * n + j] = times(inverse[k * n + j], pivot);
         }
-        for i in (0..n).filter(|i| *i != k) {
+        for i in 0..n {
             let factor = scaled(-1.0, a[i * n + k]);
-            if factor == ZERO {
+            if i == k || factor == ZERO {
                 continue;
             }
             for j in 0..n {
@@ -198,24 +209,16 @@ impl Kkt<'_> {
         own.to_end.fill(ZERO);
         own.middle[..n * all].copy_from_slice(to_middle);
         for i in 0..n {
-            for j in 0..n {
-                let row = &right[j * all..(j + 1) * all];
-                add(
-                    inverse[i * n + j],
-                    row,
-                    &mut own.to_end[i * all..(i + 1) * all],
-                );
-            }
+            let factors = (&inverse[i * n..(i + 1) * n], 1);
+            choose(&own.states, factors, &mut own.chosen);
+            let out = &mut own.to_end[i * all..(i + 1) * all];
+            combine_lanes(out, (right, all, 0), factors, &own.chosen);
         }
         for i in 0..n {
-            for j in 0..n {
-                let row = &own.to_end[j * all..(j + 1) * all];
-                add(
-                    own.half[i * n + j],
-                    row,
-                    &mut own.middle[i * all..(i + 1) * all],
-                );
-            }
+            let factors = (&own.half[i * n..(i + 1) * n], 1);
+            choose(&own.states, factors, &mut own.chosen);
+            let out = &mut own.middle[i * all..(i + 1) * all];
+            combine_lanes(out, (&own.to_end, all, 0), factors, &own.chosen);
         }
         for q in n..self.size {
             own.middle[q * all..(q + 1) * all].fill(ZERO);
@@ -295,21 +298,21 @@ impl Kkt<'_> {
                 add(*value, row, &mut own.product[j * all..(j + 1) * all]);
             }
         }
+        own.rows.clear();
         for i in 0..size {
-            let product = &own.product[i * all..(i + 1) * all];
-            if product.iter().all(|own| *own == ZERO) {
-                continue;
+            let mut is_used = false;
+            for own in &own.product[i * all..(i + 1) * all] {
+                is_used |= *own != ZERO;
             }
-            for a in 0..all {
-                let factor = own.middle[i * all + a];
-                if factor != ZERO {
-                    add(
-                        factor,
-                        &product[a..],
-                        &mut local[a * all + a..(a + 1) * all],
-                    );
-                }
+            if is_used {
+                own.rows.push(i);
             }
+        }
+        for a in 0..all {
+            let factors = (&own.middle[a..], all);
+            choose(&own.rows, factors, &mut own.chosen);
+            let out = &mut local[a * all + a..(a + 1) * all];
+            combine_lanes(out, (&own.product, all, a), factors, &own.chosen);
         }
         own.second = second;
         own.local = local;

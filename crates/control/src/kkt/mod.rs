@@ -8,6 +8,7 @@
 //! which changes neither solution nor multipliers, and met by their Schur complement, which the recursion carries along
 //! (Bryson & Ho, *Applied Optimal Control*, 1975, section 5.3).
 
+mod combine;
 mod eliminate;
 mod riccati;
 mod solve;
@@ -15,7 +16,7 @@ mod solve;
 use crate::evaluation::{Derivatives, Evaluator};
 use crate::program::{Place, Program, Row, Shape};
 use crate::rows::Jacobian;
-use pilotage_collocation::simd::{LANES, Lanes};
+use pilotage_collocation::simd::{LANES, Lanes, vectorised};
 
 /// Weight of the penalty on the equations at the ends.
 const PENALTY: f64 = 1e4;
@@ -61,8 +62,9 @@ pub(crate) struct Kkt<'p> {
     /// Length of `s`, and of `[s w]`.
     size: usize,
     all: usize,
-    /// Groups of columns of `[s w ν]`: ν are the multipliers of the equations at the ends.
+    /// Groups of columns of `[s w ν]`, of whole blocks: ν are the multipliers of the equations at the ends.
     wide: usize,
+    block: usize,
     /// Whether the last node has an equation, rather than the first.
     is_last: Vec<bool>,
     /// Controls and parameters at each point, as columns.
@@ -114,7 +116,7 @@ impl<'p> Kkt<'p> {
         pattern.sort_unstable();
         pattern.dedup();
         let place = |at: (usize, usize)| pattern.binary_search(&at).expect("it is there");
-        let wide = (all + rows.1.len()).div_ceil(LANES);
+        let (block, wide) = combine::blocks(all + rows.1.len());
         let entries = model.entries.iter().enumerate();
         Self {
             pairs: model.pairs.iter().map(|at| place(*at)).collect(),
@@ -143,6 +145,7 @@ impl<'p> Kkt<'p> {
             size,
             all,
             wide,
+            block,
         }
     }
 
@@ -156,11 +159,14 @@ impl<'p> Kkt<'p> {
 
     /// Factors the system. False if the reduced Hessian is not positive definite.
     pub fn factor(&mut self, evaluator: &Evaluator<'p>, of: &Linearised) -> bool {
-        pilotage_collocation::simd::vectorised(riccati::Factor {
-            own: self,
-            evaluator,
-            of,
-        })
+        let block = self.block;
+        let own = self;
+        match block {
+            1 => vectorised(riccati::Factor::<1> { own, evaluator, of }),
+            2 => vectorised(riccati::Factor::<2> { own, evaluator, of }),
+            3 => vectorised(riccati::Factor::<3> { own, evaluator, of }),
+            _ => vectorised(riccati::Factor::<4> { own, evaluator, of }),
+        }
     }
 
     /// The step for the residuals of the defects `c` and of the equations at the ends `e`, and the gradient over all
@@ -179,7 +185,7 @@ impl<'p> Kkt<'p> {
         out.z.resize(gradient.len(), 0.0);
         out.c.resize(c.len(), [0.0; LANES]);
         out.e.resize(e.len(), 0.0);
-        pilotage_collocation::simd::vectorised(solve::Solve {
+        vectorised(solve::Solve {
             own: self,
             evaluator,
             derivatives: &of.derivatives,
@@ -200,16 +206,6 @@ pub(crate) fn is_known(program: &Program, i: usize) -> bool {
         Some(c) => {
             let own = &program.controls[c];
             own.first.is_some() || own.shape == Shape::Constant
-        }
-    }
-}
-
-/// `out += factor v`.
-#[inline(always)]
-fn add(factor: f64, v: &[Lanes], out: &mut [Lanes]) {
-    for (out, v) in out.iter_mut().zip(v) {
-        for lane in 0..LANES {
-            out[lane] = factor.mul_add(v[lane], out[lane]);
         }
     }
 }

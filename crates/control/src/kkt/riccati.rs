@@ -1,6 +1,7 @@
 //! The recursion over the nodes, from the last to the first.
 
-use super::{DEPENDENT, Kkt, Linearised, PENALTY, add, is_known};
+use super::combine::combine;
+use super::{DEPENDENT, Kkt, Linearised, PENALTY, is_known};
 use crate::evaluation::Evaluator;
 use crate::program::{Duration, Place, Program};
 use pilotage_collocation::condensed::dense::{cholesky, cholesky_solve, dot, independent_cholesky};
@@ -64,13 +65,13 @@ impl Stages {
     }
 }
 
-pub(super) struct Factor<'a, 'p> {
+pub(super) struct Factor<'a, 'p, const B: usize> {
     pub own: &'a mut Kkt<'p>,
     pub evaluator: &'a Evaluator<'p>,
     pub of: &'a Linearised,
 }
 
-impl Task for Factor<'_, '_> {
+impl<const B: usize> Task for Factor<'_, '_, B> {
     type Output = bool;
 
     #[inline(always)]
@@ -85,7 +86,7 @@ impl Task for Factor<'_, '_> {
                 if !evaluator.layout.is_shared {
                     own.add_end(k % LANES);
                 }
-                if !own.reduce(of, k) {
+                if !own.reduce::<B>(of, k) {
                     return false;
                 }
             }
@@ -224,7 +225,7 @@ impl Kkt<'_> {
 
     /// From all that follows an interval to all that follows its start.
     #[inline(always)]
-    fn reduce(&mut self, of: &Linearised, k: usize) -> bool {
+    fn reduce<const B: usize>(&mut self, of: &Linearised, k: usize) -> bool {
         let (n, m, size, all, wide) = (self.n, self.m, self.size, self.all, self.wide);
         let equations = self.rows.1.len();
         let own = &mut self.stages;
@@ -250,9 +251,7 @@ impl Kkt<'_> {
             flat[n + m..size].copy_from_slice(&value[n + m..size]);
             flat[size..all].copy_from_slice(&value[n..n + m]);
             flat[all..].copy_from_slice(&value[all..]);
-            for (j, value) in value[..n].iter().enumerate() {
-                add(*value, &to_end[j * wide..(j + 1) * wide], product);
-            }
+            combine::<B>(product, to_end, n, |j| value[j]);
         }
         for i in 0..all {
             let model = &mut own.model[i * wide..(i + 1) * wide];
@@ -267,14 +266,11 @@ impl Kkt<'_> {
                 _ => None,
             };
             if let Some(row) = direct {
-                add(1.0, &own.product[row * wide..(row + 1) * wide], model);
+                let row = &own.product[row * wide..(row + 1) * wide];
+                combine::<B>(model, row, 1, |_| 1.0);
             }
-            for j in 0..n {
-                let factor = to_end.as_flattened()[j * columns + i];
-                if factor != 0.0 {
-                    add(factor, &own.product[j * wide..(j + 1) * wide], model);
-                }
-            }
+            let factors = to_end.as_flattened();
+            combine::<B>(model, &own.product, n, |j| factors[j * columns + i]);
         }
         self.add_steps(of, k);
         let own = &mut self.stages;
@@ -295,31 +291,21 @@ impl Kkt<'_> {
             let (before, row) = gain.split_at_mut(c * wide);
             let row = &mut row[..wide];
             row.fill(ZERO);
-            add(-1.0, &cross[c * wide..(c + 1) * wide], row);
-            for b in 0..c {
-                add(-factor[c * m + b], &before[b * wide..(b + 1) * wide], row);
-            }
+            combine::<B>(row, &cross[c * wide..(c + 1) * wide], 1, |_| -1.0);
+            combine::<B>(row, before, c, |b| -factor[c * m + b]);
             scale(1.0 / factor[c * m + c], row);
         }
         for c in (0..m).rev() {
-            let (before, row) = gain.split_at_mut(c * wide);
-            let row = &mut row[..wide];
+            let (row, after) = gain[c * wide..].split_at_mut(wide);
+            let factors = |b: usize| -factor[(c + 1 + b) * m + c];
+            combine::<B>(row, after, m - c - 1, factors);
             scale(1.0 / factor[c * m + c], row);
-            for b in 0..c {
-                add(
-                    -factor[c * m + b],
-                    row,
-                    &mut before[b * wide..(b + 1) * wide],
-                );
-            }
         }
         for i in 0..size {
             let value = &mut own.value[i * wide..(i + 1) * wide];
             value.copy_from_slice(&own.model[i * wide..(i + 1) * wide]);
-            for c in 0..m {
-                let factor = cross.as_flattened()[c * columns + i];
-                add(factor, &gain[c * wide..(c + 1) * wide], value);
-            }
+            let factors = cross.as_flattened();
+            combine::<B>(value, gain, m, |c| factors[c * columns + i]);
             value.as_flattened_mut()[size..all].fill(0.0);
         }
         for r in 0..equations {

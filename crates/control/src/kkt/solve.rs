@@ -1,6 +1,7 @@
 //! Solutions of the factored system.
 
-use super::{Kkt, Step, add};
+use super::combine::combine;
+use super::{Kkt, Step};
 use crate::evaluation::{Derivatives, Evaluator, gathered};
 use crate::program::Program;
 use pilotage_collocation::condensed::dense::cholesky_solve;
@@ -26,6 +27,8 @@ pub(super) struct Offsets {
     middle: Vec<Lanes>,
     pulled: Vec<Lanes>,
     of_middle: Vec<Lanes>,
+    /// The step's `[x u θ]` at start, midpoint (but for its states) and end.
+    points: [Vec<Lanes>; 3],
 }
 
 impl Offsets {
@@ -44,6 +47,7 @@ impl Offsets {
             middle: vec![ZERO; n],
             pulled: vec![ZERO; n],
             of_middle: vec![ZERO; n + m + p],
+            points: [(); 3].map(|()| vec![ZERO; n + m + p]),
         }
     }
 }
@@ -186,10 +190,8 @@ impl Solve<'_, '_> {
             let to_end = &own.stages.to_end[k * n * wide..(k + 1) * n * wide];
             let cross = &own.stages.cross[k * m * wide..(k + 1) * m * wide];
             of.following[k * n..(k + 1) * n].copy_from_slice(&of.row.as_flattened()[..n]);
-            for i in 0..n {
-                let offset = of.end[group * n + i][lane];
-                add(offset, &following[i * wide..(i + 1) * wide], &mut of.row);
-            }
+            let offsets = &of.end[group * n..(group + 1) * n];
+            combine::<1>(&mut of.row, following, n, |i| offsets[i][lane]);
             let (row, other) = (of.row.as_flattened(), of.other.as_flattened_mut());
             for (i, out) in other[..all].iter_mut().enumerate() {
                 *out = of.local[group * all + i][lane];
@@ -201,10 +203,11 @@ impl Solve<'_, '_> {
             for c in 0..m {
                 other[size + c] += row[n + c];
             }
-            for i in 0..n {
-                let value = of.row.as_flattened()[i] + of.through[group * n + i][lane];
-                add(value, &to_end[i * wide..(i + 1) * wide], &mut of.other);
-            }
+            let (row, through) = (
+                of.row.as_flattened(),
+                &of.through[group * n..(group + 1) * n],
+            );
+            combine::<1>(&mut of.other, to_end, n, |i| row[i] + through[i][lane]);
             let decisions = &mut of.decisions[k * m..(k + 1) * m];
             let other = of.other.as_flattened_mut();
             for (own, value) in decisions.iter_mut().zip(&mut other[size..all]) {
@@ -215,9 +218,7 @@ impl Solve<'_, '_> {
                 m,
                 decisions,
             );
-            for (c, value) in decisions.iter().enumerate() {
-                add(*value, &cross[c * wide..(c + 1) * wide], &mut of.other);
-            }
+            combine::<1>(&mut of.other, cross, m, |c| decisions[c]);
             let node = program.node(k);
             let other = of.other.as_flattened_mut();
             for (own, more) in other.iter_mut().zip(&self.gradient[node..node + n + m]) {
@@ -312,19 +313,25 @@ impl Solve<'_, '_> {
         let third = scaled(4.0, sixth);
         let [start, middle, end] = entries(self.own, self.evaluator, self.derivatives, group);
         let (members, count) = simd::group(LANES * group, LANES, program.intervals());
-        let at = |q: usize, point: usize| -> Lanes {
-            let z = &self.out.z;
-            match q.checked_sub(n) {
-                Some(c) if c >= m => [z[program.theta() + c - m]; LANES],
-                Some(c) => {
-                    let (first, second) = program.weights(c, point);
-                    let a = gathered(z, members.map(|k| program.node(k) + q));
-                    let b = gathered(z, members.map(|k| program.node(k + 1) + q));
-                    plus(scaled(first, a), [second; LANES], b)
+        let z = &self.out.z;
+        for q in 0..size {
+            let [a, b] = match q >= n + m {
+                true => [[z[program.theta() + q - n - m]; LANES]; 2],
+                false => {
+                    [0, 1].map(|next| gathered(z, members.map(|k| program.node(k + next) + q)))
                 }
-                None => gathered(z, members.map(|k| program.node(k + point / 2) + q)),
+            };
+            for (point, own) in of.points.iter_mut().enumerate() {
+                own[q] = match q.checked_sub(n) {
+                    Some(c) if c < m => {
+                        let (first, second) = program.weights(c, point);
+                        plus(scaled(first, a), [second; LANES], b)
+                    }
+                    _ => [a, a, b][point],
+                };
             }
-        };
+        }
+        let at = |q: usize, point: usize| of.points[point][q];
         let first = &self.c[2 * n * group..2 * n * group + n];
         for i in 0..n {
             let sum = plus(at(i, 0), [1.0; LANES], at(i, 2));
