@@ -15,6 +15,8 @@ pub(crate) struct Jacobian {
     /// Of each entry, the index among all gradients, in lanes, and a factor.
     sources: Vec<(usize, f64)>,
     values: Vec<f64>,
+    /// Of each row, what is added to a linear quantity.
+    constants: Vec<f64>,
     /// Of each row, the index among all outputs, in lanes.
     outputs: Vec<usize>,
 }
@@ -26,10 +28,11 @@ impl Jacobian {
             columns: Vec::new(),
             sources: Vec::new(),
             values: Vec::new(),
+            constants: vec![0.0; rows.len()],
             outputs: Vec::new(),
         };
-        for row in rows {
-            own.add(evaluator, program, row.place);
+        for (r, row) in rows.iter().enumerate() {
+            own.constants[r] = own.add(evaluator, program, row.place);
             own.starts.push(own.columns.len());
             own.outputs
                 .push(evaluator.output(row.place).unwrap_or(NONE));
@@ -38,7 +41,8 @@ impl Jacobian {
         own
     }
 
-    fn add(&mut self, evaluator: &Evaluator<'_>, program: &Program, place: Place) {
+    /// Adds the entries of a row, and returns what its quantity has beside them.
+    fn add(&mut self, evaluator: &Evaluator<'_>, program: &Program, place: Place) -> f64 {
         let (n, m) = (program.n(), program.m());
         let mut push = |column: usize, source: usize, factor: f64| {
             if factor != 0.0 {
@@ -57,10 +61,13 @@ impl Jacobian {
             } => {
                 push(control(interval, c), NONE, -1.0);
                 push(control(interval + 1, c), NONE, 1.0);
-                if let Duration::Sought(k) = program.duration {
-                    let size = program.allowance(interval, c, falls);
-                    let scale = program.model.scales.parameters[k];
-                    push(program.theta() + k, NONE, -size * scale);
+                let size = program.allowance(interval, c, falls);
+                match program.duration {
+                    Duration::Number(seconds) => return -size * seconds,
+                    Duration::Sought(k) => {
+                        let scale = program.model.scales.parameters[k];
+                        push(program.theta() + k, NONE, -size * scale);
+                    }
                 }
             }
             Place::Path { .. } | Place::Start(_) | Place::End(_) => {
@@ -92,6 +99,7 @@ impl Jacobian {
                 }
             }
         }
+        0.0
     }
 
     /// Takes the values of these gradients.
@@ -124,7 +132,7 @@ impl Jacobian {
     /// The quantity of a row, with all outputs at a point and its variables.
     pub fn value(&self, r: usize, outputs: &[f64], z: &[f64]) -> f64 {
         match self.outputs[r] {
-            NONE => self.times(r, z),
+            NONE => self.constants[r] + self.times(r, z),
             output => outputs[output],
         }
     }
