@@ -245,7 +245,7 @@ fn to_json(posed: &Posed, answer: &Answer, seconds: f64) -> Value {
         })
     });
     let starts = answer.starts.iter().map(|own| {
-        json!({ "status": own.status.as_str(), "objective": own.objective, "iterations": own.iterations })
+        json!({ "status": own.status.as_str(), "objective": own.objective, "iterations": own.iterations, "seconds": own.seconds })
     });
     let meshes = answer.meshes.iter();
     let costates: Map<String, Value> = posed

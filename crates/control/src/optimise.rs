@@ -4,7 +4,11 @@ use crate::interior::{self, Iteration, Options, Solution, Status};
 use crate::pose::{Posed, bare_run};
 use crate::program::{Place, Program, Shape};
 use pilotage_collocation::{Differentiated, Quality};
+use rayon::prelude::*;
 use std::ops::ControlFlow;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 /// How hard to look.
 #[derive(Debug, Clone)]
@@ -70,7 +74,7 @@ impl Verdict {
 
 /// A point of a trajectory.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Instant {
+pub struct Moment {
     /// Time \[s\].
     pub time: f64,
     /// The states.
@@ -118,6 +122,8 @@ pub struct Ended {
     pub objective: f64,
     /// Its number of iterations.
     pub iterations: usize,
+    /// What they took \[s\].
+    pub seconds: f64,
 }
 
 /// The answer to a problem.
@@ -132,7 +138,7 @@ pub struct Answer {
     /// The parameters that were sought.
     pub parameters: Vec<f64>,
     /// The trajectory, at nodes and midpoints.
-    pub trajectory: Vec<Instant>,
+    pub trajectory: Vec<Moment>,
     /// Costates of the states at the nodes, of the scaled program.
     pub costates: Vec<Vec<f64>>,
     /// The replay.
@@ -162,38 +168,62 @@ pub fn even(intervals: usize) -> Vec<f64> {
         .collect()
 }
 
+/// An observer of solves on several threads.
+struct Watched<'o> {
+    observer: Mutex<&'o mut (dyn FnMut(&Iteration) -> ControlFlow<()> + Send)>,
+    is_stopped: AtomicBool,
+}
+
+impl Watched<'_> {
+    /// Shows an iteration; false if the solves should stop.
+    fn sees(&self, iteration: &Iteration) -> bool {
+        let mut observer = self.observer.lock().expect("no observer panics");
+        if observer(iteration).is_break() {
+            self.is_stopped.store(true, Ordering::Relaxed);
+        }
+        !self.is_stopped.load(Ordering::Relaxed)
+    }
+}
+
 /// Solves a posed problem. The observer sees each iteration and may stop.
 pub fn optimise(
     posed: &Posed,
     effort: &Effort,
-    observer: &mut dyn FnMut(&Iteration) -> ControlFlow<()>,
+    observer: &mut (dyn FnMut(&Iteration) -> ControlFlow<()> + Send),
 ) -> Answer {
-    let mut stopped = false;
-    let mut watch = |iteration: &Iteration| {
-        stopped = stopped || observer(iteration).is_break();
-        !stopped
+    let watched = Watched {
+        observer: Mutex::new(observer),
+        is_stopped: AtomicBool::new(false),
     };
+    let mut watch = |iteration: &Iteration| watched.sees(iteration);
     let options = Options {
         tolerance: posed.tolerance,
         most_iterations: effort.most_iterations,
         ..Options::default()
     };
     let mut program = posed.program(even(posed.intervals));
-    let mut best: Option<Solution> = None;
-    let mut starts = Vec::new();
-    for k in 0..effort.starts.max(1) {
+    let begin = |k: usize| {
+        let clock = Instant::now();
         let z = start(posed, &program, k);
-        let found = interior::solve(&program, z, &options, &mut watch);
-        starts.push(Ended {
+        let found = interior::solve(&program, z, &options, &mut |at| watched.sees(at));
+        (found, clock.elapsed().as_secs_f64())
+    };
+    let all: Vec<(Solution, f64)> = (0..effort.starts.max(1))
+        .into_par_iter()
+        .map(begin)
+        .collect();
+    let mut starts: Vec<Ended> = all
+        .iter()
+        .map(|(found, seconds)| Ended {
             status: found.status,
             objective: found.objective,
             iterations: found.iterations,
-        });
-        let is_better = best.as_ref().is_none_or(|best| rank(&found) < rank(best));
-        if is_better {
-            best = Some(found);
-        }
-    }
+            seconds: *seconds,
+        })
+        .collect();
+    // The first of equal ones.
+    let better = |a: Solution, b: Solution| if rank(&b) < rank(&a) { b } else { a };
+    let best = all.into_iter().map(|(found, _)| found).reduce(better);
     let mut best = best.expect("a start at least");
     let mut meshes = vec![(program.intervals(), best.objective)];
     let mut errors = mesh_errors(posed, &program, &best.z);
@@ -240,7 +270,7 @@ pub fn optimise(
     let far = (certificate.objective - best.objective).abs() / best.objective.abs().max(1e-3);
     let agrees = certificate.is_whole && far <= AGREEMENT && certificate.violation <= AGREEMENT;
     let verdict = match best.status {
-        _ if stopped => Verdict::Stopped,
+        _ if watched.is_stopped.into_inner() => Verdict::Stopped,
         Status::Converged if agrees && (accurate || effort.rounds == 0) => Verdict::Optimal,
         Status::Converged => Verdict::Inaccurate,
         _ if starts.iter().all(|own| own.status == Status::Infeasible) => Verdict::Infeasible,
@@ -684,12 +714,12 @@ fn costates(program: &Program, found: &Solution) -> Vec<Vec<f64>> {
 }
 
 /// The trajectory at nodes and midpoints.
-fn trajectory(posed: &Posed, program: &Program, z: &[f64]) -> Vec<Instant> {
+fn trajectory(posed: &Posed, program: &Program, z: &[f64]) -> Vec<Moment> {
     let n = program.n();
     let theta = theta(posed, program, z);
     let seconds = posed.seconds(&theta);
     let scales = &program.model.scales.states;
-    let instant = |tau: f64, x: Vec<f64>| Instant {
+    let instant = |tau: f64, x: Vec<f64>| Moment {
         time: tau * seconds,
         signals: outputs(&posed.shown, tau, &x, &theta),
         controls: x[n..].to_vec(),

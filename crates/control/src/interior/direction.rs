@@ -59,7 +59,7 @@ impl Solver<'_> {
         let mut damping = self.floor;
         loop {
             own.damping = damping + near;
-            if super::timed(3, || self.kkt.factor(&self.evaluator, own)) {
+            if self.kkt.factor(&self.evaluator, own) {
                 if damping > 0.0 {
                     self.damping = damping;
                 }
@@ -88,15 +88,13 @@ impl Solver<'_> {
                 .limited
                 .add_row(r, weight, &mut own.gradient);
         }
-        let is_finite = super::timed(4, || {
-            self.kkt.solve(
-                &self.evaluator,
-                &self.linearised,
-                (&own.c, &own.e),
-                &mut own.gradient,
-                &mut own.step,
-            )
-        });
+        let is_finite = self.kkt.solve(
+            &self.evaluator,
+            &self.linearised,
+            (&own.c, &own.e),
+            &mut own.gradient,
+            &mut own.step,
+        );
         for all in [&mut own.slacks, &mut own.low, &mut own.high] {
             all.clear();
         }

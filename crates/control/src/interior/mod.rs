@@ -5,17 +5,6 @@
 //! All limits are of quantities `g` with slacks `s`. Where no step is acceptable, the objective is left aside until the
 //! constraints are met better (the paper's restoration, by Newton steps on the constraints alone).
 
-pub static T: [std::sync::atomic::AtomicU64; 8] =
-    [const { std::sync::atomic::AtomicU64::new(0) }; 8];
-pub fn timed<R>(k: usize, f: impl FnOnce() -> R) -> R {
-    let c = std::time::Instant::now();
-    let r = f();
-    T[k].fetch_add(
-        c.elapsed().as_nanos() as u64,
-        std::sync::atomic::Ordering::Relaxed,
-    );
-    r
-}
 mod direction;
 mod point;
 mod search;
@@ -276,7 +265,7 @@ impl<'p> Solver<'p> {
 
     /// Values at a point's variables.
     fn evaluate(&mut self, at: &mut Point) {
-        timed(2, || self.evaluator.values(&at.z, &mut at.values));
+        self.evaluator.values(&at.z, &mut at.values);
         let outputs = at.values.outputs.as_flattened();
         at.g.clear();
         at.g.extend(
@@ -299,10 +288,8 @@ impl<'p> Solver<'p> {
         at.equations.scatter(own.e.iter().copied(), outputs);
         let objective = outputs.len() - LANES * self.program.end.n_outputs();
         outputs[objective] = self.factor;
-        timed(0, || {
-            self.evaluator
-                .derivatives(&self.here.z, &self.weights, &mut at.derivatives)
-        });
+        self.evaluator
+            .derivatives(&self.here.z, &self.weights, &mut at.derivatives);
         let gradients = at.derivatives.gradients.as_flattened();
         at.limited.update(gradients);
         at.equations.update(gradients);
@@ -317,9 +304,7 @@ impl<'p> Solver<'p> {
         for (r, weight) in own.e.iter().enumerate() {
             at.equations.add_row(r, *weight, out);
         }
-        timed(1, || {
-            add_pulled(&self.evaluator, &at.derivatives, &own.c, out)
-        });
+        add_pulled(&self.evaluator, &at.derivatives, &own.c, out);
         let known = self.program.n() + self.program.m();
         for i in (0..known).filter(|i| is_known(self.program, *i)) {
             out[i] = 0.0;
@@ -412,7 +397,7 @@ impl<'p> Solver<'p> {
                 let status = if good { Status::Converged } else { status };
                 return self.finished(status, kkt, number);
             }
-            timed(5, || self.linearise());
+            self.linearise();
             number += 1;
         }
     }
