@@ -206,9 +206,17 @@ impl<'p> Evaluator<'p> {
         let place = |(group, lane): (usize, usize)| (LANES * group + lane) * size;
         for k in 0..layout.intervals {
             let (a, b, middle) = (program.node(k), program.node(k + 1), program.middle(k));
-            for (at, first) in [a, middle, b].into_iter().enumerate() {
+            // A shared end is written as the start of the next interval.
+            let points = if layout.is_shared && k + 1 < layout.intervals {
+                2
+            } else {
+                3
+            };
+            for (at, first) in [a, middle, b].into_iter().enumerate().take(points) {
                 let own = &mut x[place(layout.point(k, at))..][..size];
-                own[..n].copy_from_slice(&z[first..first + n]);
+                for (own, z) in own.iter_mut().zip(&z[first..first + n]) {
+                    *own = *z;
+                }
                 for (c, own) in own[n..].iter_mut().enumerate() {
                     let (first, second) = program.weights(c, at);
                     *own = first * z[a + n + c] + second * z[b + n + c];

@@ -2,15 +2,18 @@
 
 use pilotage_collocation::simd::{LANES, Lanes, plus};
 
-/// Largest number of [`Lanes`] of a block.
-const MOST: usize = 4;
+/// Number of [`Lanes`] of a block of long rows, and of the longest row that is one block.
+const BLOCK: usize = 4;
+const LONGEST: usize = 6;
 
-/// Block, and length of rows of so many columns, in [`Lanes`].
-pub(super) fn blocks(columns: usize) -> (usize, usize) {
+/// Length of rows of so many columns, in [`Lanes`].
+pub(super) fn wide(columns: usize) -> usize {
     let wide = columns.div_ceil(LANES);
-    let count = wide.div_ceil(MOST);
-    let block = wide.div_ceil(count);
-    (block, block * count)
+    if wide <= LONGEST {
+        wide
+    } else {
+        wide.next_multiple_of(BLOCK)
+    }
 }
 
 /// `out += Σ factor(j) · row j`, for so many rows of whole blocks.
@@ -43,21 +46,21 @@ pub(super) fn combine_lanes(
     (factors, stride): (&[Lanes], usize),
     chosen: &[usize],
 ) {
-    let (blocks, rest) = out.as_chunks_mut::<MOST>();
+    let (blocks, rest) = out.as_chunks_mut::<BLOCK>();
     let mut at = first;
     for out in blocks {
         let mut sum = *out;
         for j in chosen {
             let factor = factors[j * stride];
             let row = rows[j * columns + at..]
-                .first_chunk::<MOST>()
+                .first_chunk::<BLOCK>()
                 .expect("a block");
             for (sum, row) in sum.iter_mut().zip(row) {
                 *sum = plus(*sum, factor, *row);
             }
         }
         *out = sum;
-        at += MOST;
+        at += BLOCK;
     }
     for (k, out) in rest.iter_mut().enumerate() {
         for j in chosen {

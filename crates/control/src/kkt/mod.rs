@@ -62,9 +62,8 @@ pub(crate) struct Kkt<'p> {
     /// Length of `s`, and of `[s w]`.
     size: usize,
     all: usize,
-    /// Groups of columns of `[s w ν]`, of whole blocks: ν are the multipliers of the equations at the ends.
+    /// Groups of columns of `[s w ν]`: ν are the multipliers of the equations at the ends.
     wide: usize,
-    block: usize,
     /// Whether the last node has an equation, rather than the first.
     is_last: Vec<bool>,
     /// Controls and parameters at each point, as columns.
@@ -116,7 +115,7 @@ impl<'p> Kkt<'p> {
         pattern.sort_unstable();
         pattern.dedup();
         let place = |at: (usize, usize)| pattern.binary_search(&at).expect("it is there");
-        let (block, wide) = combine::blocks(all + rows.1.len());
+        let wide = combine::wide(all + rows.1.len());
         let entries = model.entries.iter().enumerate();
         Self {
             pairs: model.pairs.iter().map(|at| place(*at)).collect(),
@@ -145,7 +144,6 @@ impl<'p> Kkt<'p> {
             size,
             all,
             wide,
-            block,
         }
     }
 
@@ -159,13 +157,23 @@ impl<'p> Kkt<'p> {
 
     /// Factors the system. False if the reduced Hessian is not positive definite.
     pub fn factor(&mut self, evaluator: &Evaluator<'p>, of: &Linearised) -> bool {
-        let block = self.block;
-        let own = self;
-        match block {
-            1 => vectorised(riccati::Factor::<1> { own, evaluator, of }),
-            2 => vectorised(riccati::Factor::<2> { own, evaluator, of }),
-            3 => vectorised(riccati::Factor::<3> { own, evaluator, of }),
-            _ => vectorised(riccati::Factor::<4> { own, evaluator, of }),
+        macro_rules! with {
+            ($block:literal, $wide:literal) => {
+                vectorised(riccati::Factor::<$block, $wide> {
+                    own: self,
+                    evaluator,
+                    of,
+                })
+            };
+        }
+        match self.wide {
+            1 => with!(1, 1),
+            2 => with!(2, 2),
+            3 => with!(3, 3),
+            4 => with!(4, 4),
+            5 => with!(5, 5),
+            6 => with!(6, 6),
+            _ => with!(4, 0),
         }
     }
 

@@ -65,13 +65,14 @@ impl Stages {
     }
 }
 
-pub(super) struct Factor<'a, 'p, const B: usize> {
+/// The factorisation, with rows of `W` [`Lanes`] that are one block, or of many blocks of `B`.
+pub(super) struct Factor<'a, 'p, const B: usize, const W: usize> {
     pub own: &'a mut Kkt<'p>,
     pub evaluator: &'a Evaluator<'p>,
     pub of: &'a Linearised,
 }
 
-impl<const B: usize> Task for Factor<'_, '_, B> {
+impl<const B: usize, const W: usize> Task for Factor<'_, '_, B, W> {
     type Output = bool;
 
     #[inline(always)]
@@ -86,7 +87,7 @@ impl<const B: usize> Task for Factor<'_, '_, B> {
                 if !evaluator.layout.is_shared {
                     own.add_end(k % LANES);
                 }
-                if !own.reduce::<B>(of, k) {
+                if !own.reduce::<B, W>(of, k) {
                     return false;
                 }
             }
@@ -225,8 +226,9 @@ impl Kkt<'_> {
 
     /// From all that follows an interval to all that follows its start.
     #[inline(always)]
-    fn reduce<const B: usize>(&mut self, of: &Linearised, k: usize) -> bool {
-        let (n, m, size, all, wide) = (self.n, self.m, self.size, self.all, self.wide);
+    fn reduce<const B: usize, const W: usize>(&mut self, of: &Linearised, k: usize) -> bool {
+        let (n, m, size, all) = (self.n, self.m, self.size, self.all);
+        let wide = if W == 0 { self.wide } else { W };
         let equations = self.rows.1.len();
         let own = &mut self.stages;
         let lane = k % LANES;
@@ -256,8 +258,12 @@ impl Kkt<'_> {
         for i in 0..all {
             let model = &mut own.model[i * wide..(i + 1) * wide];
             let flat = model.as_flattened_mut();
-            for (j, value) in flat[..all].iter_mut().enumerate() {
-                *value = scratch.local[i.min(j) * all + i.max(j)][lane];
+            for (j, value) in flat[..i].iter_mut().enumerate() {
+                *value = scratch.local[j * all + i][lane];
+            }
+            let local = &scratch.local[i * all + i..(i + 1) * all];
+            for (value, local) in flat[i..all].iter_mut().zip(local) {
+                *value = local[lane];
             }
             flat[all..].fill(0.0);
             let direct = match i {
