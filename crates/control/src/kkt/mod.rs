@@ -10,6 +10,7 @@
 
 mod combine;
 mod eliminate;
+mod first;
 mod riccati;
 mod solve;
 
@@ -78,7 +79,7 @@ pub(crate) struct Kkt<'p> {
     /// Eliminated midpoints and ends.
     eliminated: eliminate::Eliminated,
     stages: riccati::Stages,
-    first: riccati::First,
+    first: first::First,
     offsets: solve::Offsets,
 }
 
@@ -134,7 +135,7 @@ impl<'p> Kkt<'p> {
                 .collect(),
             eliminated: eliminate::Eliminated::new(program, pattern.len()),
             stages: riccati::Stages::new(program, wide),
-            first: riccati::First::default(),
+            first: first::First::default(),
             offsets: solve::Offsets::new(program),
             pattern,
             program,

@@ -1,11 +1,17 @@
 //! The recursion over the nodes, from the last to the first.
 
+use super::Kkt;
+use super::Linearised;
+use super::PENALTY;
 use super::combine::combine;
-use super::{DEPENDENT, Kkt, Linearised, PENALTY, is_known};
 use crate::evaluation::Evaluator;
-use crate::program::{Duration, Place, Program};
-use pilotage_collocation::condensed::dense::{cholesky, cholesky_solve, dot, independent_cholesky};
-use pilotage_collocation::simd::{LANES, Lanes, Task};
+use crate::program::Duration;
+use crate::program::Place;
+use crate::program::Program;
+use pilotage_collocation::condensed::dense::cholesky;
+use pilotage_collocation::simd::LANES;
+use pilotage_collocation::simd::Lanes;
+use pilotage_collocation::simd::Task;
 
 const ZERO: Lanes = [0.0; LANES];
 
@@ -27,20 +33,6 @@ pub(super) struct Stages {
     product: Vec<Lanes>,
     model: Vec<Lanes>,
     /// Second derivatives with ν alone.
-    pub schur: Vec<f64>,
-}
-
-/// The factored system of the first node.
-#[derive(Default)]
-pub(super) struct First {
-    /// Free entries of its `s`, and the factor of their Hessian.
-    pub free: Vec<usize>,
-    pub factor: Vec<f64>,
-    /// Second derivatives of `s` with ν, and the responses of the free entries, equation by equation.
-    pub coupling: Vec<Vec<f64>>,
-    pub responses: Vec<Vec<f64>>,
-    /// Equations that do not depend on others, and the factor of their Schur complement.
-    pub independent: Vec<usize>,
     pub schur: Vec<f64>,
 }
 
@@ -98,7 +90,7 @@ impl<const B: usize, const W: usize> Task for Factor<'_, '_, B, W> {
 }
 
 impl Kkt<'_> {
-    fn value(&mut self, i: usize, j: usize) -> &mut f64 {
+    pub(super) fn value(&mut self, i: usize, j: usize) -> &mut f64 {
         &mut self.stages.value.as_flattened_mut()[i * LANES * self.wide + j]
     }
 
@@ -144,7 +136,7 @@ impl Kkt<'_> {
     }
 
     /// Second derivatives of what stands at the start (0) or the end (1) alone.
-    fn add_pairs(&mut self, evaluator: &Evaluator<'_>, of: &Linearised, side: usize) {
+    pub(super) fn add_pairs(&mut self, evaluator: &Evaluator<'_>, of: &Linearised, side: usize) {
         let program = self.program;
         let model = [&program.start, &program.end][side];
         let own = &of.derivatives.pairs[evaluator.end_pairs()[side]..];
@@ -184,7 +176,7 @@ impl Kkt<'_> {
         }
     }
 
-    fn add_square(
+    pub(super) fn add_square(
         &mut self,
         weight: f64,
         row: impl Iterator<Item = (usize, f64)> + Clone,
@@ -362,61 +354,6 @@ impl Kkt<'_> {
             };
             square(sigma, [(size + c, 1.0), (n + c, -1.0), more]);
         }
-    }
-
-    /// The first node.
-    fn finish(&mut self, evaluator: &Evaluator<'_>, of: &Linearised) -> bool {
-        let (n, m, all, size) = (self.n, self.m, self.all, self.size);
-        let equations = self.rows.1.len();
-        self.add_pairs(evaluator, of, 0);
-        for (r, row) in self.rows.0.iter().enumerate() {
-            if matches!(row.place, Place::Start(_) | Place::Parameter(_)) {
-                self.add_square(of.sigma[r], of.limited.row(r), 0);
-            }
-        }
-        for r in (0..equations)
-            .filter(|r| !self.is_last[*r])
-            .collect::<Vec<_>>()
-        {
-            self.add_square(PENALTY, of.equations.row(r), 0);
-            for (column, value) in of.equations.row(r) {
-                let i = self.entry(column, 0);
-                *self.value(i, all + r) = value;
-            }
-        }
-        for i in n + m..size {
-            *self.value(i, i) += of.damping;
-        }
-        let mut first = std::mem::take(&mut self.first);
-        let is_free = |i: &usize| *i >= n + m || !is_known(self.program, *i);
-        first.free.clear();
-        first.free.extend((0..size).filter(is_free));
-        let free = &first.free;
-        let count = free.len();
-        first.factor.resize(count * count, 0.0);
-        for (a, i) in free.iter().enumerate() {
-            for (b, j) in free.iter().enumerate() {
-                first.factor[a * count + b] = *self.value(*i, *j);
-            }
-        }
-        let is_definite = cholesky(&mut first.factor, count);
-        if is_definite {
-            let column = |own: &mut Self, r: usize| -> Vec<f64> {
-                free.iter().map(|i| *own.value(*i, all + r)).collect()
-            };
-            first.coupling = (0..equations).map(|r| column(self, r)).collect();
-            first.responses = first.coupling.clone();
-            for response in &mut first.responses {
-                cholesky_solve(&first.factor, count, response);
-            }
-            let entry = |i: usize, j: usize| {
-                let own = dot(&first.coupling[i], &first.responses[j]);
-                own - self.stages.schur[i * equations + j]
-            };
-            (first.independent, first.schur) = independent_cholesky(equations, DEPENDENT, entry);
-        }
-        self.first = first;
-        is_definite
     }
 }
 
