@@ -49,6 +49,8 @@ impl Default for Effort {
     }
 }
 
+/// First barrier parameter from a point that is nearly optimal.
+const WARM: f64 = 1e-4;
 /// Largest number of intervals.
 const MOST_INTERVALS: usize = 2000;
 
@@ -159,7 +161,6 @@ pub fn optimise(
         observer: Mutex::new(observer),
         is_stopped: AtomicBool::new(false),
     };
-    let mut watch = |iteration: &Iteration| watched.sees(iteration);
     let options = Options {
         tolerance: posed.tolerance,
         most_iterations: effort.most_iterations,
@@ -169,7 +170,10 @@ pub fn optimise(
     let begin = |k: usize| {
         let clock = Instant::now();
         let z = start(posed, &program, k);
-        let found = interior::solve(&program, z, &options, &mut |at| watched.sees(at));
+        let found = match posed.earlier.is_some() && k == 0 {
+            true => warm(&program, z, &options, &watched),
+            false => interior::solve(&program, z, &options, &mut |at| watched.sees(at)),
+        };
         (found, clock.elapsed().as_secs_f64())
     };
     let all: Vec<(Solution, f64)> = (0..effort.starts.max(1))
@@ -211,16 +215,8 @@ pub fn optimise(
         }
         let next = posed.program(mesh);
         let z = carried(posed, &program, &best.z, &next);
-        let warm = Options {
-            barrier: 1e-4,
-            ..options.clone()
-        };
-        let mut found = interior::solve(&next, z.clone(), &warm, &mut watch);
+        let found = warm(&next, z, &options, &watched);
         iterations += found.iterations;
-        if found.status != Status::Converged && found.status != Status::Stopped {
-            found = interior::solve(&next, z, &options, &mut watch);
-            iterations += found.iterations;
-        }
         if found.status != Status::Converged {
             break;
         }
@@ -265,6 +261,22 @@ pub fn optimise(
         kkt: best.kkt,
         iterations,
     }
+}
+
+/// Solves from a point that is nearly optimal; if that fails, as from any other. The iterations are those of both.
+fn warm(program: &Program, z: Vec<f64>, options: &Options, watched: &Watched<'_>) -> Solution {
+    let low = Options {
+        barrier: WARM,
+        ..options.clone()
+    };
+    let mut watch = |at: &Iteration| watched.sees(at);
+    let found = interior::solve(program, z.clone(), &low, &mut watch);
+    if matches!(found.status, Status::Converged | Status::Stopped) {
+        return found;
+    }
+    let mut again = interior::solve(program, z, options, &mut watch);
+    again.iterations += found.iterations;
+    again
 }
 
 /// Order of solutions: converged ones by objective, then others by violation.

@@ -98,7 +98,7 @@ impl Assembly<'_> {
         let objective = next();
         let initial = self.begin(&derivatives, firsts)?;
         self.end(finals)?;
-        self.constrain(&constraints, n, m)?;
+        self.constrain(&constraints, n, m, &initial)?;
         self.limit_controls(&limits)?;
         let objective = self.aim(objective, &parts, &mut derivatives);
         self.posed(
@@ -323,6 +323,7 @@ impl Assembly<'_> {
             tolerance: self.file.options.tolerance,
             regularise: self.optimal.objective.regularise,
             is_simulated: self.optimal.guess.is_simulated,
+            earlier: None,
             states: self.states,
             controls: self.controls,
             parameters: self.sought,

@@ -90,7 +90,13 @@ impl Assembly<'_> {
         Ok(())
     }
 
-    pub(super) fn constrain(&mut self, nodes: &[Node], n: usize, m: usize) -> Done<()> {
+    pub(super) fn constrain(
+        &mut self,
+        nodes: &[Node],
+        n: usize,
+        m: usize,
+        initial: &[Option<f64>],
+    ) -> Done<()> {
         for (own, node) in self.file.constraints.iter().zip(nodes) {
             let place = match own.at {
                 Holds::Samples => 0,
@@ -115,12 +121,43 @@ impl Assembly<'_> {
                 }
                 continue;
             }
+            if place < 2
+                && let Some(value) = self.at_known_start(*node, initial)
+                && !(own.min..=own.max).contains(&value)
+            {
+                let fault = format!(
+                    "`{name}` is {value} at the start, which is known, and not within {} to {}; nothing meets that",
+                    own.min, own.max
+                );
+                return Err(ProblemError::at(&own.place, fault));
+            }
             // What does not change along the path holds if it holds at the start.
             let place = if depends[node.index()] { place } else { 1 };
+            let name = match own.at {
+                Holds::End => format!("{name} at the end"),
+                _ => name,
+            };
             let own = limited(name, Some(own.place.clone()), (own.min, own.max));
             self.limited[place].push((*node, own));
         }
         Ok(())
+    }
+
+    /// Value at the start of what depends on known initial states alone.
+    fn at_known_start(&self, node: Node, initial: &[Option<f64>]) -> Option<f64> {
+        let is_free = |variable: usize| match variable.checked_sub(1) {
+            Some(k) => initial.get(k).is_none_or(Option::is_none),
+            None => false,
+        };
+        if self.graph.dependants(is_free)[node.index()] {
+            return None;
+        }
+        let parts = self.optimal.objective.parts.len();
+        let mut values = vec![0.0; self.part_variable(0) + parts];
+        for (value, known) in values[1..].iter_mut().zip(initial) {
+            *value = known.unwrap_or(0.0);
+        }
+        Some(self.graph.values(&values)[node.index()])
     }
 
     pub(super) fn limit_controls(&mut self, limits: &[[Option<Node>; 2]]) -> Done<()> {

@@ -1,6 +1,7 @@
 //! A problem file as a program: one system of equations, with the controls among its states.
 
 mod assembly;
+mod earlier;
 mod equations;
 mod guess;
 mod limits;
@@ -11,6 +12,7 @@ use crate::program::Duration;
 use crate::program::Limits;
 use crate::program::Program;
 use assembly::Assembly;
+pub use earlier::Earlier;
 use pilotage_collocation::Differentiated;
 use pilotage_collocation::Run;
 use pilotage_collocation::Steps;
@@ -86,6 +88,8 @@ pub struct Posed {
     pub shown: Arc<Differentiated>,
     /// Whether the search begins with a simulation.
     pub is_simulated: bool,
+    /// An earlier answer, where it begins instead.
+    pub earlier: Option<Earlier>,
     of_controls: Vec<Control>,
     regularise: f64,
 }
@@ -111,7 +115,7 @@ impl Posed {
         }
         let joint = Joint::new(&file.system, parts)?;
         let parameters = Parameters::new(file, &joint)?;
-        Assembly {
+        let mut posed = Assembly {
             file,
             optimal,
             joint,
@@ -123,7 +127,11 @@ impl Posed {
             values: HashMap::new(),
             limited: [const { Vec::new() }; 3],
         }
-        .finish()
+        .finish()?;
+        if let Some(table) = &optimal.guess.table {
+            posed.earlier = Some(Earlier::read(&file.folder.join(table), &posed)?);
+        }
+        Ok(posed)
     }
 
     /// The program on a mesh in τ.
