@@ -81,6 +81,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     args.overwrite.check(&inputs, &outputs)?;
     let file = ProblemFile::read(&args.problem)?;
     let mut posed = Posed::new(&file, &flights::open)?;
+    posed.check()?;
     if let Some(path) = &args.from {
         posed.earlier = Some(Earlier::read(path, &posed)?);
     }

@@ -121,23 +121,18 @@ impl Assembly<'_> {
                 }
                 continue;
             }
-            if place < 2
-                && let Some(value) = self.at_known_start(*node, initial)
-                && !(own.min..=own.max).contains(&value)
-            {
-                let fault = format!(
-                    "`{name}` is {value} at the start, which is known, and not within {} to {}; nothing meets that",
-                    own.min, own.max
-                );
-                return Err(ProblemError::at(&own.place, fault));
-            }
+            let start = match place < 2 {
+                true => self.at_known_start(*node, initial),
+                false => None,
+            };
             // What does not change along the path holds if it holds at the start.
             let place = if depends[node.index()] { place } else { 1 };
             let name = match own.at {
                 Holds::End => format!("{name} at the end"),
                 _ => name,
             };
-            let own = limited(name, Some(own.place.clone()), (own.min, own.max));
+            let mut own = limited(name, Some(own.place.clone()), (own.min, own.max));
+            own.start = start;
             self.limited[place].push((*node, own));
         }
         Ok(())
@@ -212,6 +207,7 @@ pub(super) fn limited(name: String, place: Option<Place>, limits: Limits) -> Lim
         place,
         limits,
         size: 1.0,
+        start: None,
     }
 }
 

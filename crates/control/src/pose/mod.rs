@@ -56,6 +56,8 @@ pub struct Limited {
     pub limits: Limits,
     /// Its magnitude, by which it is divided.
     pub size: f64,
+    /// What it is at the start, where that depends on known initial states alone.
+    pub start: Option<f64>,
 }
 
 /// A problem of optimal control, ready to be discretised.
@@ -132,6 +134,24 @@ impl Posed {
             posed.earlier = Some(Earlier::read(&file.folder.join(table), &posed)?);
         }
         Ok(posed)
+    }
+
+    /// Checks that constraints hold at the known start.
+    ///
+    /// # Errors
+    /// When one does not: whatever is sought, nothing meets it. The error states its line.
+    pub fn check(&self) -> Result<(), ProblemError> {
+        for own in self.limited.iter().flatten() {
+            let (min, max) = own.limits;
+            if let Some(value) = own.start.filter(|value| !(min..=max).contains(value)) {
+                let fault = format!(
+                    "`{}` is {value} at the start, which is known, and not within {min} to {max}; nothing meets that",
+                    own.name
+                );
+                return Err(at(own.place.as_ref(), fault));
+            }
+        }
+        Ok(())
     }
 
     /// The program on a mesh in τ.
