@@ -115,7 +115,7 @@ fn the_robot_arm_moves_fast() {
 
 #[test]
 fn the_tumour_is_small_when_the_inhibitor_is_used_up() {
-    let answer = assert_optimum("tumour", 7571.671_58, 2e-4);
+    let answer = assert_optimum("tumour", 7_571.671_58, 2e-4);
     // Where p is least it would grow again: its carrying capacity is the same.
     let last = &answer.trajectory[answer.trajectory.len() - 1];
     assert!((last.states[0] / last.states[1] - 1.0).abs() < 2e-3);

@@ -60,9 +60,8 @@ impl Task for Evaluate<'_, '_> {
                     c[i][lane] = middle - 0.5 * (a + b) - h[lane] / 8.0 * (fa - fb);
                     c[n + i][lane] = b - a - h[lane] / 6.0 * (fa + 4.0 * fm + fb);
                 }
-                for lane in count..LANES {
-                    (c[i][lane], c[n + i][lane]) = (0.0, 0.0);
-                }
+                c[i][count..].fill(0.0);
+                c[n + i][count..].fill(0.0);
             }
         }
         out.steps = 0.0;

@@ -333,9 +333,9 @@ impl Solve<'_, '_> {
         }
         let at = |q: usize, point: usize| of.points[point][q];
         let first = &self.c[2 * n * group..2 * n * group + n];
-        for i in 0..n {
+        for (i, first) in first.iter().enumerate() {
             let sum = plus(at(i, 0), [1.0; LANES], at(i, 2));
-            of.of_middle[i] = plus(scaled(-1.0, first[i]), [0.5; LANES], sum);
+            of.of_middle[i] = plus(scaled(-1.0, *first), [0.5; LANES], sum);
         }
         for &(row, q, e) in &self.own.entries {
             let both = plus(times(start[e], at(q, 0)), scaled(-1.0, end[e]), at(q, 2));
@@ -359,11 +359,11 @@ impl Solve<'_, '_> {
         let inverse = &self.own.eliminated.inverse[group * n * n..(group + 1) * n * n];
         let (first, second) = self.out.c[2 * n * group..2 * n * (group + 1)].split_at_mut(n);
         second.fill(ZERO);
-        for i in 0..n {
+        for (i, first) in first.iter_mut().enumerate() {
             for (j, own) in second.iter_mut().enumerate() {
                 *own = plus(*own, inverse[i * n + j], of.pulled[i]);
             }
-            first[i] = scaled(-1.0, of.middle[i]);
+            *first = scaled(-1.0, of.middle[i]);
         }
         for &(row, q, e) in self.own.entries.iter().filter(|own| own.1 < n) {
             first[q] = plus(first[q], times(third, middle[e]), second[row]);

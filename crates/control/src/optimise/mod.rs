@@ -134,9 +134,12 @@ pub struct Answer {
     pub iterations: usize,
 }
 
+/// What sees each iteration and may stop.
+pub type Observer<'o> = dyn FnMut(&Iteration) -> ControlFlow<()> + Send + 'o;
+
 /// An observer of solves on several threads.
 struct Watched<'o> {
-    observer: Mutex<&'o mut (dyn FnMut(&Iteration) -> ControlFlow<()> + Send)>,
+    observer: Mutex<&'o mut Observer<'o>>,
     is_stopped: AtomicBool,
 }
 
@@ -152,11 +155,7 @@ impl Watched<'_> {
 }
 
 /// Solves a posed problem. The observer sees each iteration and may stop.
-pub fn optimise(
-    posed: &Posed,
-    effort: &Effort,
-    observer: &mut (dyn FnMut(&Iteration) -> ControlFlow<()> + Send),
-) -> Answer {
+pub fn optimise(posed: &Posed, effort: &Effort, observer: &mut Observer<'_>) -> Answer {
     let watched = Watched {
         observer: Mutex::new(observer),
         is_stopped: AtomicBool::new(false),
