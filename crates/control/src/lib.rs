@@ -58,6 +58,7 @@
 //! | [`interior`] | the interior-point method |
 //! | [`pose`] | a problem file as a program |
 //! | [`optimise`](mod@optimise) | starts, finer meshes, the replay |
+//! | `dense` | small dense systems, of the helicopter |
 //! | [`hv`] | a helicopter's landings after power loss, and the map of them |
 
 mod dense;
