@@ -5,9 +5,8 @@ use super::overwrite::{self, OutputKind, Overwrite};
 use super::progress::Spinner;
 use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, interrupt, terminal};
-use crate::control::interior::Status;
 use crate::control::optimise::{Answer, Effort, Verdict, optimise};
-use crate::control::pose::Posed;
+use crate::control::pose::{Earlier, Posed, Variable};
 use crate::estimation::ProblemFile;
 use crate::estimation::file::Mesh;
 use crate::flights;
@@ -23,6 +22,9 @@ const EXAMPLES: &str = "\
 Examples:
   # The highest flight of Goddard's rocket; its trajectory as a table over time.
   pilotage optimise goddard.toml -o flight.csv
+
+  # Another like it, from there.
+  pilotage optimise heavier.toml --from flight.csv
 
   # For scripts: verdict, objective, parameters, active constraints, and the certificate.
   pilotage optimise goddard.toml --json
@@ -46,6 +48,9 @@ pub struct Args {
     /// Write the trajectory as a table over time (CSV): states, controls and other signals.
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Begin from the trajectory of an earlier answer (a table as -o writes it), with its duration and parameters.
+    #[arg(long, value_name = "FILE")]
+    from: Option<PathBuf>,
     /// Number of starts, instead of that in the file (3 if it gives none).
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=1000))]
     starts: Option<u16>,
@@ -68,10 +73,18 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let outputs: Vec<(&Path, OutputKind)> = (args.output.iter())
         .map(|path| (path.as_path(), OutputKind::Result))
         .collect();
-    let inputs = std::slice::from_ref(&args.problem);
-    args.overwrite.check(inputs, &outputs)?;
+    let inputs: Vec<PathBuf> = [&args.problem]
+        .into_iter()
+        .chain(&args.from)
+        .cloned()
+        .collect();
+    args.overwrite.check(&inputs, &outputs)?;
     let file = ProblemFile::read(&args.problem)?;
-    let posed = Posed::new(&file, &flights::open)?;
+    let mut posed = Posed::new(&file, &flights::open)?;
+    posed.check()?;
+    if let Some(path) = &args.from {
+        posed.earlier = Some(Earlier::read(path, &posed)?);
+    }
     let given = args.starts.map(usize::from).or(file.options.starts);
     let effort = Effort {
         starts: given.unwrap_or(STARTS),
@@ -114,7 +127,16 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     })
 }
 
-/// The trajectory as a table over time.
+/// The parameters that were sought, without the duration and those of the objective.
+fn sought<'a>(posed: &'a Posed, answer: &'a Answer) -> impl Iterator<Item = (&'a Variable, f64)> {
+    let all = posed
+        .parameters
+        .iter()
+        .zip(answer.parameters.iter().copied());
+    all.filter(|(own, _)| own.name != "duration" && !own.name.contains(' '))
+}
+
+/// The trajectory as a table over time, with the parameters in its comments.
 pub fn table(posed: &Posed, answer: &Answer) -> Series {
     let mut columns = Vec::new();
     let variables = posed.states.iter().filter(|own| own.name.contains('.'));
@@ -132,6 +154,9 @@ pub fn table(posed: &Posed, answer: &Answer) -> Series {
     }
     Series {
         time: answer.trajectory.iter().map(|at| at.time).collect(),
+        comments: sought(posed, answer)
+            .map(|(own, value)| format!("{}: {value}", own.name))
+            .collect(),
         columns,
         ..Series::default()
     }
@@ -193,13 +218,12 @@ fn to_text(file: &str, posed: &Posed, answer: &Answer) -> String {
             name => format!(" ({})", terminal::line(name)),
         }
     );
-    let shown = posed.parameters.iter().zip(&answer.parameters);
-    for (own, value) in shown.filter(|(own, _)| own.name != "duration" && !own.name.contains(' ')) {
+    for (own, value) in sought(posed, answer) {
         let unit = own.unit.as_deref().unwrap_or_default();
         text += &format!(
             "{} = {} {unit}\n",
             terminal::line(&own.name),
-            significant(*value, 8)
+            significant(value, 8)
         );
     }
     for own in &answer.active {
@@ -226,16 +250,6 @@ fn to_text(file: &str, posed: &Posed, answer: &Answer) -> String {
     text
 }
 
-fn status(status: Status) -> &'static str {
-    match status {
-        Status::Converged => "converged",
-        Status::Infeasible => "infeasible",
-        Status::NoProgress => "no progress",
-        Status::MaxIterations => "iteration limit",
-        Status::Stopped => "stopped",
-    }
-}
-
 fn to_json(posed: &Posed, answer: &Answer, seconds: f64) -> Value {
     let pairs = posed.parameters.iter().zip(&answer.parameters);
     let parameters: Map<String, Value> = pairs
@@ -256,7 +270,7 @@ fn to_json(posed: &Posed, answer: &Answer, seconds: f64) -> Value {
         })
     });
     let starts = answer.starts.iter().map(|own| {
-        json!({ "status": status(own.status), "objective": own.objective, "iterations": own.iterations })
+        json!({ "status": own.status.as_str(), "objective": own.objective, "iterations": own.iterations, "seconds": own.seconds })
     });
     let meshes = answer.meshes.iter();
     let costates: Map<String, Value> = posed

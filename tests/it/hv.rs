@@ -96,11 +96,16 @@ fn a_landing_is_repeated_by_its_fmus() {
     ]);
     assert_eq!(again.code, 0, "{again:?}");
     // A long descent is certified on a finer mesh, and it is that flight which is written.
-    let long = folder.pilotage(&["hv", "--at", "0:150", "--delay", "1", "--json", "-o", "long"]);
+    let long = folder.pilotage(&[
+        "hv", "--at", "0:150", "--delay", "1", "--json", "-o", "long",
+    ]);
     let found = &long.json()["landings"][0];
     let number = |key: &str| found[key].as_f64().unwrap();
     assert_eq!(found["class"], "safe");
-    assert!((number("co_simulated") - number("replayed")).abs() < 0.02, "{found}");
+    assert!(
+        (number("co_simulated") - number("replayed")).abs() < 0.02,
+        "{found}"
+    );
     // Without a number for the delay there is no side of the knee.
     let which = folder.pilotage(&["hv", "--at", "9:15", "-o", "other"]);
     assert!(
@@ -119,10 +124,23 @@ fn a_point_without_a_landing_is_said() {
         (vec!["--set", "mass=6000"], 2, "level flight needs a thrust"),
         (vec!["--set", "mass=1", "--set", "mass=2"], 2, "twice"),
         (vec!["--pilot", "grows.toml"], 2, "unstable"),
-        (vec!["--at", "9:5000"], 1, "no start of the optimiser converged"),
+        (
+            vec!["--at", "9:5000"],
+            1,
+            "no start of the optimiser converged",
+        ),
     ] {
-        let ended = folder.pilotage(&[&["hv", "--at", "0:10", "--delay", "0.3", "-o", "out"], &more[..]].concat());
-        assert!(ended.code == code && ended.stderr.contains(words), "{more:?} {ended:?}");
+        let ended = folder.pilotage(
+            &[
+                &["hv", "--at", "0:10", "--delay", "0.3", "-o", "out"],
+                &more[..],
+            ]
+            .concat(),
+        );
+        assert!(
+            ended.code == code && ended.stderr.contains(words),
+            "{more:?} {ended:?}"
+        );
         assert!(!folder.path("out").exists());
     }
 }
@@ -131,11 +149,35 @@ fn a_point_without_a_landing_is_said() {
 #[test]
 fn branches_are_named() {
     let folder = Folder::new();
-    let grid = ["hv", "--speeds", "0:15:5", "--heights", "2.9:80:8", "--delay", "1", "-o", "map"];
+    let grid = [
+        "hv",
+        "--speeds",
+        "0:15:5",
+        "--heights",
+        "2.9:80:8",
+        "--delay",
+        "1",
+        "-o",
+        "map",
+    ];
     assert_eq!(folder.pilotage(&grid).code, 0);
     let rows = folder.read("map/boundary.csv");
-    let branches: Vec<String> = rows.lines().skip(1).map(|line| line.split(',').skip(1).take(2).collect::<Vec<_>>().join(" ")).collect();
-    assert_eq!(branches[..4], ["high 0", "high 5.0000", "low 10.000", "high 10.000"].map(str::to_owned), "{rows}");
+    let branches: Vec<String> = rows
+        .lines()
+        .skip(1)
+        .map(|line| {
+            line.split(',')
+                .skip(1)
+                .take(2)
+                .collect::<Vec<_>>()
+                .join(" ")
+        })
+        .collect();
+    assert_eq!(
+        branches[..4],
+        ["high 0", "high 5.0000", "low 10.000", "high 10.000"].map(str::to_owned),
+        "{rows}"
+    );
     assert!(branches[4].starts_with("knee 13."), "{rows}");
 }
 

@@ -81,7 +81,9 @@ pub fn scaled(factor: f64, a: Lanes) -> Lanes {
 #[inline(always)]
 pub fn plus(a: Lanes, b: Lanes, c: Lanes) -> Lanes {
     let mut out = a;
-    (0..LANES).for_each(|l| out[l] = b[l].mul_add(c[l], out[l]));
+    for l in 0..LANES {
+        out[l] = b[l].mul_add(c[l], out[l]);
+    }
     out
 }
 
@@ -89,7 +91,9 @@ pub fn plus(a: Lanes, b: Lanes, c: Lanes) -> Lanes {
 #[inline(always)]
 pub fn times(a: Lanes, b: Lanes) -> Lanes {
     let mut out = a;
-    (0..LANES).for_each(|l| out[l] *= b[l]);
+    for l in 0..LANES {
+        out[l] *= b[l];
+    }
     out
 }
 
@@ -97,7 +101,9 @@ pub fn times(a: Lanes, b: Lanes) -> Lanes {
 #[inline(always)]
 pub fn less(a: Lanes, b: Lanes, c: Lanes) -> Lanes {
     let mut out = a;
-    (0..LANES).for_each(|l| out[l] = (-b[l]).mul_add(c[l], out[l]));
+    for l in 0..LANES {
+        out[l] = (-b[l]).mul_add(c[l], out[l]);
+    }
     out
 }
 

@@ -52,12 +52,13 @@
 //!
 //! | module, each used by the next | contents |
 //! | --- | --- |
-//! | `dense`, `evaluation` | small matrices; the equations at many points at once |
 //! | [`program`] | the nonlinear program |
+//! | `evaluation`, `rows` | its functions at several points at once; the Jacobian of what is limited |
 //! | `kkt` | its linear systems, by elimination and a Riccati recursion |
 //! | [`interior`] | the interior-point method |
 //! | [`pose`] | a problem file as a program |
 //! | [`optimise`](mod@optimise) | starts, finer meshes, the replay |
+//! | `dense` | small dense systems, of the helicopter |
 //! | [`hv`] | a helicopter's landings after power loss, and the map of them |
 
 mod dense;
@@ -68,6 +69,7 @@ mod kkt;
 pub mod optimise;
 pub mod pose;
 pub mod program;
+mod rows;
 
 pub use optimise::{Answer, Effort, Verdict, optimise};
 pub use pose::Posed;

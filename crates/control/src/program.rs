@@ -10,8 +10,10 @@
 //! c = x̄ - (x₀ + x₁)/2 - h/8 (f₀ - f₁),   x₁ - x₀ - h/6 (f₀ + 4 f̄ + f₁)       of each interval
 //! ```
 
-use crate::evaluation::{Points, values_at};
+use crate::evaluation::{self, Evaluator};
+use crate::rows::Jacobian;
 use pilotage_collocation::node::NodeModel;
+use pilotage_collocation::simd::{LANES, Lanes};
 
 /// How a control goes from node to node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -125,9 +127,7 @@ pub struct Row {
 pub struct Values {
     /// The objective, with the weighted steps of the controls.
     pub f: f64,
-    /// These alone.
-    pub steps: f64,
-    /// Defects.
+    /// Defects: of midpoint and end of each interval.
     pub c: Vec<f64>,
     /// Equations at the ends.
     pub e: Vec<f64>,
@@ -179,14 +179,6 @@ impl Program {
     /// Length of an interval in τ.
     pub fn h(&self, k: usize) -> f64 {
         self.mesh[k + 1] - self.mesh[k]
-    }
-
-    /// The duration, as a factor of the scaled parameter and a number.
-    fn seconds(&self, z: &[f64]) -> f64 {
-        match self.duration {
-            Duration::Number(seconds) => seconds,
-            Duration::Sought(k) => z[self.theta() + k] * self.model.scales.parameters[k],
-        }
     }
 
     /// The limits that are inequalities, and the equations at the ends.
@@ -270,88 +262,33 @@ impl Program {
         }
     }
 
-    /// The points of all intervals.
-    pub(crate) fn points(&self, z: &[f64]) -> Points {
-        let (n, m) = (self.n(), self.m());
-        let mut points = Points::new(n + m, m);
-        for k in 0..self.intervals() {
-            let (a, b) = (self.node(k), self.node(k + 1));
-            let middle = 0.5 * (self.mesh[k] + self.mesh[k + 1]);
-            let of = [
-                (a, self.mesh[k]),
-                (self.middle(k), middle),
-                (b, self.mesh[k + 1]),
-            ];
-            for (at, (x, time)) in of.into_iter().enumerate() {
-                let control = |c: usize| {
-                    let (first, second) = self.weights(c, at);
-                    first * z[a + n + c] + second * z[b + n + c]
-                };
-                points.push(&z[x..x + n], (0..m).map(control), time);
-            }
+    /// Everything at `z`, by the functions of the solver.
+    pub fn values(&self, z: &[f64]) -> Values {
+        let rows = self.rows();
+        let mut evaluator = Evaluator::new(self);
+        let mut found = evaluation::Values::default();
+        evaluator.values(z, &mut found);
+        let outputs = found.outputs.as_flattened();
+        let of = |rows: &[Row]| -> Vec<f64> {
+            let all = Jacobian::new(&evaluator, self, rows);
+            (0..rows.len()).map(|r| all.value(r, outputs, z)).collect()
+        };
+        let e = of(&rows.1).into_iter().zip(&rows.1);
+        Values {
+            f: found.f,
+            c: self.in_order(&found.c),
+            e: e.map(|(value, row)| value - row.lower).collect(),
+            g: of(&rows.0),
         }
-        points
     }
 
-    /// The end (or the start) as a point.
-    pub(crate) fn end_point(&self, z: &[f64], is_end: bool) -> Points {
-        let (n, m) = (self.n(), self.m());
-        let (node, time) = if is_end {
-            (self.intervals(), 1.0)
-        } else {
-            (0, 0.0)
+    /// What belongs to the defects, interval after interval.
+    pub(crate) fn in_order(&self, groups: &[Lanes]) -> Vec<f64> {
+        let count = 2 * self.n();
+        let of = |k: usize| {
+            let own = &groups[k / LANES * count..][..count];
+            own.iter().map(move |own| own[k % LANES])
         };
-        let mut points = Points::new(n + m, m);
-        let x = &z[self.node(node)..][..n + m];
-        points.push(&x[..n], x[n..].iter().copied(), time);
-        points
-    }
-
-    /// Evaluates everything at `z`.
-    pub fn evaluate(&self, z: &[f64], rows: &(Vec<Row>, Vec<Row>), out: &mut Values) {
-        let (n, m, outputs) = (self.n(), self.m(), self.limits[0].len());
-        let theta = &z[self.theta()..];
-        let (f, path) = values_at(&self.model, theta, &self.points(z));
-        let (_, start) = values_at(&self.start, theta, &self.end_point(z, false));
-        let (_, end) = values_at(&self.end, theta, &self.end_point(z, true));
-        (out.f, out.steps) = (end[0], 0.0);
-        out.c.clear();
-        for k in 0..self.intervals() {
-            let (a, b, middle, h) = (self.node(k), self.node(k + 1), self.middle(k), self.h(k));
-            let rate = |at: usize, i: usize| f[(3 * k + at) * (n + m) + i];
-            let first = |i: usize| {
-                z[middle + i] - 0.5 * (z[a + i] + z[b + i]) - h / 8.0 * (rate(0, i) - rate(2, i))
-            };
-            let second = |i: usize| {
-                let sum = rate(0, i) + 4.0 * rate(1, i) + rate(2, i);
-                z[b + i] - z[a + i] - h / 6.0 * sum
-            };
-            out.c.extend((0..n).map(first));
-            out.c.extend((0..n).map(second));
-            let steps = (0..m).map(|c| z[b + n + c] - z[a + n + c]);
-            out.steps += self.regularise * steps.map(|step| step * step).sum::<f64>();
-        }
-        out.f += out.steps;
-        let seconds = self.seconds(z);
-        let value = |row: &Row| match row.place {
-            Place::Path { point, output } => path[point * outputs + output],
-            Place::Control { node, control } => z[self.node(node) + n + control],
-            Place::Rate {
-                interval,
-                control,
-                falls,
-            } => {
-                let [a, b] = [interval, interval + 1].map(|k| z[self.node(k) + n + control]);
-                b - a - self.allowance(interval, control, falls) * seconds
-            }
-            Place::Parameter(k) => theta[k],
-            Place::Start(k) => start[k],
-            Place::End(k) => end[k],
-        };
-        out.g.clear();
-        out.g.extend(rows.0.iter().map(value));
-        out.e.clear();
-        out.e
-            .extend(rows.1.iter().map(|row| value(row) - row.lower));
+        (0..self.intervals()).flat_map(of).collect()
     }
 }

@@ -3,7 +3,7 @@
 use pilotage_control::interior::{self, Options, Status};
 use pilotage_control::optimise::{Answer, Effort, Verdict, even, optimise, start};
 use pilotage_control::pose::Posed;
-use pilotage_control::program::{Place, Values};
+use pilotage_control::program::Place;
 use pilotage_estimation::{ProblemFile, part};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -28,6 +28,7 @@ fn written(model: &str, problem: &str) -> Result<(Posed, Answer), String> {
     let file = ProblemFile::parse(problem, &folder.path().join("problem.toml"));
     let file = file.map_err(|error| error.to_string())?;
     let posed = Posed::new(&file, &part::open).map_err(|error| error.to_string())?;
+    posed.check().map_err(|error| error.to_string())?;
     let answer = optimise(&posed, &Effort::default(), &mut |_| {
         ControlFlow::Continue(())
     });
@@ -112,21 +113,72 @@ fn the_robot_arm_moves_fast() {
     assert_optimum("robot_arm", 9.140_93, 3e-5);
 }
 
+#[test]
+fn the_tumour_is_small_when_the_inhibitor_is_used_up() {
+    let answer = assert_optimum("tumour", 7_571.671_58, 2e-4);
+    // Where p is least it would grow again: its carrying capacity is the same.
+    let last = &answer.trajectory[answer.trajectory.len() - 1];
+    assert!((last.states[0] / last.states[1] - 1.0).abs() < 2e-3);
+    assert!((last.states[2] - 15.0).abs() < 1e-6);
+    assert!(
+        (answer.duration - 1.1961).abs() < 3e-4,
+        "{}",
+        answer.duration
+    );
+}
+
+/// Iterations of the first start on the first mesh, which no change should raise by much.
+#[test]
+fn few_iterations_are_taken() {
+    for (name, most) in [
+        ("brachistochrone", 34),
+        ("bounded_double_integrator", 17),
+        ("minimum_time_cart", 13),
+        ("van_der_pol", 15),
+        ("goddard", 22),
+        ("particle_steering", 13),
+        ("catalyst_mixing", 15),
+        ("hang_glider", 18),
+        ("robot_arm", 21),
+        ("tumour", 22),
+    ] {
+        let file = ProblemFile::read(&example(name)).unwrap();
+        let posed = Posed::new(&file, &part::open).unwrap();
+        let program = posed.program(even(posed.intervals));
+        let begin = start(&posed, &program, 0);
+        let found = interior::solve(&program, begin, &Options::default(), &mut |_| true);
+        assert_eq!(found.status, Status::Converged, "{name}");
+        assert!(found.iterations <= most, "{name}: {}", found.iterations);
+    }
+}
+
 /// At the solution the gradient of the Lagrangian vanishes, by differences of the program's own values: neither Jacobians nor
 /// the structured elimination are used.
 #[test]
 fn multipliers_are_those_of_the_lagrangian() {
-    for name in ["van_der_pol", "goddard", "particle_steering"] {
-        let file = ProblemFile::read(&example(name)).unwrap();
+    // With jumps, limits along the path at the ends of intervals, a rate, and one state that is free at the start.
+    let steps = "[system.cart]\nmodel = \"plant.toml\"\n[[control]]\nsignal = \"cart.push\"\nshape = \"constant\"\nmin = -8\n\
+                 max = 8\nrate = 60\nfirst = \"free\"\n[initial]\n\"cart.v\" = \"free\"\n[objective]\n\
+                 minimise = \"integral(cart.push^2) + duration^2 + initial(cart.v)^2\"\n[horizon]\n\
+                 duration = { start = 1, min = 0.5, max = 2 }\n[final]\n\"cart.x\" = 1\n\"cart.v\" = 0\n\
+                 [[constraint]]\nexpression = \"cart.v^2 + 0.1 * cart.push\"\nmax = 1.5\n";
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("plant.toml"), CART).unwrap();
+    let steps = ProblemFile::parse(steps, &folder.path().join("steps.toml")).unwrap();
+    let published = ["van_der_pol", "goddard", "particle_steering"];
+    let mut files: Vec<(&str, ProblemFile)> = published
+        .iter()
+        .map(|name| (*name, ProblemFile::read(&example(name)).unwrap()))
+        .collect();
+    files.push(("steps", steps));
+    for (name, file) in files {
         let posed = Posed::new(&file, &part::open).unwrap();
         let program = posed.program(even(12));
         let begin = start(&posed, &program, 0);
         let found = interior::solve(&program, begin, &Options::default(), &mut |_| true);
         assert_eq!(found.status, Status::Converged, "{name}");
-        let rows = program.rows();
         let lagrangian = |z: &[f64]| {
-            let mut values = Values::default();
-            program.evaluate(z, &rows, &mut values);
+            let values = program.values(z);
             let sum = |multipliers: &[f64], values: &[f64]| -> f64 {
                 multipliers.iter().zip(values).map(|(l, v)| l * v).sum()
             };
@@ -138,7 +190,7 @@ fn multipliers_are_those_of_the_lagrangian() {
         let (n, m) = (program.n(), program.m());
         let is_known = |i: usize| match i {
             i if i < n => program.initial[i].is_some(),
-            i if i < n + m => program.controls[i - n].first.is_some(),
+            i if i < n + m => program.controls[i - n].first.is_some() || name == "steps",
             _ => false,
         };
         for i in (0..program.variables()).filter(|i| !is_known(*i)) {
@@ -267,14 +319,55 @@ fn parameters_are_sought_with_controls() {
 
 #[test]
 fn what_cannot_be_met_is_named() {
-    let problem = "[system.cart]\nmodel = \"plant.toml\"\n[[control]]\nsignal = \"cart.push\"\nmin = -1\nmax = 1\n\
-                   [objective]\nminimise = \"final(cart.v)\"\n[horizon]\nduration = 1\nintervals = 10\n\
-                   [final]\n\"cart.x\" = 5\n";
-    let (_, answer) = written(CART, problem).unwrap();
-    assert_eq!(answer.verdict, Verdict::Infeasible);
-    assert_eq!(
-        answer.violated.as_deref(),
-        Some("the final value of cart.x")
+    let base = "[system.cart]\nmodel = \"plant.toml\"\n[[control]]\nsignal = \"cart.push\"\nmin = -1\nmax = 1\n\
+                [objective]\nminimise = \"integral(cart.push^2)\"\n[horizon]\nduration = 1\nintervals = 10\n";
+    let limit = |expression: &str, more: &str| {
+        format!("[[constraint]]\nexpression = \"{expression}\"\n{more}\n")
+    };
+    let last = |x: f64| format!("[final]\n\"cart.x\" = {x}\n");
+    for (more, named) in [
+        // Out of reach.
+        (last(5.0), "the final value of cart.x"),
+        (
+            "[final]\n\"cart.v\" = 3\n".into(),
+            "the final value of cart.v",
+        ),
+        // Within reach, but not within the limit of the path.
+        (
+            last(0.4) + &limit("cart.v", "max = 0.2"),
+            "the final value of cart.x",
+        ),
+        // Two that exclude each other.
+        (
+            last(0.1) + &limit("cart.x", "at = \"end\"\nmin = 0.3"),
+            "cart.x at the end",
+        ),
+        (
+            "[initial]\n\"cart.x\" = \"free\"\n".to_owned()
+                + &limit("cart.x", "min = 1")
+                + &limit("cart.x + 0 * cart.push", "max = 0.5"),
+            "cart.x",
+        ),
+        // A control beyond its own limits, a parameter beyond its range.
+        (
+            limit("cart.push", "at = \"end\"\nmin = 2"),
+            "cart.push at the end",
+        ),
+        (
+            "[parameters]\n\"cart.mass\" = { start = 1, min = 0.5, max = 2 }\n".to_owned()
+                + &limit("cart.mass", "at = \"parameters\"\nmin = 3"),
+            "cart.mass",
+        ),
+    ] {
+        let (_, answer) = written(CART, &(base.to_owned() + &more)).unwrap();
+        assert_eq!(answer.verdict, Verdict::Infeasible, "{more}");
+        assert_eq!(answer.violated.as_deref(), Some(named), "{more}");
+    }
+    let start = base.to_owned() + &limit("cart.x", "min = 1");
+    let error = written(CART, &start).expect_err("a mistake");
+    assert!(
+        error.contains("problem.toml:13:14: `cart.x` is 0 at the start, which is known, and not within 1 to inf"),
+        "{error}"
     );
 }
 

@@ -2,7 +2,7 @@
 //! method does; clarabel is used for inconsistent rows. The solution for the active set is exact.
 
 use super::arrow::{Arrow, ArrowFactor};
-use super::dense::{axpy, cholesky_solve, independent_cholesky};
+use super::dense::{RANK, axpy, cholesky_solve, independent_cholesky};
 use super::dual;
 use pilotage_sqp::QpFailure;
 use pilotage_sqp::convex::{ConvexQp, ConvexSolution};
@@ -282,7 +282,8 @@ fn with_active(factor: &ArrowFactor, q: &[f64], rows: &[Row], sides: &mut [f64])
         .map(|&i| factor.solved(&rows[i].entries, q.len()))
         .collect();
     // Schur complement aᵢᵀ H⁻¹ aⱼ
-    let (kept, schur) = independent_cholesky(all.len(), |i, j| rows[all[i]].value(&columns[j]));
+    let (kept, schur) =
+        independent_cholesky(all.len(), RANK, |i, j| rows[all[i]].value(&columns[j]));
     let outside = |k: &usize| {
         let (row, side) = (&rows[all[*k]], sides[all[*k]]);
         row.value(&solution.x) - row.limit(side)

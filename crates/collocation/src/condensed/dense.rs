@@ -1,7 +1,7 @@
 //! Small dense kernels on row-major slices, sized at run time and without allocation.
 
 /// Relative size below which pivots count as rounding, as for equal rows.
-const RANK: f64 = 1e-14;
+pub(super) const RANK: f64 = 1e-14;
 
 /// `y += a x`.
 #[inline(always)]
@@ -40,10 +40,12 @@ pub fn cholesky(a: &mut [f64], n: usize) -> bool {
     true
 }
 
-/// Cholesky factorisation of the linearly independent rows and columns of a positive semidefinite `n × n` matrix.
-/// Returns their indices and their factor. For a matrix of low rank, few entries are evaluated.
+/// Cholesky factorisation of the linearly independent rows and columns of a positive semidefinite `n × n` matrix: those
+/// whose pivots are above `rank` times their diagonal entry. Returns their indices and their factor. For a matrix of low
+/// rank, few entries are evaluated.
 pub fn independent_cholesky(
     n: usize,
+    rank: f64,
     entry: impl Fn(usize, usize) -> f64,
 ) -> (Vec<usize>, Vec<f64>) {
     let mut kept: Vec<usize> = Vec::new();
@@ -56,7 +58,7 @@ pub fn independent_cholesky(
         }
         let diagonal = entry(i, i);
         let pivot = diagonal - dot(&row, &row);
-        if pivot > RANK * diagonal {
+        if pivot > rank * diagonal {
             row.push(pivot.sqrt());
             rows.push(row);
             kept.push(i);
@@ -110,7 +112,7 @@ mod tests {
         let gram: Vec<f64> = (rows.iter())
             .flat_map(|r| rows.iter().map(move |s| dot(r, s)))
             .collect();
-        let (kept, factor) = independent_cholesky(4, |i, j| gram[i * 4 + j]);
+        let (kept, factor) = independent_cholesky(4, 1e-14, |i, j| gram[i * 4 + j]);
         assert_eq!(kept, [0, 2]);
         let mut x = [7.0, 4.0];
         cholesky_solve(&factor, 2, &mut x);

@@ -4,7 +4,7 @@
 
 use super::active::{Row, free};
 use super::arrow::ArrowFactor;
-use super::dense::{axpy, cholesky_solve, independent_cholesky};
+use super::dense::{RANK, axpy, cholesky_solve, independent_cholesky};
 use pilotage_sqp::QpFailure;
 
 /// Maximum number of steps per row.
@@ -112,7 +112,7 @@ impl State<'_> {
         }
         let product = |i: usize, j: usize| rows[i].value(&columns[j]);
         let entry = |i: usize, j: usize| product(active[i].row, active[j].row);
-        let (kept, schur) = independent_cholesky(active.len(), entry);
+        let (kept, schur) = independent_cholesky(active.len(), RANK, entry);
         if kept.len() < active.len() {
             return Err(QpFailure::NoSolution);
         }

@@ -13,7 +13,7 @@ mod active;
 pub mod arrow;
 mod batch;
 mod curvature;
-mod dense;
+pub mod dense;
 mod dual;
 mod element;
 mod elements;

@@ -325,7 +325,9 @@ impl Map {
     pub fn strip(&self) -> Vec<(f64, Range)> {
         let region = self.region();
         // Bands that are not known are no numbers, which are not equal to themselves.
-        let is_own = |at: &(f64, Range), speed: f64, own: &Range| at.0 == speed && at.1.heights == own.heights;
+        let is_own = |at: &(f64, Range), speed: f64, own: &Range| {
+            at.0 == speed && at.1.heights == own.heights
+        };
         let is_other = |speed: f64, own: &Range| !region.iter().any(|at| is_own(at, speed, own));
         let of = |own: &Column| {
             let first = own

@@ -91,6 +91,8 @@ pub struct Horizon {
 pub struct Guess {
     /// Simulated with the controls at their starts.
     pub is_simulated: bool,
+    /// A table of an earlier answer, by its path in the file, relative to its folder.
+    pub table: Option<String>,
     /// First and last value of states.
     pub states: Vec<(Spanned<String>, [f64; 2])>,
 }

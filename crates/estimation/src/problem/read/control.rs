@@ -150,8 +150,11 @@ impl Reader<'_> {
 
     fn guess(&self, root: TomlTable<'_>) -> Read<Guess> {
         let mut guess = Guess::default();
-        if let Ok(Some(_)) = root.string("guess") {
-            guess.is_simulated = word(root, "guess", &[("simulate", true)], false)?;
+        if let Ok(Some(own)) = root.string("guess") {
+            match own {
+                "simulate" => guess.is_simulated = true,
+                table => guess.table = Some(table.to_owned()),
+            }
             return Ok(guess);
         }
         for (table, field, name) in self.section(root, "guess")? {
