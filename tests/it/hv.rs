@@ -154,7 +154,7 @@ fn branches_are_named() {
         "--speeds",
         "0:15:5",
         "--heights",
-        "2.9:80:8",
+        "3.2:80:8",
         "--delay",
         "1",
         "-o",
