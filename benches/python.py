@@ -4,7 +4,7 @@ that are reset; and how long Ctrl-C takes.
     python benches/python.py [COUNT]
 
 Run it by a Python into which `pip install . fmpy` has put pilotage and FMPy. It builds the Rust program itself, with cargo,
-in the profile of benches. All FMUs run in the process of the caller; each way records every output, begins anew for each
+in the profile of benches, or in that of the variable PROFILE. All FMUs run in the process of the caller; each way records every output, begins anew for each
 target, and adds up the final heights, which must agree.
 """
 
@@ -45,7 +45,8 @@ def from_python(pilot: str, quadcopter: str, count: int) -> tuple[float, float]:
 
 
 def in_rust(pilot: str, quadcopter: str, count: int) -> tuple[float, float]:
-    command = ["cargo", "bench", "--quiet", "--bench", "repeated", "--", pilot, quadcopter, str(count)]
+    profile = ["--profile", os.environ["PROFILE"]] if "PROFILE" in os.environ else []
+    command = ["cargo", "bench", "--quiet", *profile, "--bench", "repeated", "--", pilot, quadcopter, str(count)]
     printed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     seconds, total = printed.split()[-2:]
     return float(seconds), float(total)
