@@ -3,12 +3,15 @@ that are reset; and how long Ctrl-C takes.
 
     python benches/python.py [COUNT]
 
-Run it by a Python into which `pip install . fmpy` has put pilotage and FMPy. It builds the Rust program itself, with cargo,
-in the profile of benches. All FMUs run in the process of the caller; each way records every output, begins anew for each
-target, and adds up the final heights, which must agree.
+Run it by a Python into which `pip install . fmpy` has put pilotage and FMPy. It builds the Rust program itself, with cargo, in
+the profile of benches, or in that of the variable PROFILE. All FMUs run in the process of the caller; each way records every
+output, begins anew for each target, and adds up the final heights, which must agree. Times are processor times, which a busy
+machine disturbs less.
 """
 
+import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -37,18 +40,30 @@ def from_python(pilot: str, quadcopter: str, count: int) -> tuple[float, float]:
     system.connect("pilot.stick", "quadcopter.stick").connect("quadcopter.z", "pilot.position")
     words = {"stop_time": STOP, "step": STEP, "isolate": False}
     pl.simulate(system, **words)
-    began, total = time.perf_counter(), 0.0
+    began, total = time.process_time(), 0.0
     for target in targets(count):
         result = pl.simulate(system, set={"pilot.target": target}, **words)
         total += result["quadcopter.z"][-1]
-    return time.perf_counter() - began, total
+    return time.process_time() - began, total
+
+
+def rust_program() -> str:
+    """Builds the Rust program."""
+    profile = ["--profile", os.environ["PROFILE"]] if "PROFILE" in os.environ else []
+    command = ["cargo", "bench", "--quiet", *profile, "--bench", "repeated", "--no-run", "--message-format=json"]
+    printed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    built = [json.loads(line) for line in printed.splitlines()]
+    return next(own["executable"] for own in built if own.get("target", {}).get("name") == "repeated")
 
 
 def in_rust(pilot: str, quadcopter: str, count: int) -> tuple[float, float]:
-    command = ["cargo", "bench", "--quiet", "--bench", "repeated", "--", pilot, quadcopter, str(count)]
-    printed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    seconds, total = printed.split()[-2:]
-    return float(seconds), float(total)
+    def used() -> float:
+        own = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return own.ru_utime + own.ru_stime
+
+    command, before = [PROGRAM, pilot, quadcopter, str(count)], used()
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    return used() - before, float(printed.split()[-1])
 
 
 class Slave:
@@ -81,7 +96,7 @@ def in_fmpy(pilot: str, quadcopter: str, count: int) -> tuple[float, float]:
     stick_out, position = human.references["stick"], human.references["position"]
     z, stick_in = vehicle.references["z"], vehicle.references["stick"]
     at_stick, at_z = human.outputs.index(stick_out), vehicle.outputs.index(z)
-    began, total = time.perf_counter(), 0.0
+    began, total = time.process_time(), 0.0
     for target in targets(count):
         human.begin({"target": target})
         vehicle.begin({})
@@ -96,7 +111,7 @@ def in_fmpy(pilot: str, quadcopter: str, count: int) -> tuple[float, float]:
             human.fmu.doStep(k * STEP, STEP)
             vehicle.fmu.doStep(k * STEP, STEP)
         total += np.array(rows)[-1, 1 + len(human.outputs) + at_z]
-    return time.perf_counter() - began, total
+    return time.process_time() - began, total
 
 
 def stopped() -> float:
@@ -118,6 +133,8 @@ def stopped() -> float:
 
 
 def main() -> None:
+    global PROGRAM
+    PROGRAM = rust_program()
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 10_000
     with tempfile.TemporaryDirectory() as folder:
         fmus = [f"{folder}/pilot.fmu", f"{folder}/quadcopter.fmu"]

@@ -50,7 +50,7 @@ fn version() -> &'static str {
 
 /// A system that is opened once and simulated any number of times.
 #[pyclass(frozen)]
-struct Prepared(Arc<Mutex<Option<prepared::Prepared>>>);
+struct Prepared(Arc<Mutex<prepared::Prepared>>);
 
 #[pymethods]
 impl Prepared {
@@ -59,7 +59,7 @@ impl Prepared {
     fn new(words: Vec<OsString>) -> PyResult<Self> {
         let made = prepared::Prepared::new(words);
         let made = made.map_err(|done: Done| worker::refused(&done))?;
-        Ok(Self(Arc::new(Mutex::new(Some(made)))))
+        Ok(Self(Arc::new(Mutex::new(made))))
     }
 
     /// Simulates with these values, each a name and a text, and gives what `call` gives.
@@ -67,8 +67,7 @@ impl Prepared {
         let own = Arc::clone(&self.0);
         let done = worker::run(py, move |stop| {
             let mut own = own.lock().unwrap_or_else(PoisonError::into_inner);
-            own.as_mut()
-                .map_or_else(Done::default, |own| own.run(&settings, stop))
+            own.run(&settings, stop)
         })?;
         left(py, done)
     }

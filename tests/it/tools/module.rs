@@ -81,7 +81,7 @@ fn wheel(folder: &Path) -> PathBuf {
             .args(["-m", "pip", "wheel", "--quiet", "--no-deps"])
             // maturin stands beside it.
             .args(["--no-build-isolation", "--config-settings"])
-            .arg("build-args=--profile quick --offline")
+            .arg("build-args=--profile quick")
             .arg("--wheel-dir")
             .args([folder, root()])
             .env("PATH", std::env::join_paths(search).unwrap())
