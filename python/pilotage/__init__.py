@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ._fit import Diagnostic, Fit, bootstrap, fit, profile
     from ._linear import Linearization, linearize
     from ._model import Model
+    from ._sweep import Study, merge, sweep
     from ._system import Result, System, simulate, simulate_fmu
     from ._tables import Run, Table, read_run
     from ._tools import (
@@ -41,6 +42,7 @@ _HOMES = {
     "_fit": ("Diagnostic", "Fit", "bootstrap", "fit", "profile"),
     "_linear": ("Linearization", "linearize"),
     "_model": ("Model",),
+    "_sweep": ("Study", "merge", "sweep"),
     "_system": ("Result", "System", "simulate", "simulate_fmu"),
     "_tables": ("Run", "Table", "read_run"),
     "_tools": (
@@ -71,6 +73,7 @@ __all__ = [
     "PilotageWarning",
     "Result",
     "Run",
+    "Study",
     "System",
     "Table",
     "bootstrap",
@@ -82,11 +85,13 @@ __all__ = [
     "info",
     "init",
     "linearize",
+    "merge",
     "optimise",
     "profile",
     "read_run",
     "simulate",
     "simulate_fmu",
+    "sweep",
     "synth",
     "validate",
     "version",

@@ -44,6 +44,29 @@ class Tools(Folder):
         other = printed("hv", *flags, "--intervals=20", "-o", self.folder / "other")
         self.assertEqual(json["columns"] if "columns" in json else json.keys(), other["columns"] if "columns" in other else other.keys())
 
+    def test_studies_are_those_of_the_command(self) -> None:
+        system = pl.System().add("pilot", self.pilot).add("vehicle", self.quadcopter)
+        system.connect("pilot.stick", "vehicle.stick").connect("vehicle.z", "pilot.position").set("pilot.target", 10)
+        words = {"vary": {"vehicle.mass": [1.0, 1.4], "pilot.target": "5:10:2"}, "measure": {"last": "final(vehicle.z)"}}
+        study = pl.sweep(system, **words, stop_time=2, step=0.05, isolate=False)
+        self.assertEqual(len(study), 4)
+        for k in range(4):
+            values = {name: own[k] for name, own in study.values.items()}
+            run = pl.simulate(system, stop_time=2, step=0.05, set=values, isolate=False)
+            self.assertEqual(run["vehicle.z"][-1], study.measures["last"][k])
+        self.assertEqual(study.to_frame().shape, (4, 4))
+        parts = [self.folder / f"part{k}" for k in (1, 2)]
+        for k, part in enumerate(parts, 1):
+            pl.sweep(system, **words, stop_time=2, step=0.05, isolate=False, shard=f"{k}/2", output=part)
+        joined = pl.merge(parts, self.folder / "joined")
+        np.testing.assert_array_equal(joined.measures["last"], study.measures["last"])
+        # A sample that fails is a row with its reason.
+        table = {"vehicle.mass": np.array([1.2, -1.0])}
+        failed = pl.sweep(system, table=table, stop_time=2, step=0.05, isolate=False)
+        self.assertIsNone(failed.reasons[0])
+        self.assertIn("mass", failed.reasons[1] or "")
+        self.assertTrue(np.isnan(failed.measures["final(vehicle.z)"][1]))
+
     def test_fmus_are_checked(self) -> None:
         broken = self.folder / "broken.fmu"
         broken.write_bytes(self.pilot.read_bytes()[:-40])

@@ -1,0 +1,175 @@
+"""Many runs of a system with other values, and what their measures depend on (docs/sweep.md)."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ._call import Left, PathLike, call, pairs, text, words
+from ._system import Source, System, as_system
+from ._tables import Array, Files, real
+
+if TYPE_CHECKING:
+    import pandas
+
+
+@dataclass
+class Study:
+    """The samples of a study.
+
+    Attributes
+    ----------
+    values : dict of ndarray of float, shape (n,)
+        What was varied, by name.
+    measures : dict of ndarray of float, shape (n,)
+        What was measured; NaN where a sample failed or has no such number.
+    reasons : list of (str or None)
+        Why a sample failed.
+    summary : dict
+        What sweep.json has: quantiles, rank correlations or Sobol' indices with intervals.
+    """
+
+    values: dict[str, Array]
+    measures: dict[str, Array]
+    reasons: list[str | None]
+    summary: dict[str, Any]
+
+    def __len__(self) -> int:
+        return len(self.reasons)
+
+    def to_frame(self) -> pandas.DataFrame:
+        """A DataFrame with a row for each sample; needs pandas."""
+        import pandas
+
+        return pandas.DataFrame({**self.values, **self.measures, "reason": self.reasons})
+
+
+def sweep(
+    system: System | Source,
+    vary: Mapping[str, object] | None = None,
+    *,
+    step: float,
+    stop_time: float | None = None,
+    measure: Mapping[str, str] | Sequence[str] | None = None,
+    table: Any = None,
+    set: Mapping[str, object] | None = None,
+    output: PathLike | None = None,
+    isolate: bool | list[str] = True,
+    **options: object,
+) -> Study:
+    """Simulates a system many times, on all cores.
+
+    Parameters
+    ----------
+    system : System, path, Model or Fit
+        A system, a system file, or a single model or FMU.
+    vary : dict, optional
+        For each name a list of values, `"0.8:1.6:9"`, a law such as `"normal(1.2, 0.1)"`, or for an instance `"fit"`.
+    step, stop_time : float
+        Communication step and end [s].
+    measure : dict or list of str, optional
+        Expressions such as `"rms(vehicle.z - 10)"`, with names in a dict; the last values of all outputs if it is None.
+    table : DataFrame, dict of arrays or path, optional
+        The samples, instead of `vary`.
+    set : dict, optional
+        Values of parameters and inputs for all runs.
+    output : path, optional
+        Folder of the page and the tables; a study that was stopped goes on in it.
+    isolate : bool or list of str
+        Whether FMUs run in processes of their own, or which. Many short runs are faster without.
+    **options
+        Flags of `pilotage sweep`: `method="saltelli"`, `samples=256`, `seed=2`, `algorithm="strong"`.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    InputError, FmuError
+    Interrupted
+        The samples that are done are in `output`, if it was given.
+    """
+    system = as_system(system)
+    files = Files()
+    folder = Path(output) if output is not None else files.path / "sweep"
+    named, wiring = system.words()
+    given = {**system.settings, **(set or {})}
+    left = call(
+        "sweep",
+        words(
+            *named,
+            **wiring,
+            set=pairs(given),
+            vary=[varied(name, own) for name, own in (vary or {}).items()],
+            table=samples(table, files),
+            measure=measures(measure),
+            step=step,
+            stop_time=stop_time,
+            isolate="all" if isolate is True else ",".join(isolate or []) or None,
+            output=folder,
+            json=True,
+            **options,
+        ),
+    )
+    return study(left, folder)
+
+
+def merge(parts: Sequence[PathLike], output: PathLike) -> Study:
+    """Joins the folders that `sweep(..., shard="1/3", output=...)` made on one machine or several."""
+    return study(call("merge", words(*parts, output=output, json=True)), Path(output))
+
+
+def varied(name: str, own: object) -> str:
+    """Name and values as the command reads them."""
+    if isinstance(own, str):
+        is_law = own == "fit" or "(" in own
+        return f"{name}{'~' if is_law else '='}{own}"
+    values = np.atleast_1d(np.asarray(own))
+    return f"{name}={','.join(text(value) for value in values.tolist())}"
+
+
+def measures(given: Mapping[str, str] | Sequence[str] | None) -> list[str]:
+    """Expressions, with their names."""
+    match given:
+        case None:
+            return []
+        case str():
+            return [given]
+        case Mapping():
+            return [f"{name} = {own}" for name, own in given.items()]
+        case _:
+            return list(given)
+
+
+def samples(given: Any, files: Files) -> str | None:
+    """The file of a table of samples."""
+    if given is None or isinstance(given, str | Path):
+        return None if given is None else text(given)
+    columns = {str(name): real(given[name], str(name)) for name in given}
+    file = files.path / "samples.csv"
+    with file.open("w", newline="", encoding="utf-8") as to:
+        rows = csv.writer(to)
+        rows.writerow(columns)
+        rows.writerows(map(text, row) for row in zip(*columns.values(), strict=True))
+    return str(file)
+
+
+def study(left: Left, folder: Path) -> Study:
+    """What the command wrote. A part of a study prints no summary, and has no table yet."""
+    file = folder / "sweep.csv"
+    if not file.is_file():
+        return Study({}, {}, [], {})
+    summary = left.json()
+    with file.open(newline="", encoding="utf-8") as text_of:
+        header, *rows = csv.reader(text_of)
+    columns = list(zip(*rows, strict=True)) if rows else [()] * len(header)
+    numbers = [np.array([float(cell or "nan") for cell in own]) for own in columns[1:-2]]
+    count = len(summary["varied"])
+    pairs_of = list(zip(header[1:-2], numbers, strict=True))
+    return Study(dict(pairs_of[:count]), dict(pairs_of[count:]), [cell or None for cell in columns[-1]], dict(summary))
