@@ -1,6 +1,7 @@
 //! `pilotage hv`: the height–velocity map of a helicopter after power loss, with a pilot in the loop.
 
 mod cases;
+mod figure;
 mod kept;
 mod landing;
 mod numbers;
@@ -224,7 +225,7 @@ fn write(args: &Args, shown: &[Shown], overlays: &[Curve]) -> Result<(), Failure
     save("map.csv", page::points(shown))?;
     save("boundary.csv", page::boundary(shown))?;
     save("hv.json", json.clone())?;
-    let figure = page::figure(args, shown, overlays);
+    let figure = figure::figure(args, shown, overlays);
     let svg = crate::report::svg::to_svg(&figure, WIDTH);
     match crate::report::png::to_png(&svg, DOTS) {
         Ok(png) => overwrite::save(&args.output.join("hv.png"), png)?,

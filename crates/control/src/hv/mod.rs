@@ -6,6 +6,8 @@ mod manoeuvre;
 mod map;
 mod pilot;
 mod point;
+mod problem;
+mod starts;
 
 pub use helicopter::{Frozen, Helicopter, INPUTS, STATES, Trim};
 pub use manoeuvre::Manoeuvre;

@@ -2,15 +2,15 @@
 
 use super::helicopter::{Helicopter, Trim};
 use super::pilot::Pilot;
+use super::problem::problem;
 use crate::interior::{self, Options, Status};
 use crate::optimise::{self, even};
 use crate::pose::Posed;
-use crate::program::{Duration, Program};
+use crate::program::Program;
 use pilotage_cosim::description::InstanceDescription;
 use pilotage_estimation::system::part::Part;
 use pilotage_estimation::{ProblemError, ProblemFile};
 use pilotage_language::parse;
-use std::fmt::Write;
 use std::path::Path;
 
 /// What limits a landing and how it is computed.
@@ -52,7 +52,7 @@ pub struct Landings {
     helicopter: Helicopter,
     pilot: Option<Pilot>,
     settings: Settings,
-    posed: Posed,
+    pub(super) posed: Posed,
     /// Places of the helicopter's states, and of the pilot's of both axes.
     places: Vec<usize>,
     hands: [usize; 2],
@@ -94,8 +94,6 @@ const MOST_ITERATIONS: usize = 300;
 /// First barrier from a neighbour's landing, and from elsewhere.
 const WARM: f64 = 1e-3;
 const COLD: f64 = 0.1;
-/// Weight of the squared steps of the controls (relative to their limits): S is flat in them.
-const REGULARISE: f64 = 1e-3;
 /// Part of the range of a path's limits by which a flight that is to be certified stays within them.
 const WITHIN: f64 = 0.02;
 /// Largest violation of a certified flight, of the limits' sizes.
@@ -399,93 +397,6 @@ impl Landings {
         }
         program
     }
-
-    /// A neighbour's variables with this point's start: heights are moved along, and the duration by what falling through
-    /// the difference takes.
-    fn moved(&self, program: &Program, near: &[f64], height: f64) -> Vec<f64> {
-        const SINK: f64 = 8.0;
-        let mut z = near.to_vec();
-        let n = program.n();
-        let h = self.places[self.helicopter.places()[0]];
-        let scale = self.posed.states[h].scale;
-        let higher = height / scale - near[h];
-        for k in 0..program.intervals() {
-            z[program.node(k) + h] += (1.0 - program.mesh[k]) * higher;
-            let middle = 0.5 * (program.mesh[k] + program.mesh[k + 1]);
-            z[program.middle(k) + h] += (1.0 - middle) * higher;
-        }
-        if let Duration::Sought(d) = program.duration {
-            let own = &mut z[program.theta() + d];
-            let longer = higher * scale / SINK / program.model.scales.parameters[d];
-            *own = (*own + longer).max(0.5 * *own);
-        }
-        for (own, value) in z.iter_mut().zip(&program.initial) {
-            *own = value.unwrap_or(*own);
-        }
-        for (own, control) in z[n..].iter_mut().zip(&program.controls) {
-            *own = control.first.unwrap_or(*own);
-        }
-        z
-    }
-
-    /// Where start `k` begins: states along lines to a landing, controls at their first values.
-    fn start(&self, program: &Program, (trim, x): (&Trim, &[f64]), k: usize) -> Vec<f64> {
-        let [h, u, w, omega, _] = self.helicopter.places();
-        let mut last = x.to_vec();
-        let Aim { end, seconds } = Aim::of(k, x[h]);
-        (last[h], last[w]) = (0.0, end[1]);
-        last[u] = end[0];
-        last[omega] = end[2] * x[omega];
-        let mut theta = self.posed.theta();
-        if let Duration::Sought(d) = self.posed.duration {
-            let (low, high) = self.posed.parameters[d].limits;
-            theta[d] = seconds.clamp(low, high);
-        }
-        let bound = theta.len() - 1;
-        let [sink, fast] = self.settings.touch_down;
-        theta[bound] = (last[w] / sink).max(last[u].abs() / fast);
-        let states = |tau: f64| {
-            let mut all: Vec<f64> = (program.initial.iter().zip(&self.posed.states))
-                .map(|(own, state)| own.unwrap_or(0.0) * state.scale)
-                .collect();
-            for ((place, first), last) in self.places.iter().zip(x).zip(&last) {
-                all[*place] = first + tau * (last - first);
-            }
-            all
-        };
-        let controls = vec![trim.cz, trim.alpha];
-        self.posed
-            .variables(program, &states, &|_| controls.clone(), &theta)
-    }
-}
-
-/// Where a start aims: speed and sink rate at touch-down \[m/s\], rotor speed over that of trim, and the time until then \[s\].
-struct Aim {
-    end: [f64; 3],
-    seconds: f64,
-}
-
-impl Aim {
-    /// That of start `k` from a height \[m\]; no two are the same.
-    fn of(k: usize, height: f64) -> Self {
-        let known = [
-            ([8.0, 2.0, 0.8], 1.0 + height / 8.0),
-            ([3.0, 2.0, 0.7], 1.5 + height / 5.0),
-            ([12.0, 3.0, 0.9], 0.7 + height / 12.0),
-            ([0.0, 4.0, 0.6], 2.0 + height / 6.0),
-        ];
-        if let Some((end, seconds)) = known.get(k) {
-            let (end, seconds) = (*end, *seconds);
-            return Self { end, seconds };
-        }
-        // Fractions that fill their ranges evenly: the plastic sequence.
-        let part = |step: f64| (0.5 + k as f64 * step).fract();
-        let [fast, sink, long] = [0.819_172_513, 0.671_043_607, 0.549_700_478].map(part);
-        Self {
-            end: [14.0 * fast, 1.0 + 4.0 * sink, 0.6 + 0.3 * fast],
-            seconds: 0.6 + 1.4 * long + height / (4.0 + 10.0 * sink),
-        }
-    }
 }
 
 /// Number of starts that converged, and of those that did to the best of them.
@@ -496,73 +407,4 @@ fn agreeing(found: &[interior::Solution]) -> [usize; 2] {
         .fold(f64::INFINITY, f64::min);
     let same = converged().filter(|own| own.objective - best <= SAME * best.abs().max(1.0));
     [converged().count(), same.count()]
-}
-
-/// The problem of all points; their initial states and first controls differ.
-fn problem(
-    helicopter: &Helicopter,
-    pilot: Option<&Pilot>,
-    settings: &Settings,
-) -> Result<String, ProblemError> {
-    let trim = helicopter.trim(1000.0, 0.0).ok_or_else(|| {
-        ProblemError::Part("the helicopter cannot hover out of ground effect: it has no trim; check its mass and rotor".into())
-    })?;
-    let Settings {
-        touch_down: [sink, fast],
-        cz: [low, high, rate],
-        alpha: [tilt, tilt_rate],
-        rotor: [slowest, fastest],
-        intervals,
-        ..
-    } = *settings;
-    let omega = trim.states[helicopter.places()[3]];
-    let set: Vec<String> = helicopter
-        .set
-        .iter()
-        .map(|(name, value)| format!("{name} = {value:?}"))
-        .collect();
-    let mut text = format!(
-        "[system.helicopter]\nmodel = \"helicopter\"\nset = {{ {} }}\n",
-        set.join(", ")
-    );
-    // Rates are those of the rotor's controls: a pilot's command may jump, and what the pilot makes of it does not.
-    let limited = |rate: f64, first: f64| match pilot {
-        None => format!("rate = {rate:?}\nfirst = {first:?}\n"),
-        Some(_) => String::new(),
-    };
-    let commands = match pilot {
-        None => ["helicopter.cz", "helicopter.alpha"],
-        Some(_) => {
-            text += "[system.hand]\nmodel = \"hand\"\n[connect]\n\"hand.cz\" = \"helicopter.cz\"\n\
-                     \"hand.alpha\" = \"helicopter.alpha\"\n";
-            ["hand.cz_command", "hand.alpha_command"]
-        }
-    };
-    let _ = write!(
-        text,
-        "[[control]]\nsignal = \"{}\"\nmin = {low:?}\nmax = {high:?}\n{}\
-         [[control]]\nsignal = \"{}\"\nmin = {:?}\nmax = {tilt:?}\n{}\
-         [objective]\nminimise = \"max(final(helicopter.w) / {sink:?}, abs(final(helicopter.u)) / {fast:?})\"\nregularise = {:?}\n\
-         [horizon]\nduration = {{ start = 4, min = 0.02, max = 120 }}\nintervals = {intervals}\n\
-         [final]\n\"helicopter.h\" = 0\n\
-         [[constraint]]\nexpression = \"helicopter.h\"\nmin = 0\n\
-         [[constraint]]\nexpression = \"helicopter.omega\"\nmin = {:?}\nmax = {:?}\n",
-        commands[0],
-        limited(rate, trim.cz.clamp(low, high)),
-        commands[1],
-        -tilt,
-        limited(tilt_rate, 0.0),
-        REGULARISE,
-        slowest * omega,
-        fastest * omega,
-    );
-    if pilot.is_some() {
-        let _ = write!(
-            text,
-            "[[constraint]]\nexpression = \"helicopter.cz\"\nmin = {low:?}\nmax = {high:?}\n\
-             [[constraint]]\nexpression = \"helicopter.alpha\"\nmin = {:?}\nmax = {tilt:?}\n",
-            -tilt
-        );
-    }
-    Ok(text)
 }
