@@ -71,10 +71,16 @@ impl Measure {
             given: given.to_owned(),
             words,
         };
+        const TAKEN: [&str; 3] = ["sample", "status", "reason"];
         let named = given
             .split_once('=')
             .filter(|(name, _)| is_identifier(name.trim()));
         let (name, text) = named.map_or((given.trim(), given), |(name, text)| (name.trim(), text));
+        if TAKEN.contains(&name) {
+            return Err(fault(format!(
+                "`{name}` is a column of the table; give it another name"
+            )));
+        }
         if text.matches('(').count() != text.matches(')').count() {
             return Err(fault("its brackets do not match".to_owned()));
         }
@@ -284,6 +290,18 @@ fn reached(time: &[f64], y: &[f64], level: f64, sign: f64) -> f64 {
     }
 }
 
+/// First time at which a signal is above 0, interpolated from where it is not.
+fn above(time: &[f64], y: &[f64]) -> f64 {
+    match y.iter().position(|own| *own > 0.0) {
+        None => f64::NAN,
+        Some(0) => time[0],
+        Some(k) => {
+            let part = -y[k - 1] / (y[k] - y[k - 1]);
+            time[k - 1] + part * (time[k] - time[k - 1])
+        }
+    }
+}
+
 fn reduced(reducer: &str, time: &[f64], y: &[f64], other: f64) -> f64 {
     let (Some(first), Some(last)) = (y.first(), y.last()) else {
         return f64::NAN;
@@ -319,7 +337,7 @@ fn reduced(reducer: &str, time: &[f64], y: &[f64], other: f64) -> f64 {
                 (_, None) => f64::NAN,
             }
         }
-        "when" => reached(time, y, 0.0, 1.0),
+        "when" => above(time, y),
         "settling" => {
             let band = (other * change).abs();
             let Some(k) = y.iter().rposition(|own| (own - last).abs() > band) else {
@@ -404,7 +422,7 @@ mod tests {
         );
         near("rms(plant.y - mean(plant.y)) - sd(plant.y)", 0.0, 1e-12);
         assert_eq!(parsed("best = peak(plant.y)").unwrap().name, "best");
-        assert!(of("when(plant.y - 5)").is_nan());
+        assert!(of("when(plant.y - 5)").is_nan() && of("when(0 * plant.y)").is_nan());
     }
 
     #[test]

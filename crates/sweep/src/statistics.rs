@@ -26,12 +26,17 @@ pub struct Indices {
 
 /// Quantile of 1 - 0.05/2 of the standard normal distribution.
 const NORMAL: f64 = 1.959_963_984_540_054;
+/// Fewest base samples of which intervals are given.
+pub const FEWEST: usize = 32;
 /// Resamples of an interval.
 const RESAMPLES: usize = 200;
 
-/// Mean and standard deviation of finite numbers.
+/// Mean and standard deviation of finite numbers; NaN where there are too few.
 pub fn moments(values: &[f64]) -> [f64; 2] {
     let n = values.len() as f64;
+    if values.len() < 2 {
+        return [values.first().copied().unwrap_or(f64::NAN), f64::NAN];
+    }
     let mean = values.iter().sum::<f64>() / n;
     let square: f64 = values.iter().map(|own| (own - mean).powi(2)).sum();
     [mean, (square / (n - 1.0)).sqrt()]
@@ -98,7 +103,7 @@ pub fn rank_correlation(x: &[f64], y: &[f64]) -> Interval {
 
 /// Sobol' indices of `k` variables from the measures of a [Saltelli](crate::Method::Saltelli) design, in its order; base samples
 /// in which a measure is not finite are left out. First order by Saltelli et al. (2010), total by Jansen (1999), intervals by
-/// resampling of base samples with a seed.
+/// resampling of base samples with a seed, of which there are none for fewer than [`FEWEST`].
 pub fn sobol_indices(measured: &[f64], k: usize, seed: u64) -> Vec<Indices> {
     let blocks: Vec<&[f64]> = measured
         .chunks_exact(k + 2)
@@ -126,7 +131,7 @@ pub fn sobol_indices(measured: &[f64], k: usize, seed: u64) -> Vec<Indices> {
     let found = estimate(&all);
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut place = || (((u128::from(random.next_u64())) * n as u128) >> 64) as usize;
-    let again: Vec<Vec<[f64; 2]>> = (0..if n > 1 { RESAMPLES } else { 0 })
+    let again: Vec<Vec<[f64; 2]>> = (0..if n >= FEWEST { RESAMPLES } else { 0 })
         .map(|_| estimate(&(0..n).map(|_| place()).collect::<Vec<_>>()))
         .collect();
     let interval = |d: usize, which: usize| {
@@ -204,5 +209,6 @@ mod tests {
             [1.0, 3.0, 5.0, 8.0]
         );
         assert!(quantile(&[], 0.5).is_nan());
+        assert!(moments(&[]).iter().all(|own| own.is_nan()) && moments(&[2.0])[1].is_nan());
     }
 }

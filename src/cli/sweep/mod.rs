@@ -151,9 +151,19 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let plan = Plan::new(args, &first)?;
     // A mistake in a name, a value or a measure is one of all samples.
     let pilot = run::Pilot::new(args, &plan, first)?;
+    let plan = Plan {
+        is_repeatable: pilot.is_repeatable,
+        ..plan.clone()
+    };
     let mut store = Store::open(&args.output, &plan, whole)?;
     if !store.is_resumed() {
-        folder::create_new(&args.output, args.force)?;
+        let created = folder::create_new(&args.output, args.force);
+        created.map_err(|failure| match store.is_of_others() {
+            true => failure.hint(
+                "another study was stopped in it; the same arguments go on, --force begins anew",
+            ),
+            false => failure,
+        })?;
         store.begin()?;
     }
     interrupt::listen("stopping; the samples that are done are kept")?;

@@ -40,6 +40,8 @@ pub struct Plan {
     pub design: Design,
     /// Names of the measures, with their expressions.
     pub measures: Vec<(String, String)>,
+    /// Whether a sample gives the same numbers each time.
+    pub is_repeatable: bool,
 }
 
 impl Plan {
@@ -59,18 +61,22 @@ impl Plan {
                 .iter()
                 .map(|own| (own.name.clone(), own.given.clone()))
                 .collect(),
+            is_repeatable: true,
         })
     }
 }
 
 /// The measures of the arguments, over the signals of a system.
 pub fn measures(args: &Args, opened: &Opened) -> Result<Vec<Measure>, Failure> {
+    let signals = opened.signals();
     let mut given = args.measure.clone();
     if given.is_empty() {
         given = opened
             .outputs()
             .iter()
             .map(|name| format!("final({name})"))
+            // Names that no expression can have, such as those of arrays' elements, are left out.
+            .filter(|own| Measure::parse(own, &signals).is_ok())
             .collect();
     }
     if given.is_empty() {
@@ -79,7 +85,6 @@ pub fn measures(args: &Args, opened: &Opened) -> Result<Vec<Measure>, Failure> {
                 .hint("give --measure 'final(instance.variable)'"),
         );
     }
-    let signals = opened.signals();
     let parse = |own: &String| {
         let used: Vec<_> = signals
             .iter()
@@ -110,7 +115,7 @@ fn design(args: &Args, opened: &Opened) -> Result<Design, Failure> {
             Some((instance, "fit")) => joint.push(fitted(instance.trim(), opened.description())?),
             _ => {
                 let mut own = Vary::parse(given)?;
-                own.name = opened.full_name(&own.name)?;
+                own.name = opened.varied(&own.name)?;
                 vary.push(own);
             }
         }
@@ -145,7 +150,7 @@ fn of_table(path: &Path, opened: &Opened) -> Result<Design, Failure> {
     if rows.advance()? {
         for name in rows.cells().map(str::to_owned).collect::<Vec<_>>() {
             let name = opened
-                .full_name(&name)
+                .varied(&name)
                 .map_err(|failure| failure.hint(format!("{file} has a column of that name")))?;
             let law = pilotage_sweep::Law::List(Vec::new());
             vary.push(Vary { name, law });
@@ -260,6 +265,11 @@ fn sum(description: &SystemDescription) -> Result<String, Failure> {
                 all.update(bytes.map_err(|error| {
                     Failure::new(format!("cannot read {}: {error}", file.display()))
                 })?);
+                if crate::cli::recognise::is_model(&file) {
+                    for (name, table) in &pilotage_language::read(&file)?.tables {
+                        all.update(format!("{name}\n{}", table.text));
+                    }
+                }
             }
             (_, None) => {}
         }

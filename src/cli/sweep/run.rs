@@ -4,11 +4,12 @@ use super::plan::{self, Plan};
 use super::store::{Row, Store};
 use super::{Args, Counter, Deadline, Failure};
 use crate::cli::cosim::ending;
-use crate::cli::system;
+use crate::cli::{system, terminal};
 use crate::cosim::{
-    Clock, Ending, Selection, SeriesRecorder, SystemDescription, Thinned, ValueKind,
+    Clock, Ending, Role, Selection, SeriesRecorder, SystemDescription, Thinned, ValueKind,
 };
 use crate::fmi::Fmu;
+use crate::series::Series;
 use pilotage_sweep::Measure;
 use std::collections::BTreeSet;
 use std::sync::Mutex;
@@ -64,12 +65,17 @@ impl Opened {
             .collect()
     }
 
-    /// A variable's name with its instance; an error if there is none.
-    pub fn full_name(&self, name: &str) -> Result<String, Failure> {
+    /// The name, with its instance, of a parameter or an input.
+    pub fn varied(&self, name: &str) -> Result<String, Failure> {
         let system = &self.0.built.system;
         let name = system::full_name(system, name, system::only(system));
-        system.find(&name)?;
-        Ok(name)
+        match system.find(&name)?.role {
+            Role::Parameter | Role::Input => Ok(name),
+            role => Err(
+                Failure::new(format!("`{name}` is {role} and cannot be varied"))
+                    .hint("vary a parameter, or an input"),
+            ),
+        }
     }
 
     /// When a run ends \[s\].
@@ -116,38 +122,72 @@ pub struct Pilot<'a> {
     recorded: Vec<String>,
     /// Whether components that are made new give what they gave at first.
     is_renewable: bool,
+    /// Whether a sample gives the same numbers each time.
+    pub is_repeatable: bool,
     is_only_once: bool,
     first: Mutex<Option<Opened>>,
 }
 
+/// All numbers of what was recorded.
+fn bits(series: &Series) -> Vec<u64> {
+    let values = series.columns.iter().flat_map(|own| &own.values);
+    values.map(|value| value.to_bits()).collect()
+}
+
 impl<'a> Pilot<'a> {
-    /// Runs the first sample twice, with components that are made new in between.
+    /// Runs a sample before and after another one, with components that are made new in between.
     pub fn new(args: &'a Args, plan: &'a Plan, opened: Opened) -> Result<Self, Failure> {
         let measures = plan::measures(args, &opened)?;
-        let recorded: BTreeSet<String> = measures
+        let used = measures
             .iter()
-            .flat_map(|own| own.signals().iter().cloned())
-            .collect();
+            .flat_map(|own| own.signals().iter().cloned());
+        let used: BTreeSet<String> = used.collect();
         let mut own = Self {
             clock: Clock::new(args.start_time, opened.stop(args)?, args.step)?,
             is_only_once: opened.is_only_once(),
             args,
             plan,
             measures,
-            recorded: recorded.into_iter().collect(),
+            // All outputs are compared.
+            recorded: used.iter().cloned().chain(opened.outputs()).collect(),
             is_renewable: true,
+            is_repeatable: true,
             first: Mutex::new(None),
         };
         let mut place = Some(opened);
+        let mut is_repeatable = true;
+        let count = own.plan.design.count();
         // Of those that fail, what is left is not used again.
-        for k in 0..plan.design.count().min(TRIES) {
-            let first = own.one(&mut place, k)?;
-            if first.failure.is_none() {
-                own.is_renewable = place.is_some() && own.one(&mut place, k)?.is_same(&first);
-                break;
+        for k in 0..count.min(TRIES) {
+            let (row, series) = own.traced(&mut place, k)?;
+            if row.failure.is_some() {
+                continue;
             }
+            let is_same = |other: &Series| bits(other) == bits(&series);
+            let between = own.traced(&mut place, count - 1)?.0;
+            own.is_renewable = between.failure.is_some()
+                || (place.is_some() && is_same(&own.traced(&mut place, k)?.1));
+            if !own.is_renewable {
+                place = None;
+                is_repeatable = is_same(&own.traced(&mut place, k)?.1);
+            }
+            break;
         }
+        if !is_repeatable {
+            let hint = match args.wiring.isolates_all() {
+                true => "",
+                false => "; with --isolate all each run has a process of its own",
+            };
+            terminal::say(
+                "warning",
+                &format!(
+                    "a sample gives other numbers each time, although everything is loaded anew: the study cannot be repeated{hint}"
+                ),
+            );
+        }
+        own.recorded = used.into_iter().collect();
         own.first = Mutex::new(place.filter(|_| own.is_renewable));
+        own.is_repeatable = is_repeatable;
         Ok(own)
     }
 
@@ -209,14 +249,22 @@ impl<'a> Pilot<'a> {
 
     /// Runs a sample with the components in a place, or with new ones; leaves them there if they can be used again.
     fn one(&self, place: &mut Option<Opened>, k: usize) -> Result<Row, Failure> {
+        Ok(self.traced(place, k)?.0)
+    }
+
+    /// The same, with what was recorded.
+    fn traced(&self, place: &mut Option<Opened>, k: usize) -> Result<(Row, Series), Failure> {
         let mut opened = match place.take() {
             Some(own) => own.0,
             None => Opened::of(self.args)?.0,
         };
-        let failed = |words: String| Row {
-            sample: k,
-            measured: vec![f64::NAN; self.measures.len()],
-            failure: Some(words),
+        let failed = |words: String| {
+            let row = Row {
+                sample: k,
+                measured: vec![f64::NAN; self.measures.len()],
+                failure: Some(words),
+            };
+            (row, Series::default())
         };
         let values = self.plan.design.values(k);
         let settings = self.plan.design.names().zip(&values).map(|(name, value)| {
@@ -268,10 +316,11 @@ impl<'a> Pilot<'a> {
             .map(|own| own.of(&recorder.series))
             .collect();
         *place = opened.renewed(built, run.components)?.map(Opened);
-        Ok(Row {
+        let row = Row {
             sample: k,
             measured,
             failure: None,
-        })
+        };
+        Ok((row, recorder.series))
     }
 }

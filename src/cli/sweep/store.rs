@@ -84,6 +84,7 @@ pub struct Store {
     rows: BTreeMap<usize, Row>,
     file: Option<File>,
     is_resumed: bool,
+    is_of_others: bool,
 }
 
 /// Name of the file of a part.
@@ -105,17 +106,21 @@ impl Store {
             rows: BTreeMap::new(),
             file: None,
             is_resumed: false,
+            is_of_others: false,
             path,
         };
         if own.path.is_file() {
-            let text = file::text(&own.path).map_err(|error| own.unreadable(&error))?;
+            let bytes = file::bytes(&own.path).map_err(|error| own.unreadable(&error))?;
+            // Lines that were damaged are no rows.
+            let text = String::from_utf8_lossy(&bytes);
+            own.is_of_others = true;
             if let Some(rest) = text.strip_prefix(&own.header) {
                 let count = plan.design.count();
                 own.rows = rows(rest, plan.measures.len())
                     .filter(|row| row.sample < count)
                     .map(|row| (row.sample, row))
                     .collect();
-                own.is_resumed = true;
+                (own.is_resumed, own.is_of_others) = (true, false);
                 // Without a line that was cut off.
                 own.finish(&own.rows()?)?;
                 own.append()?;
@@ -131,6 +136,11 @@ impl Store {
     /// Whether an earlier run goes on.
     pub fn is_resumed(&self) -> bool {
         self.is_resumed
+    }
+
+    /// Whether another study was stopped there.
+    pub fn is_of_others(&self) -> bool {
+        self.is_of_others
     }
 
     /// Begins the file.
@@ -198,7 +208,7 @@ fn rows(text: &str, measures: usize) -> impl Iterator<Item = Row> {
 /// The study of which these folders have the parts.
 pub fn merged(folders: &[PathBuf]) -> Result<(Plan, Vec<Row>), Failure> {
     let mut header: Option<(String, PathBuf)> = None;
-    let mut all = BTreeMap::new();
+    let mut all: BTreeMap<usize, Row> = BTreeMap::new();
     for folder in folders {
         let entries = std::fs::read_dir(folder);
         let entries = entries
@@ -247,11 +257,19 @@ pub fn merged(folders: &[PathBuf]) -> Result<(Plan, Vec<Row>), Failure> {
                 None => header = Some((first.to_owned(), path.clone())),
             }
             let count = plan.design.count();
-            all.extend(
-                rows(rest, plan.measures.len())
-                    .filter(|own| own.sample < count)
-                    .map(|own| (own.sample, own)),
-            );
+            for row in rows(rest, plan.measures.len()).filter(|own| own.sample < count) {
+                let sample = row.sample;
+                if let Some(other) = all.insert(sample, row)
+                    && !other.is_same(&all[&sample])
+                {
+                    let message = format!(
+                        "{} has other numbers of sample {sample} than a part before it",
+                        path.display()
+                    );
+                    return Err(Failure::new(message)
+                        .hint("an FMU that remembers earlier runs does that: --isolate all"));
+                }
+            }
         }
     }
     let (first, _) = header.ok_or_else(|| Failure::new("there are no parts"))?;

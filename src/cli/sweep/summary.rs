@@ -44,6 +44,8 @@ pub struct Summary {
     pub count: usize,
     pub failed: usize,
     pub reason: Option<(usize, String)>,
+    /// Whether a sample gives the same numbers each time.
+    pub is_repeatable: bool,
 }
 
 impl Summary {
@@ -100,6 +102,7 @@ impl Summary {
             count: rows.len(),
             failed: failed.clone().count(),
             reason: failed.into_iter().next(),
+            is_repeatable: plan.is_repeatable,
         }
     }
 
@@ -136,6 +139,7 @@ impl Summary {
         json!({
             "samples": self.count,
             "failed": self.failed,
+            "repeatable": self.is_repeatable,
             "method": plan.design.method,
             "seed": plan.design.seed,
             "varied": plan.design.names().collect::<Vec<_>>(),
@@ -203,12 +207,25 @@ impl Summary {
     /// In words: how many samples there are, and what became of them.
     pub fn verdict(&self) -> String {
         let all = counted(self.count, "sample");
-        match &self.reason {
+        let mut words = match &self.reason {
             None => format!("{all}, none failed."),
             Some((sample, reason)) => {
                 format!("{all}, {} failed: sample {sample}: {reason}.", self.failed)
             }
+        };
+        let done = self.count - self.failed;
+        for own in self
+            .measures
+            .iter()
+            .filter(|own| own.ascending.len() < done)
+        {
+            let missing = done - own.ascending.len();
+            words += &format!(" {missing} without a number of {}.", own.name);
         }
+        if !self.is_repeatable {
+            words += " A sample gives other numbers each time.";
+        }
+        words
     }
 
     /// As text.

@@ -79,6 +79,11 @@ pub fn pair(text: &str) -> Result<(String, String), String> {
 }
 
 impl Wiring {
+    /// Whether each FMU has a process of its own.
+    pub fn isolates_all(&self) -> bool {
+        self.isolation.is_all()
+    }
+
     /// Opens and connects everything, after checking that no input file is overwritten; saves the system if requested.
     /// `outputs` are the other files that the command writes.
     pub fn build(

@@ -84,6 +84,11 @@ impl Isolation {
         Ok(())
     }
 
+    /// Whether all instances are isolated.
+    pub fn is_all(&self) -> bool {
+        self.isolate.iter().any(|own| own == ALL)
+    }
+
     /// Whether an instance is isolated.
     pub fn is_of(&self, name: &str) -> bool {
         self.isolate.iter().any(|own| own == name || own == ALL)
