@@ -122,7 +122,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         false => to_text(&file.file, &posed, &answer),
     })?;
     Ok(match answer.verdict {
-        Verdict::Optimal => Outcome::Done,
+        Verdict::Optimal | Verdict::Converged => Outcome::Done,
         _ => Outcome::No,
     })
 }
@@ -170,6 +170,9 @@ fn column(name: &str, unit: Option<&str>, values: Vec<f64>) -> Column {
     }
 }
 
+/// Magnitude of an objective that nothing seems to bound.
+const UNBOUNDED: f64 = 1e9;
+
 fn verdict(answer: &Answer) -> String {
     let (same, converged) = answer.agreeing();
     let all = counted(answer.starts.len(), "start");
@@ -178,6 +181,9 @@ fn verdict(answer: &Answer) -> String {
         Verdict::Optimal => format!(
             "a local optimum: {same} of {all} ended there, {} elsewhere",
             converged - same
+        ),
+        Verdict::Converged => format!(
+            "converged on this mesh, which was not refined: what a finer one changes is not known; {same} of {all} ended there"
         ),
         Verdict::Inaccurate if !far.is_whole => {
             "no optimum: the program converged, but its controls cannot be integrated to the end"
@@ -189,6 +195,13 @@ fn verdict(answer: &Answer) -> String {
                 .into()
         }
         Verdict::Infeasible => format!("infeasible: none of {all} met the constraints"),
+        Verdict::NotConverged if answer.objective.is_nan() => {
+            "not converged: the objective is not a number where the search is; limit what it is taken of".into()
+        }
+        Verdict::NotConverged if answer.objective.abs() > UNBOUNDED => format!(
+            "not converged: the objective came to {}; is it bounded? Limit the controls, or add a cost",
+            significant(answer.objective, 2)
+        ),
         Verdict::NotConverged => {
             format!("not converged: none of {all}; write other starts, or a [guess]")
         }

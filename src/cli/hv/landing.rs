@@ -6,7 +6,7 @@ use super::{Args, DOTS, WIDTH};
 use crate::cli::made::{made, program, quoted};
 use crate::cli::{Failure, Outcome, folder, overwrite, system, terminal};
 use crate::control::hv::{Landings, Manoeuvre, Settings};
-use crate::cosim::{self, Algorithm, Clock, SeriesRecorder, SystemDescription};
+use crate::cosim::{self, Algorithm, Clock, Ending, SeriesRecorder, SystemDescription};
 use crate::export::{Export, Provenance};
 use crate::models::TextModel;
 use crate::report::figure::{Figure, Panel, Series as Line};
@@ -16,8 +16,10 @@ use pilotage_text::number::significant;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Longest communication step of the replay \[s\].
-const STEP: f64 = 0.005;
+/// How the FMUs are coupled, with the longest communication step \[s\]: without lag, and where that overshoots a jump of the
+/// commands, which a pilot without states hands on at once, in shorter steps.
+const COUPLINGS: [(Algorithm, f64); 2] =
+    [(Algorithm::Strong, 0.005), (Algorithm::GaussSeidel, 0.001)];
 /// Difference of S from which the co-simulation is another flight.
 const AGREEMENT: f64 = 0.02;
 
@@ -29,8 +31,17 @@ struct Flown<'a> {
     manoeuvre: Manoeuvre,
     /// Static gains that were divided out of the pilot.
     gains: Option<[f64; 2]>,
-    /// S at touch-down of the co-simulation, and the step \[s\]; NaN where the states are no outputs.
-    replayed: (f64, f64),
+    replayed: Replayed,
+}
+
+/// The co-simulation of the FMUs.
+#[derive(Clone, Copy)]
+struct Replayed {
+    /// S at touch-down; NaN where the FMUs did not come to the ground, or the states are no outputs.
+    s: f64,
+    algorithm: Algorithm,
+    step: f64,
+    stop: f64,
 }
 
 /// Computes and writes all of them.
@@ -71,7 +82,12 @@ pub fn run(args: &Args, cases: &[Case], hands: Option<&Hands>) -> Result<Outcome
             delay,
             manoeuvre,
             gains: hands.map(|own| own.pilot.axes.each_ref().map(|axis| axis.gain)),
-            replayed: (f64::NAN, f64::NAN),
+            replayed: Replayed {
+                s: f64::NAN,
+                algorithm: Algorithm::Strong,
+                step: f64::NAN,
+                stop: f64::NAN,
+            },
         };
         std::fs::create_dir_all(&folder).map_err(|error| {
             Failure::new(format!(
@@ -111,6 +127,15 @@ fn missing(landings: &Landings, [speed, height]: [f64; 2]) -> Failure {
         ),
     };
     Failure::new(words).hint("look at mass, density and power of the helicopter")
+}
+
+/// A number, if there is one.
+fn shown(value: f64) -> String {
+    if value.is_finite() {
+        significant(value, 4)
+    } else {
+        "none".to_owned()
+    }
 }
 
 impl Flown<'_> {
@@ -220,31 +245,39 @@ impl Flown<'_> {
         *self.manoeuvre.time.last().unwrap_or(&0.0)
     }
 
-    /// A step that divides the delay, after which commands may jump, and the stop time.
-    fn clock(&self) -> (f64, f64) {
-        let step = match self.delay > 0.0 {
-            true => self.delay / (self.delay / STEP).ceil(),
-            false => STEP,
-        };
-        (step, step * (self.end() / step).ceil())
+    /// The co-simulation of the FMUs, by the first coupling that comes to the ground.
+    fn repeated(&self, args: &Args, file: &Path) -> Result<Replayed, Failure> {
+        let mut found = self.replayed;
+        for (algorithm, longest) in COUPLINGS {
+            // The delay, after which commands may jump, is a number of steps.
+            let step = match self.delay > 0.0 {
+                true => self.delay / (self.delay / longest).ceil(),
+                false => longest,
+            };
+            let stop = step * (self.end() / step).ceil();
+            found = Replayed {
+                s: f64::NAN,
+                algorithm,
+                step,
+                stop,
+            };
+            if stop <= 0.0 {
+                break;
+            }
+            let built = system::open(SystemDescription::read(file)?)?;
+            let mut recorder = SeriesRecorder::default();
+            let clock = Clock::new(0.0, stop, step)?;
+            let run = cosim::run(built.system, &clock, None, algorithm, &mut recorder)?;
+            if matches!(run.ending, Ending::Completed) {
+                found.s = self.landed(args, &recorder.series, step);
+                break;
+            }
+        }
+        Ok(found)
     }
 
-    /// S at touch-down of the co-simulation of the FMUs, and its step \[s\].
-    fn repeated(&self, args: &Args, file: &Path) -> Result<(f64, f64), Failure> {
-        let (step, stop) = self.clock();
-        if stop <= 0.0 {
-            return Ok((f64::NAN, step));
-        }
-        let built = system::open(SystemDescription::read(file)?)?;
-        let mut recorder = SeriesRecorder::default();
-        cosim::run(
-            built.system,
-            &Clock::new(0.0, stop, step)?,
-            None,
-            Algorithm::Strong,
-            &mut recorder,
-        )?;
-        let series = recorder.series;
+    /// S of the rows at touch-down.
+    fn landed(&self, args: &Args, series: &Series, step: f64) -> f64 {
         let at_end = |name: &str| {
             let values = &series.column(&format!("helicopter.{name}"))?.values;
             let place = (self.end() / step).min((values.len() - 1) as f64);
@@ -255,10 +288,8 @@ impl Flown<'_> {
             touch_down: [sink, fast],
             ..
         } = cases::settings(args);
-        let s = at_end("w")
-            .zip(at_end("u"))
-            .map(|(w, u)| (w / sink).max(u.abs() / fast));
-        Ok((s.unwrap_or(f64::NAN), step))
+        let speeds = at_end("w").zip(at_end("u"));
+        speeds.map_or(f64::NAN, |(w, u)| (w / sink).max(u.abs() / fast))
     }
 
     fn figure(&self) -> Figure {
@@ -311,17 +342,10 @@ impl Flown<'_> {
 
     fn html(&self, figure: &Figure) -> String {
         let landing = &self.manoeuvre.landing;
-        let shown = |value: f64| {
-            if value.is_finite() {
-                significant(value, 4)
-            } else {
-                "none".to_owned()
-            }
-        };
         let facts = [
             ("S", shown(landing.s)),
             ("S, integrated again", shown(landing.replayed)),
-            ("S of the FMUs", shown(self.replayed.0)),
+            ("S of the FMUs", shown(self.replayed.s)),
             ("time to the ground [s]", shown(self.end())),
         ];
         let mut words = vec![
@@ -361,14 +385,19 @@ impl Flown<'_> {
             "class": self.class(),
             "s": finite(landing.s),
             "replayed": finite(landing.replayed),
-            "co_simulated": finite(self.replayed.0),
+            "co_simulated": finite(self.replayed.s),
             "duration": self.end(),
         })
     }
 
     fn to_text(&self, folder: &Path) -> String {
         let landing = &self.manoeuvre.landing;
-        let (step, stop) = self.clock();
+        let Replayed {
+            algorithm,
+            step,
+            stop,
+            ..
+        } = self.replayed;
         let file = folder.join("system.toml");
         let mut text = format!(
             "{} m/s at {} m, {}: {}, S = {} ({} integrated again, {} by the FMUs), {} s to the ground\n",
@@ -378,14 +407,14 @@ impl Flown<'_> {
             self.class(),
             significant(landing.s, 4),
             significant(landing.replayed, 4),
-            significant(self.replayed.0, 4),
+            shown(self.replayed.s),
             significant(self.end(), 3),
         );
         text += &format!(
             "wrote {}: flight.csv, landing.html, landing.svg, and the FMUs\n",
             terminal::shown(folder)
         );
-        let far = (self.replayed.0 - landing.replayed).abs();
+        let far = (self.replayed.s - landing.replayed).abs();
         if far > AGREEMENT {
             text += &format!(
                 "note: the FMUs land with another S: a flight of {} s without feedback multiplies what communication steps of {step} s are off\n",
@@ -393,7 +422,7 @@ impl Flown<'_> {
             );
         }
         text += &format!(
-            "next: {} cosim {} --algorithm strong --step {step} --stop-time {stop} -o result.csv\n",
+            "next: {} cosim {} --algorithm {algorithm} --step {step} --stop-time {stop} -o result.csv\n",
             program(),
             quoted(&file.to_string_lossy())
         );

@@ -276,11 +276,6 @@ impl Range {
         let [a, b] = [self.heights, other.heights];
         a[1].min(b[1]) / a[0].max(b[0])
     }
-
-    /// Their middle, in ratios.
-    fn middle(&self) -> f64 {
-        (self.heights[0] * self.heights[1]).sqrt()
-    }
 }
 
 impl Column {
@@ -360,39 +355,72 @@ fn region(columns: &[Column]) -> Vec<(f64, Range)> {
     all
 }
 
-/// The fastest unsafe point of the region that begins at hover, by bisection from its last column; beyond the grid if that is
-/// the last one of all.
+/// The fastest unsafe point of the region that begins at hover, beyond the grid if need be: in turn the height of the largest S at
+/// a speed within the region, and the speed at which S is 1 at that height.
 fn knee(landings: &Landings, columns: &[Column], delay: f64) -> Option<[f64; 2]> {
-    /// Step of the search beyond the grid, and where it ends \[m/s\].
+    /// Step of the search for a safe speed, where it ends, and how far within the region the height is sought \[m/s\].
     const STEP: f64 = 3.0;
     const FASTEST: f64 = 90.0;
+    const WITHIN: f64 = 0.3;
+    const TURNS: usize = 3;
     let region = region(columns);
     let (speed, range) = region.last()?;
-    let height = range.middle();
-    let is_safe = |speed: f64| {
+    let mut height = highest(landings, *speed, delay, range.heights);
+    let is_safe = |speed: f64, height: f64| {
         let landing = landings.from(height, speed, delay, None);
         Class::of(landing.as_ref()) == Class::Safe
     };
     let mut low = *speed;
-    let mut high = match columns.get(region.len()) {
-        Some(next) => next.speed,
-        None => loop {
-            let next = low + STEP;
-            if next > FASTEST {
+    for turn in 0..TURNS {
+        let mut high = low + STEP;
+        while !is_safe(high, height) {
+            (low, high) = (high, high + STEP);
+            if high > FASTEST {
                 return None;
             }
-            if is_safe(next) {
-                break next;
+        }
+        while high - low > FINE_SPEED {
+            let middle = 0.5 * (low + high);
+            match is_safe(middle, height) {
+                true => high = middle,
+                false => low = middle,
             }
-            low = next;
-        },
-    };
-    while high - low > FINE_SPEED {
-        let middle = 0.5 * (low + high);
-        match is_safe(middle) {
-            true => high = middle,
-            false => low = middle,
+        }
+        if turn + 1 < TURNS {
+            let within = (low - WITHIN).max(*speed);
+            height = highest(landings, within, delay, [0.6 * height, height / 0.6]);
         }
     }
-    Some([0.5 * (low + high), height])
+    Some([low, height])
+}
+
+/// The height of the largest S between two at a speed, by golden sections in its logarithm.
+fn highest(landings: &Landings, speed: f64, delay: f64, between: [f64; 2]) -> f64 {
+    const SECTIONS: usize = 8;
+    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let s = |at: f64| {
+        let landing = landings.from(at.exp(), speed, delay, None);
+        landing.map_or(f64::NEG_INFINITY, |own| {
+            if own.s.is_finite() {
+                own.s
+            } else {
+                f64::NEG_INFINITY
+            }
+        })
+    };
+    let [mut low, mut high] = between.map(f64::ln);
+    let (mut a, mut b) = (high - golden * (high - low), low + golden * (high - low));
+    let (mut at_a, mut at_b) = (s(a), s(b));
+    for _ in 0..SECTIONS {
+        if at_a > at_b {
+            (high, b, at_b) = (b, a, at_a);
+            a = high - golden * (high - low);
+            at_a = s(a);
+        } else {
+            (low, a, at_a) = (a, b, at_b);
+            b = low + golden * (high - low);
+            at_b = s(b);
+        }
+    }
+    (0.5 * (low + high)).exp()
 }

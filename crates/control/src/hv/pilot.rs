@@ -83,6 +83,9 @@ impl Axis {
     /// Largest real part of a pole \[1/s\].
     pub fn growth(&self) -> f64 {
         let n = self.b.len();
+        if n == 0 {
+            return f64::NEG_INFINITY;
+        }
         let poles = DMatrix::from_fn(n, n, |i, j| self.a[i][j]).complex_eigenvalues();
         poles
             .iter()

@@ -88,6 +88,8 @@ type Certified = (f64, (Vec<f64>, Vec<f64>));
 const SAME: f64 = 0.005;
 /// Number of further starts where some do not converge, or no two to the best.
 const SPARE: usize = 5;
+/// Time to the ground \[s\] within which no control changes the landing.
+const SOON: f64 = 0.03;
 /// Options of the solver: S is wanted to three digits.
 const TOLERANCE: f64 = 1e-6;
 const MOST_ITERATIONS: usize = 300;
@@ -195,7 +197,8 @@ impl Landings {
         }
         let x = course.last();
         let [h, u, w, _, _] = self.helicopter.places();
-        if course.is_down || x[h] <= 0.0 {
+        // Nothing that is left of the fall is long enough to be changed.
+        if course.is_down || x[h] <= SOON * x[w] {
             let [sink, fast] = self.settings.touch_down;
             let s = (x[w] / sink).max(x[u].abs() / fast);
             return Some(Landing {
@@ -260,7 +263,7 @@ impl Landings {
         let is_converged = best.status == Status::Converged;
         let replayed = match (certified, is_converged) {
             (Some(s), _) => s,
-            (None, true) => optimise::replay(&self.posed, &program, &best.z).objective,
+            (None, true) => optimise::replay(&self.posed, &program, &best.z, 1).objective,
             (None, false) => f64::NAN,
         };
         Some(Landing {
@@ -341,7 +344,7 @@ impl Landings {
 
     /// The figure of the replay, if that flight lands within the limits.
     fn certified(&self, program: &Program, z: &[f64]) -> Option<f64> {
-        let replay = optimise::replay(&self.posed, program, z);
+        let replay = optimise::replay(&self.posed, program, z, 1);
         let lands = replay.is_whole && replay.violation <= VIOLATION;
         (lands && replay.objective <= 1.0 + VIOLATION).then_some(replay.objective)
     }

@@ -31,7 +31,14 @@ pub fn mesh_errors(posed: &Posed, program: &Program, z: &[f64]) -> Vec<f64> {
     let sizes: Vec<f64> = (0..n).map(largest).collect();
     let error = |k: usize| {
         let [first, last] = ends(program, z, k);
-        match integrated(posed, program, (z, &theta), k, &first[..n], &mut |_, _| {}) {
+        match integrated(
+            posed,
+            program,
+            (z, &theta),
+            (k, 1),
+            &first[..n],
+            &mut |_, _| {},
+        ) {
             Some(x) => (0..n).fold(0.0_f64, |m, i| m.max((x[i] - last[i]).abs() / sizes[i])),
             None => f64::INFINITY,
         }

@@ -53,7 +53,9 @@ impl Default for Effort {
 /// First barrier parameter from a point that is nearly optimal.
 const WARM: f64 = 1e-4;
 /// Largest number of intervals.
-const MOST_INTERVALS: usize = 2000;
+const MOST_INTERVALS: usize = 4000;
+/// Fewest steps of the replay.
+const STEPS: usize = 4000;
 
 const AGREEMENT: f64 = 1e-4;
 /// Objectives that differ less are those of one optimum.
@@ -64,6 +66,8 @@ const SAME: f64 = 1e-5;
 pub enum Verdict {
     /// A local optimum whose replay agrees.
     Optimal,
+    /// A converged program whose replay agrees, on a mesh that was not to be refined: what a finer one changes is not known.
+    Converged,
     /// A converged program whose replay differs, or that finer meshes still change: no optimum of the problem.
     Inaccurate,
     /// No start met the constraints.
@@ -79,6 +83,7 @@ impl Verdict {
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Optimal => "optimal",
+            Self::Converged => "converged",
             Self::Inaccurate => "inaccurate",
             Self::Infeasible => "infeasible",
             Self::NotConverged => "not converged",
@@ -176,10 +181,9 @@ pub fn optimise(posed: &Posed, effort: &Effort, observer: &mut Observer<'_>) -> 
         };
         (found, clock.elapsed().as_secs_f64())
     };
-    let all: Vec<(Solution, f64)> = (0..effort.starts.max(1))
-        .into_par_iter()
-        .map(begin)
-        .collect();
+    // An earlier answer is one more start.
+    let count = effort.starts.max(1) + usize::from(posed.earlier.is_some());
+    let all: Vec<(Solution, f64)> = (0..count).into_par_iter().map(begin).collect();
     let mut starts: Vec<Ended> = all
         .iter()
         .map(|(found, seconds)| Ended {
@@ -226,14 +230,20 @@ pub fn optimise(posed: &Posed, effort: &Effort, observer: &mut Observer<'_>) -> 
     }
     let mesh_error = errors.iter().fold(0.0_f64, |m, error| m.max(*error));
     accurate = accurate || (mesh_error <= effort.mesh_tolerance && is_settled(&meshes));
-    let certificate = replay(posed, &program, &best.z);
+    let parts = STEPS.div_ceil(program.intervals());
+    let certificate = replay(posed, &program, &best.z, parts);
     let far = (certificate.objective - best.objective).abs() / best.objective.abs().max(1e-3);
+    let meets = certificate.is_whole && certificate.violation <= AGREEMENT;
     let agrees = certificate.is_whole && far <= AGREEMENT && certificate.violation <= AGREEMENT;
     let verdict = match best.status {
         _ if watched.is_stopped.into_inner() => Verdict::Stopped,
-        Status::Converged if agrees && (accurate || effort.rounds == 0) => Verdict::Optimal,
+        Status::Converged if agrees && accurate => Verdict::Optimal,
+        Status::Converged if agrees && effort.rounds == 0 => Verdict::Converged,
         Status::Converged => Verdict::Inaccurate,
-        _ if starts.iter().all(|own| own.status == Status::Infeasible) => Verdict::Infeasible,
+        // What meets all limits when it is flown is not infeasible.
+        _ if starts.iter().all(|own| own.status == Status::Infeasible) && !meets => {
+            Verdict::Infeasible
+        }
         _ => Verdict::NotConverged,
     };
     let sign = if posed.is_maximised { -1.0 } else { 1.0 };

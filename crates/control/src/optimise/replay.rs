@@ -41,12 +41,12 @@ pub(super) fn ends(program: &Program, z: &[f64], k: usize) -> [Vec<f64>; 2] {
 }
 
 /// The states at the end of an interval from given ones at its start, with the controls of the program, and what `see` makes
-/// of the steps; none if they cannot be integrated.
+/// of the steps, of which there are at least `parts`; none if they cannot be integrated.
 pub(super) fn integrated(
     posed: &Posed,
     program: &Program,
     (z, theta): (&[f64], &[f64]),
-    k: usize,
+    (k, parts): (usize, usize),
     x: &[f64],
     see: &mut dyn FnMut(f64, &[f64]),
 ) -> Option<Vec<f64>> {
@@ -59,19 +59,31 @@ pub(super) fn integrated(
         .zip(&last[n..])
         .map(|(a, b)| (b - a) / h)
         .collect();
-    let run = bare_run([program.mesh[k], program.mesh[k + 1]], slopes, first.len());
     let quality = Quality {
         tolerance: REPLAY,
         magnitudes: program.model.scales.states.clone(),
         most_steps: 4000,
     };
-    let course = posed.equations[0].course(&run, theta, &first, &quality, &|| false);
-    let finite = course.states.iter().flatten().all(|x| x.is_finite());
-    for (time, x) in course.time.iter().zip(&course.states) {
-        see(*time, x);
+    for part in 0..parts {
+        let at = |part: usize| program.mesh[k] + h * part as f64 / parts as f64;
+        let to = if part + 1 == parts {
+            program.mesh[k + 1]
+        } else {
+            at(part + 1)
+        };
+        let run = bare_run([at(part), to], slopes.clone(), first.len());
+        let course = posed.equations[0].course(&run, theta, &first, &quality, &|| false);
+        let finite = course.states.iter().flatten().all(|x| x.is_finite());
+        for (time, x) in course.time.iter().zip(&course.states) {
+            see(*time, x);
+        }
+        first.clone_from(course.states.last()?);
+        if !(course.is_whole && finite) {
+            return None;
+        }
     }
-    let last = course.states.last()?;
-    (course.is_whole && finite).then(|| last[..n].to_vec())
+    first.truncate(n);
+    Some(first)
 }
 
 /// Evaluates outputs of equations at a point in physical variables.
@@ -82,8 +94,9 @@ pub(super) fn outputs(model: &Differentiated, tau: f64, x: &[f64], theta: &[f64]
         .split_off(model.n_states())
 }
 
-/// Integrates the equations with the controls of a solution.
-pub fn replay(posed: &Posed, program: &Program, z: &[f64]) -> Certificate {
+/// Integrates the equations with the controls of a solution, with at least `parts` steps in each interval: what is shorter than
+/// these may not be seen.
+pub fn replay(posed: &Posed, program: &Program, z: &[f64], parts: usize) -> Certificate {
     let n = program.n();
     let theta = theta(posed, program, z);
     let scales = &program.model.scales.states;
@@ -109,7 +122,7 @@ pub fn replay(posed: &Posed, program: &Program, z: &[f64]) -> Certificate {
                 note(&outputs(path, tau, x, &theta), &posed.limited[0]);
             }
         };
-        let Some(next) = integrated(posed, program, (z, &theta), k, &x, &mut see) else {
+        let Some(next) = integrated(posed, program, (z, &theta), (k, parts), &x, &mut see) else {
             is_whole = false;
             break;
         };

@@ -7,9 +7,11 @@ use pilotage_collocation::Quality;
 
 /// Variables where start `k` begins: the earlier answer or the given guess, then controls at other levels and other durations, simulated.
 pub fn start(posed: &Posed, program: &Program, k: usize) -> Vec<f64> {
-    if let (Some(earlier), 0) = (&posed.earlier, k) {
-        return earlier.variables(posed, program);
-    }
+    let k = match (&posed.earlier, k) {
+        (Some(earlier), 0) => return earlier.variables(posed, program),
+        (Some(_), k) => k - 1,
+        (None, k) => k,
+    };
     // Fractions of the ranges that fill it evenly: the plastic sequence.
     let fraction =
         |k: usize, c: usize| (0.5 + k as f64 * [0.754_877_666, 0.569_840_291][c % 2]).fract();
