@@ -167,8 +167,8 @@ impl Fitted {
         };
         let fitted = SystemDescription {
             instances: own.cloned().collect(),
-            connections: Vec::new(),
             settings: values.iter().map(set).collect(),
+            ..SystemDescription::default()
         };
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let text = head + &fitted.to_toml(folder)?;

@@ -5,7 +5,9 @@ use super::super::overwrite::{OutputKind, Overwrite};
 use super::super::recognise::{self, FileKind};
 use super::isolation::Isolation;
 use super::{Built, build, full_name, only, parameters, save};
-use crate::cosim::description::{InstanceDescription, InstanceSource, Interface, Setting, Wire};
+use crate::cosim::description::{
+    InstanceDescription, InstanceSource, Interface, Setting, Transformation, Wire,
+};
 use crate::cosim::{System, SystemDescription};
 use clap::ValueEnum;
 use pilotage_text::is_identifier;
@@ -157,6 +159,7 @@ impl Wiring {
         let wire = |(from, to): &(String, String)| Wire {
             from: from.clone().into(),
             to: to.clone().into(),
+            transformation: Transformation::default(),
         };
         Ok((description, self.connect.iter().map(wire).collect()))
     }

@@ -29,11 +29,12 @@ pub use kind::{
 };
 pub use model::{DefaultExperiment, LogCategory, ModelDescription, Tool};
 pub use read::read;
-pub use read::{build, terminals};
+pub use read::{build, terminals, text_of};
 pub use reading::{Places, ReadError, Reading};
 pub use rule::{Handle, Rule};
 pub use structure::{ModelStructure, Unknown};
-pub use text::Place;
+pub use text::{LineIndex, Place};
+pub use write::Xml;
 pub use units::{BaseUnit, DisplayUnit, EnumerationItem, SimpleType, TypeKind, Unit};
 
 /// Whether XML can be parsed in time proportional to its size.
