@@ -52,7 +52,9 @@ impl Plan {
             system: sum(opened.description())?,
             simulation: format!(
                 "{:?} {stop:?} {:?} {:?}",
-                args.start_time, args.step, args.coupling
+                opened.start(args),
+                args.step,
+                args.coupling
             ),
             design: design(args, opened)?,
             measures: measures
@@ -265,7 +267,8 @@ fn sum(description: &SystemDescription) -> Result<String, Failure> {
         }
     }
     for own in &description.connections {
-        all.update(format!("{}={}\n", own.from.value, own.to.value));
+        let by = own.transformation;
+        all.update(format!("{}={} {by:?}\n", own.from.value, own.to.value));
     }
     for own in &description.settings {
         all.update(format!("{}={}\n", own.name.value, own.value));
