@@ -43,7 +43,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let mut description = read.description;
     let mut copies = Copies::default();
     let (content, kind) = match extension.to_str() {
-        Some("ssp") => (to_ssp(&description, &name).map_err(unwritten)?, OutputKind::Ssp),
+        Some("ssp") => (
+            to_ssp(&description, &name).map_err(unwritten)?,
+            OutputKind::Ssp,
+        ),
         Some("ssd") => {
             let folder = folder_of(output);
             copies.of(&mut description, &folder.join("resources"), &folder)?;
@@ -64,7 +67,12 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         }
     };
     let mut outputs = vec![(output, kind)];
-    outputs.extend(copies.0.iter().map(|(_, to)| (to.as_path(), OutputKind::Fmu)));
+    outputs.extend(
+        copies
+            .0
+            .iter()
+            .map(|(_, to)| (to.as_path(), OutputKind::Fmu)),
+    );
     args.overwrite.check(&[args.input.clone()], &outputs)?;
     for (from, to) in &copies.0 {
         let folder = folder_of(to);
@@ -86,9 +94,9 @@ fn folder_of(path: &Path) -> PathBuf {
 
 fn unwritten(error: WriteError) -> Failure {
     let hint = match &error {
-        WriteError::NotAnFmu { .. } => {
-            Some("`pilotage export` makes FMUs of models, pilots and vehicles; tables stay beside: `cosim --input`")
-        }
+        WriteError::NotAnFmu { .. } => Some(
+            "`pilotage export` makes FMUs of models, pilots and vehicles; tables stay beside: `cosim --input`",
+        ),
         _ => None,
     };
     let failure = Failure::from(error);
@@ -122,7 +130,11 @@ impl Copies {
             let stem = from.file_stem().unwrap_or_default().to_string_lossy();
             let mut k = 1;
             let to = loop {
-                let end = if k == 1 { String::new() } else { format!("-{k}") };
+                let end = if k == 1 {
+                    String::new()
+                } else {
+                    format!("-{k}")
+                };
                 let to = into.join(format!("{stem}{end}.fmu"));
                 if self.0.iter().all(|(_, taken)| *taken != to) {
                     break to;
@@ -135,7 +147,11 @@ impl Copies {
     }
 
     /// Paths of the FMUs from a folder, as they will be.
-    fn sources(&self, description: &SystemDescription, folder: &Path) -> Result<Vec<String>, Failure> {
+    fn sources(
+        &self,
+        description: &SystemDescription,
+        folder: &Path,
+    ) -> Result<Vec<String>, Failure> {
         let source = |own: &crate::cosim::description::InstanceDescription| {
             let Some(file) = own.source.value.file() else {
                 return Ok(String::new());
@@ -147,7 +163,8 @@ impl Copies {
             };
             let path = path.as_deref().and_then(Path::to_str);
             let named = path.map(|path| path.replace('\\', "/"));
-            named.ok_or_else(|| Failure::new(format!("the name of {} is not UTF-8", file.display())))
+            named
+                .ok_or_else(|| Failure::new(format!("the name of {} is not UTF-8", file.display())))
         };
         description.instances.iter().map(source).collect()
     }

@@ -180,7 +180,12 @@ fn names_fmu(path: &Path, deep: usize) -> bool {
         path.extension()
             .is_some_and(|own| own.eq_ignore_ascii_case(ending))
     };
-    if is("fmu") || is("ssp") || is("ssd") || path.join("modelDescription.xml").is_file() || is_ssp(path) {
+    if is("fmu")
+        || is("ssp")
+        || is("ssd")
+        || path.join("modelDescription.xml").is_file()
+        || is_ssp(path)
+    {
         return true;
     }
     if deep == 0 || !is("toml") {

@@ -1,12 +1,14 @@
 //! Makes a description of a tree: components get the names of the systems around them, connections become wires, and values
 //! are applied to variables (section 5.2.3: outer bindings before inner ones, later before earlier ones).
 
+use crate::Ssp;
 use crate::error::{At, SspError};
 use crate::read::Reader;
-use crate::tree::{Component, Connection, Connector, Element, End, Entry, Flow, Reference, Root, System};
+use crate::tree::{
+    Component, Connection, Connector, Element, End, Entry, Flow, Reference, Root, System,
+};
 use crate::variables::{Variables, elements};
 use crate::wiring::{Graph, Key, Leg, Owner, composite};
-use crate::Ssp;
 use pilotage_cosim::SystemDescription;
 use pilotage_cosim::description::{InstanceDescription, InstanceSource, Setting, Spanned, Wire};
 use pilotage_fmi::description::{BaseType, Causality};
@@ -81,7 +83,10 @@ fn joined(path: &str, name: &str) -> String {
 }
 
 fn by_name(connectors: &[Connector]) -> HashMap<&str, &Connector> {
-    connectors.iter().map(|own| (own.name.as_str(), own)).collect()
+    connectors
+        .iter()
+        .map(|own| (own.name.as_str(), own))
+        .collect()
 }
 
 impl Flat {
@@ -92,9 +97,12 @@ impl Flat {
         self.systems.push(HashSet::new());
         for own in &system.connectors {
             if !self.systems[number].insert(own.name.clone()) {
-                return Err(own.at.fault(format!("there are two connectors `{}`", excerpt(&own.name))));
+                return Err(own
+                    .at
+                    .fault(format!("there are two connectors `{}`", excerpt(&own.name))));
             }
-            self.graph.add((owner, own.name.clone()), own.unit.clone(), true);
+            self.graph
+                .add((owner, own.name.clone()), own.unit.clone(), true);
         }
         let outside = self.scope.len();
         for own in &system.dictionaries {
@@ -103,7 +111,8 @@ impl Flat {
                 let key = (Owner::Dictionary(dictionary), name.clone());
                 self.graph.add(key, unit.clone(), true);
             }
-            self.dictionaries.push(own.entries.iter().cloned().collect());
+            self.dictionaries
+                .push(own.entries.iter().cloned().collect());
             self.scope.push((own.name.clone(), dictionary));
         }
         let mut seen: HashMap<&str, Seen> = HashMap::new();
@@ -112,7 +121,11 @@ impl Flat {
                 Element::Component(own) => (&own.name, &own.connectors, self.component(own, path)?),
                 Element::System(own) => {
                     let full = joined(path, &own.name);
-                    (&own.name, &own.connectors, Owner::System(self.inner(own, full)?))
+                    (
+                        &own.name,
+                        &own.connectors,
+                        Owner::System(self.inner(own, full)?),
+                    )
                 }
                 Element::Reference(own) => (&own.name, &own.connectors, self.reference(own)?),
             };
@@ -144,10 +157,14 @@ impl Flat {
         let number = self.components.len();
         let owner = Owner::Component(number);
         if let Some(Owner::Component(_)) = self.names.insert(full.clone(), owner) {
-            return Err(own.at.fault(format!("two components are named `{}`", excerpt(&full))));
+            return Err(own
+                .at
+                .fault(format!("two components are named `{}`", excerpt(&full))));
         }
         let known = self.variables.entry(own.file.clone());
-        let variables = known.or_insert_with(|| Arc::new(Variables::of(own.fmu.clone()))).clone();
+        let variables = known
+            .or_insert_with(|| Arc::new(Variables::of(own.fmu.clone())))
+            .clone();
         self.components.push(variables.clone());
         for connector in &own.connectors {
             let found = variables.find(&connector.name);
@@ -155,7 +172,8 @@ impl Flat {
             let unit = found.and_then(|found| found.unit);
             let is_own = unit.is_some();
             let unit = unit.or_else(|| connector.unit.clone());
-            self.graph.add((owner, connector.name.clone()), unit, is_own);
+            self.graph
+                .add((owner, connector.name.clone()), unit, is_own);
             if is_lost {
                 let name = joined(&full, &connector.name);
                 self.reader.unmatched(&connector.at, &name);
@@ -179,16 +197,32 @@ impl Flat {
     }
 
     fn reference(&mut self, own: &Reference) -> Result<Owner, SspError> {
-        let found = self.scope.iter().rev().find(|(name, _)| *name == own.dictionary);
+        let found = self
+            .scope
+            .iter()
+            .rev()
+            .find(|(name, _)| *name == own.dictionary);
         let (_, number) = found.ok_or_else(|| {
-            let near = suggestion(&own.dictionary, self.scope.iter().map(|(name, _)| name.as_str()));
+            let near = suggestion(
+                &own.dictionary,
+                self.scope.iter().map(|(name, _)| name.as_str()),
+            );
             let name = excerpt(&own.dictionary);
-            own.at.fault(format!("there is no signal dictionary `{name}`{}", did_you_mean(near)))
+            own.at.fault(format!(
+                "there is no signal dictionary `{name}`{}",
+                did_you_mean(near)
+            ))
         })?;
         let entries = &self.dictionaries[*number];
-        if let Some(other) = own.connectors.iter().find(|own| !entries.contains_key(&own.name)) {
+        if let Some(other) = own
+            .connectors
+            .iter()
+            .find(|own| !entries.contains_key(&own.name))
+        {
             let name = excerpt(&other.name);
-            return Err(other.at.fault(format!("`{name}` is no entry of the signal dictionary")));
+            return Err(other
+                .at
+                .fault(format!("`{name}` is no entry of the signal dictionary")));
         }
         Ok(Owner::Dictionary(*number))
     }
@@ -201,7 +235,10 @@ impl Flat {
     ) -> Result<(), SspError> {
         let at = &connection.at;
         let [start, end] = &connection.ends;
-        let (start, end) = (self.end(start, at, own, seen)?, self.end(end, at, own, seen)?);
+        let (start, end) = (
+            self.end(start, at, own, seen)?,
+            self.end(end, at, own, seen)?,
+        );
         let (from, to) = match (start.1, end.1) {
             (Flow::Out, Flow::Out) | (Flow::In, Flow::In) => {
                 let what = if start.1 == Flow::Out { "give" } else { "take" };
@@ -226,7 +263,11 @@ impl Flat {
             None => own,
             Some(name) => seen.get(name.as_str()).ok_or_else(|| {
                 let near = suggestion(name, seen.keys().copied());
-                at.fault(format!("there is no element `{}`{}", excerpt(name), did_you_mean(near)))
+                at.fault(format!(
+                    "there is no element `{}`{}",
+                    excerpt(name),
+                    did_you_mean(near)
+                ))
             })?,
         };
         let connector = of.connectors.get(end.connector.as_str());
@@ -240,7 +281,8 @@ impl Flat {
                 let Some(found) = variables.find(&end.connector) else {
                     let known = variables.by_name.keys().map(String::as_str);
                     let near = did_you_mean(suggestion(&end.connector, known));
-                    let (element, name) = (end.element.as_deref().unwrap_or_default(), &end.connector);
+                    let (element, name) =
+                        (end.element.as_deref().unwrap_or_default(), &end.connector);
                     return Err(at.fault(format!(
                         "the FMU of `{}` has no variable `{}`{near}",
                         excerpt(element),
@@ -249,12 +291,15 @@ impl Flat {
                 };
                 if flow == Flow::Any {
                     flow = match found.variable.causality {
-                        Causality::Input | Causality::Parameter | Causality::StructuralParameter => Flow::In,
+                        Causality::Input
+                        | Causality::Parameter
+                        | Causality::StructuralParameter => Flow::In,
                         _ => Flow::Out,
                     };
                 }
             }
-            Owner::Dictionary(number) if self.dictionaries[number].contains_key(&end.connector) => {}
+            Owner::Dictionary(number) if self.dictionaries[number].contains_key(&end.connector) => {
+            }
             _ if connector.is_none() => {
                 let near = did_you_mean(suggestion(&end.connector, of.connectors.keys().copied()));
                 let name = excerpt(&end.connector);
@@ -288,7 +333,8 @@ impl Flat {
     fn give(&mut self, system: usize, name: &str, entry: &Entry) -> bool {
         let is_there = self.systems[system].contains(name);
         if is_there {
-            self.given.insert((Owner::System(system), name.to_owned()), entry.clone());
+            self.given
+                .insert((Owner::System(system), name.to_owned()), entry.clone());
         }
         is_there
     }
@@ -326,17 +372,26 @@ impl Flat {
         let full = format!("{instance}.{name}");
         let kind = variable.kind.base_type();
         if !variable.is_settable() || matches!(kind, BaseType::Binary | BaseType::Clock) {
-            let note = format!("{}: `{}` cannot be set; left out", entry.at.place, excerpt(&full));
+            let note = format!(
+                "{}: `{}` cannot be set; left out",
+                entry.at.place,
+                excerpt(&full)
+            );
             self.reader.note(note);
             return Ok(());
         }
         let ends = match found.is_element || variable.dimensions.is_empty() {
             true => vec![String::new()],
-            false => elements(&variables.fmu.sizes(variable).unwrap_or_default(), entry.values.len()),
+            false => elements(
+                &variables.fmu.sizes(variable).unwrap_or_default(),
+                entry.values.len(),
+            ),
         };
         if ends.len() != entry.values.len() {
             let (found, full) = (entry.values.len(), excerpt(&full));
-            return Err(entry.at.fault(format!("{found} values for `{full}`, which has other dimensions")));
+            return Err(entry.at.fault(format!(
+                "{found} values for `{full}`, which has other dimensions"
+            )));
         }
         for (end, value) in ends.iter().zip(&entry.values) {
             let value = text_of(value, kind, conversion).map_err(|fault| entry.at.fault(fault))?;
@@ -365,8 +420,12 @@ impl Flat {
         let mut fed = HashSet::new();
         for sink in std::mem::take(&mut self.graph.sinks) {
             let trace = self.graph.trace(&sink)?;
-            let Owner::Component(to) = sink.0 else { continue };
-            let Some((last, _)) = trace.hops.last() else { continue };
+            let Owner::Component(to) = sink.0 else {
+                continue;
+            };
+            let Some((last, _)) = trace.hops.last() else {
+                continue;
+            };
             if let Owner::Component(from) = trace.from.0 {
                 let transformation = self.graph.transformation(&trace)?;
                 let place = Some(last.at.place.clone());
@@ -415,11 +474,18 @@ fn text_of(value: &str, kind: BaseType, conversion: Conversion) -> Result<String
         return match number() {
             Some(number) if is_real => Ok(format!("{:?}", conversion.apply(number))),
             Some(_) => Err("units and factors are for values that are real".to_owned()),
-            None => Err(format!("`{}` is no number, and is to be converted", excerpt(value))),
+            None => Err(format!(
+                "`{}` is no number, and is to be converted",
+                excerpt(value)
+            )),
         };
     }
     let is_whole = |number: &f64| number.fract() == 0.0 && number.abs() < 9e15;
-    let whole = || number().filter(is_whole).map(|number| format!("{number:.0}"));
+    let whole = || {
+        number()
+            .filter(is_whole)
+            .map(|number| format!("{number:.0}"))
+    };
     Ok(match kind {
         BaseType::String => value.to_owned(),
         // Tools write reals for all that is a number.

@@ -41,7 +41,10 @@ pub(crate) struct Package {
 impl Package {
     /// Opens an archive, a folder or an `.ssd`; gives the file of the variant in it, and what is to be kept as long as files
     /// are read.
-    pub(crate) fn open(path: &Path, variant: Option<&str>) -> Result<(Self, String, Kept), SspError> {
+    pub(crate) fn open(
+        path: &Path,
+        variant: Option<&str>,
+    ) -> Result<(Self, String, Kept), SspError> {
         let mut kept = Kept::default();
         if !path.is_dir() && has_extension(path, "ssd") {
             let folder = path.parent().unwrap_or(Path::new("")).to_owned();
@@ -85,7 +88,10 @@ impl Package {
             None => Err(SspError::NoVariant {
                 file: self.shown.display().to_string(),
                 name: name.to_owned(),
-                known: known.into_iter().map(|(_, own)| format!("`{own}`")).collect(),
+                known: known
+                    .into_iter()
+                    .map(|(_, own)| format!("`{own}`"))
+                    .collect(),
             }),
         }
     }
@@ -97,7 +103,10 @@ impl Package {
         let names = names.filter(|name| has_extension(Path::new(name), "ssd"));
         let mut files: Vec<String> = names.filter_map(|name| name.into_string().ok()).collect();
         files.sort();
-        files.into_iter().map(|file| Ok((file.clone(), self.name_of(&file)?))).collect()
+        files
+            .into_iter()
+            .map(|file| Ok((file.clone(), self.name_of(&file)?)))
+            .collect()
     }
 
     /// The attribute `name` of an `.ssd`, or the file's name where there is none.
@@ -135,10 +144,16 @@ impl Package {
     }
 
     /// The package of an archive or folder in this one, or of an `.ssd` in it: package, file, what is to be kept.
-    pub(crate) fn inner(&self, file: &str, variant: Option<&str>) -> Result<(Self, String, Kept), SspError> {
+    pub(crate) fn inner(
+        &self,
+        file: &str,
+        variant: Option<&str>,
+    ) -> Result<(Self, String, Kept), SspError> {
         let (mut package, name, kept) = Self::open(&self.path(file), variant)?;
         package.shown = match has_extension(Path::new(file), "ssd") {
-            true => self.shown.join(Path::new(file).parent().unwrap_or(Path::new(""))),
+            true => self
+                .shown
+                .join(Path::new(file).parent().unwrap_or(Path::new(""))),
             false => self.shown.join(file),
         };
         Ok((package, name, kept))
@@ -169,7 +184,9 @@ pub(crate) fn file_of(uri: &str) -> Result<(String, Option<&str>), String> {
     let path = path.replace('\\', "/");
     let begin = path.split('/').next().unwrap_or_default();
     if path.starts_with('/') || begin.contains(':') {
-        return Err(format!("`{uri}` is outside; files are named from the folder of the .ssd"));
+        return Err(format!(
+            "`{uri}` is outside; files are named from the folder of the .ssd"
+        ));
     }
     let path = unescaped(&path).ok_or_else(|| format!("`{uri}` has a % that escapes no byte"))?;
     let mut parts: Vec<&str> = Vec::new();
@@ -229,12 +246,25 @@ mod tests {
             assert_eq!(file(uri).as_deref(), Ok(expected), "{uri}");
         }
         for uri in [
-            "../a", "a/../../b", "/etc/passwd", "file:///a", "http://a/b", "C:/a", "a%2", "a%zz", "%2e%2e/a", "a%00",
-            "a%5cb", "%ff",
+            "../a",
+            "a/../../b",
+            "/etc/passwd",
+            "file:///a",
+            "http://a/b",
+            "C:/a",
+            "a%2",
+            "a%zz",
+            "%2e%2e/a",
+            "a%00",
+            "a%5cb",
+            "%ff",
         ] {
             assert!(file(uri).is_err(), "{uri}");
         }
         assert_eq!(file_of("a.ssp#B.ssd"), Ok(("a.ssp".into(), Some("B.ssd"))));
-        assert_eq!(file_of(&uri_of("größe 1%.fmu")), Ok(("größe 1%.fmu".into(), None)));
+        assert_eq!(
+            file_of(&uri_of("größe 1%.fmu")),
+            Ok(("größe 1%.fmu".into(), None))
+        );
     }
 }

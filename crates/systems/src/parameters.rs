@@ -13,8 +13,23 @@ use std::path::Path;
 
 /// Types of values; other children of a parameter are none (section 6.2).
 const TYPES: [&str; 17] = [
-    "Real", "Float64", "Float32", "Integer", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64",
-    "Boolean", "String", "Enumeration", "Binary", "Clock",
+    "Real",
+    "Float64",
+    "Float32",
+    "Integer",
+    "Int8",
+    "UInt8",
+    "Int16",
+    "UInt16",
+    "Int32",
+    "UInt32",
+    "Int64",
+    "UInt64",
+    "Boolean",
+    "String",
+    "Enumeration",
+    "Binary",
+    "Clock",
 ];
 
 /// The values that an element's bindings give, in order; `fmu` is the element's FMU, in which sources may lie.
@@ -54,7 +69,9 @@ fn values(
         }
     };
     if let Some(prefix) = binding.attribute("prefix") {
-        entries.iter_mut().for_each(|entry| entry.name.insert_str(0, prefix));
+        entries
+            .iter_mut()
+            .for_each(|entry| entry.name.insert_str(0, prefix));
     }
     match binding.child("ParameterMapping") {
         Some(mapping) => mapped(reader, package, mapping, fmu, &entries),
@@ -65,9 +82,10 @@ fn values(
 /// Refuses content of other types than those of SSP.
 fn expect_type(node: Node<'_, '_>, known: &str) -> Result<(), SspError> {
     match node.attribute("type") {
-        Some(other) if other != known => {
-            Err(node.fault(format!("the type `{}` is not known; expected `{known}`", excerpt(other))))
-        }
+        Some(other) if other != known => Err(node.fault(format!(
+            "the type `{}` is not known; expected `{known}`",
+            excerpt(other)
+        ))),
         _ => Ok(()),
     }
 }
@@ -95,7 +113,9 @@ fn source(
         }
         Some(other) => {
             let other = excerpt(other);
-            Err(node.fault(format!("`sourceBase` is `{other}`; expected SSD or component")))
+            Err(node.fault(format!(
+                "`sourceBase` is `{other}`; expected SSD or component"
+            )))
         }
     }
 }
@@ -107,12 +127,18 @@ fn set(reader: &mut Reader, set: Node<'_, '_>) -> Result<Vec<Entry>, SspError> {
     let units = Units::read(set)?;
     let mut entries = Vec::new();
     for parameter in set.listed("Parameters", "Parameter") {
-        let mut types = parameter.children().filter(|own| TYPES.contains(&own.name()));
+        let mut types = parameter
+            .children()
+            .filter(|own| TYPES.contains(&own.name()));
         let kind = types.next();
-        let kind = kind.ok_or_else(|| parameter.fault("it has no value, such as <Real value=\"1\"/>"))?;
+        let kind =
+            kind.ok_or_else(|| parameter.fault("it has no value, such as <Real value=\"1\"/>"))?;
         let name = parameter.named()?.to_owned();
         if kind.name() == "Binary" {
-            reader.note(format!("{}: `{name}` is binary, and is left out", parameter.place()));
+            reader.note(format!(
+                "{}: `{name}` is binary, and is left out",
+                parameter.place()
+            ));
             continue;
         }
         entries.push(Entry {
@@ -220,7 +246,10 @@ fn translate(entry: Node<'_, '_>, values: &mut [String]) -> Result<(), SspError>
     };
     let mut pairs = Vec::new();
     for own in table.all("MapEntry") {
-        pairs.push((plain(own.required("source")?), plain(own.required("target")?)));
+        pairs.push((
+            plain(own.required("source")?),
+            plain(own.required("target")?),
+        ));
     }
     for value in values {
         if let Some((_, target)) = pairs.iter().find(|(source, _)| *source == plain(value)) {

@@ -89,13 +89,16 @@ impl Reader {
                 0 => String::new(),
                 more => format!(" and {more} more"),
             };
-            self.note(format!("{file}: {shown}{more}: no such name here; left out"));
+            self.note(format!(
+                "{file}: {shown}{more}: no such name here; left out"
+            ));
         }
         self.notes
     }
 
     pub(crate) fn note_annotations(&mut self, node: Node<'_, '_>) {
-        self.annotations.extend(node.annotations().map(str::to_owned));
+        self.annotations
+            .extend(node.annotations().map(str::to_owned));
     }
 
     /// Refuses versions that did not exist when this was written.
@@ -103,7 +106,10 @@ impl Reader {
         let version = node.attribute("version").unwrap_or("1.0");
         match version.split(['.', '-']).next() {
             Some("1" | "2") => Ok(()),
-            _ => Err(node.fault(format!("the version is `{}`; 1.0 and 2.0 are known", excerpt(version)))),
+            _ => Err(node.fault(format!(
+                "the version is `{}`; 1.0 and 2.0 are known",
+                excerpt(version)
+            ))),
         }
     }
 
@@ -113,7 +119,10 @@ impl Reader {
         let unit = units.find(name);
         if let (None, Some(name)) = (&unit, name.filter(|name| !["", "None"].contains(name))) {
             let file = kind.place().file;
-            self.note(format!("{file}: the unit `{}` is not defined; values in it are not converted", excerpt(name)));
+            self.note(format!(
+                "{file}: the unit `{}` is not defined; values in it are not converted",
+                excerpt(name)
+            ));
         }
         unit
     }
@@ -150,14 +159,19 @@ impl Reader {
 
     fn system(&mut self, context: Context<'_>, node: Node<'_, '_>) -> Result<System, SspError> {
         if context.depth > DEEPEST {
-            return Err(node.fault(format!("systems are nested deeper than {DEEPEST} levels, perhaps in themselves")));
+            return Err(node.fault(format!(
+                "systems are nested deeper than {DEEPEST} levels, perhaps in themselves"
+            )));
         }
         let inner = Context {
             depth: context.depth + 1,
             ..context
         };
         let mut elements = Vec::new();
-        for own in node.all("Elements").flat_map(|list| list.children().collect::<Vec<_>>()) {
+        for own in node
+            .all("Elements")
+            .flat_map(|list| list.children().collect::<Vec<_>>())
+        {
             self.count += 1;
             if self.count > MOST {
                 return Err(own.fault(format!("there are more than {MOST} elements")));
@@ -174,7 +188,11 @@ impl Reader {
                     dictionary: own.required("dictionary")?.to_owned(),
                     connectors: self.connectors(context, own)?,
                 })),
-                _ => return Err(own.fault("expected <Component>, <System> or <SignalDictionaryReference>")),
+                _ => {
+                    return Err(
+                        own.fault("expected <Component>, <System> or <SignalDictionaryReference>")
+                    );
+                }
             }
         }
         let mut connections = Vec::new();
@@ -201,7 +219,10 @@ impl Reader {
         let name = node.named()?.to_owned();
         let Some(source) = node.attribute("source") else {
             let place = node.place();
-            self.note(format!("{place}: `{}` has no source; nothing computes its outputs", excerpt(&name)));
+            self.note(format!(
+                "{place}: `{}` has no source; nothing computes its outputs",
+                excerpt(&name)
+            ));
             return Ok(Element::System(System {
                 name,
                 connectors: self.connectors(context, node)?,
@@ -212,14 +233,21 @@ impl Reader {
             }));
         };
         let (file, fragment) = file_of(source).map_err(|fault| node.fault(fault))?;
-        let kind = node.attribute("type").unwrap_or("application/x-fmu-sharedlibrary");
+        let kind = node
+            .attribute("type")
+            .unwrap_or("application/x-fmu-sharedlibrary");
         let is = |ending: &str| file.to_ascii_lowercase().ends_with(ending);
         let is_system = kind.starts_with("application/x-ssp-") || is(".ssp") || is(".ssd");
         if is_system || (file.is_empty() && fragment.is_some()) {
-            return self.referred(context, node, &file, fragment).map(Element::System);
+            return self
+                .referred(context, node, &file, fragment)
+                .map(Element::System);
         }
         if kind != "application/x-fmu-sharedlibrary" {
-            return Err(node.fault(format!("`{}` cannot be simulated; only FMUs and systems can", excerpt(kind))));
+            return Err(node.fault(format!(
+                "`{}` cannot be simulated; only FMUs and systems can",
+                excerpt(kind)
+            )));
         }
         let path = context.package.path(&file);
         let fmu = self.fmu(node, &file, &path)?;
@@ -267,17 +295,25 @@ impl Reader {
     ) -> Result<System, SspError> {
         let depth = context.depth;
         if depth > DEEPEST {
-            return Err(node.fault(format!("systems are nested deeper than {DEEPEST} levels, perhaps in themselves")));
+            return Err(node.fault(format!(
+                "systems are nested deeper than {DEEPEST} levels, perhaps in themselves"
+            )));
         }
         let mut system = match (file, fragment) {
             ("", Some(id)) => {
                 let other = node.system_of_id(id);
-                let missing = || node.fault(format!("there is no <System> with the id `{}`", excerpt(id)));
+                let missing = || {
+                    node.fault(format!(
+                        "there is no <System> with the id `{}`",
+                        excerpt(id)
+                    ))
+                };
                 self.system(context, other.ok_or_else(missing)?)?
             }
             _ => {
                 let inner = context.package.inner(file, fragment);
-                let (package, name, kept) = inner.map_err(|error| node.fault(error_chain(&error)))?;
+                let (package, name, kept) =
+                    inner.map_err(|error| node.fault(error_chain(&error)))?;
                 self.kept.push(kept);
                 self.structure(&package, &name, depth)?.system
             }
@@ -288,11 +324,17 @@ impl Reader {
                 system.connectors.push(own);
             }
         }
-        system.parameters.extend(bindings(self, context.package, node, None)?);
+        system
+            .parameters
+            .extend(bindings(self, context.package, node, None)?);
         Ok(system)
     }
 
-    fn connectors(&mut self, context: Context<'_>, node: Node<'_, '_>) -> Result<Vec<Connector>, SspError> {
+    fn connectors(
+        &mut self,
+        context: Context<'_>,
+        node: Node<'_, '_>,
+    ) -> Result<Vec<Connector>, SspError> {
         let mut all = Vec::new();
         for own in node.listed("Connectors", "Connector") {
             let flow = match own.attribute("kind") {
@@ -303,7 +345,9 @@ impl Reader {
                     return Err(own.fault(format!("the kind `{}` is not known", excerpt(other))));
                 }
             };
-            let kind = own.children().find(|child| child.attribute("unit").is_some());
+            let kind = own
+                .children()
+                .find(|child| child.attribute("unit").is_some());
             all.push(Connector {
                 at: own.at("Connector"),
                 name: own.named()?.to_owned(),
@@ -315,7 +359,11 @@ impl Reader {
     }
 
     /// A signal dictionary, here or in a file of its own (sections 5.3.3 and 8).
-    fn dictionary(&mut self, context: Context<'_>, node: Node<'_, '_>) -> Result<Dictionary, SspError> {
+    fn dictionary(
+        &mut self,
+        context: Context<'_>,
+        node: Node<'_, '_>,
+    ) -> Result<Dictionary, SspError> {
         let name = node.named()?.to_owned();
         let entries = match node.attribute("source") {
             Some(uri) => {
@@ -341,7 +389,9 @@ impl Reader {
         let units = Units::read(node)?;
         let mut entries = Vec::new();
         for entry in node.all("DictionaryEntry") {
-            let kind = entry.children().find(|child| child.attribute("unit").is_some());
+            let kind = entry
+                .children()
+                .find(|child| child.attribute("unit").is_some());
             let unit = kind.and_then(|kind| self.unit(&units, kind));
             entries.push((entry.named()?.to_owned(), unit));
         }
@@ -376,7 +426,9 @@ fn connection(node: Node<'_, '_>) -> Result<Connection, SspError> {
     if let Some(table) = node.children().find(|own| own.name().ends_with(ending)) {
         let changes = |entry: Node| entry.attribute("source") != entry.attribute("target");
         if table.all("MapEntry").any(changes) {
-            return Err(table.fault("a connection can have a factor and an offset, and no table of values"));
+            return Err(
+                table.fault("a connection can have a factor and an offset, and no table of values")
+            );
         }
     }
     let end = |which: &str| -> Result<End, SspError> {
@@ -386,7 +438,9 @@ fn connection(node: Node<'_, '_>) -> Result<Connection, SspError> {
             None => String::new(),
         };
         Ok(End {
-            element: node.attribute(&format!("{which}Element")).map(str::to_owned),
+            element: node
+                .attribute(&format!("{which}Element"))
+                .map(str::to_owned),
             connector,
             index,
         })
@@ -408,6 +462,9 @@ fn index(node: Node<'_, '_>, text: &str) -> Result<String, SspError> {
     let is_good = |place: &&str| place.parse::<u32>().is_ok_and(|place| place > 0);
     match !places.is_empty() && places.iter().all(is_good) {
         true => Ok(format!("[{}]", places.join(","))),
-        false => Err(node.fault(format!("`{}` are no indices; expected numbers from 1", excerpt(text)))),
+        false => Err(node.fault(format!(
+            "`{}` are no indices; expected numbers from 1",
+            excerpt(text)
+        ))),
     }
 }

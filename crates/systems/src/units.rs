@@ -39,7 +39,9 @@ fn base(node: Node<'_, '_>) -> Result<Base, SspError> {
     for (exponent, name) in exponents.iter_mut().zip(BASE_UNITS) {
         let value = node.number(name, 0.0)?;
         if value.fract() != 0.0 || value.abs() > 100.0 {
-            return Err(node.fault(format!("`{name}` is {value}; expected a small whole number")));
+            return Err(node.fault(format!(
+                "`{name}` is {value}; expected a small whole number"
+            )));
         }
         *exponent = value as i32;
     }

@@ -25,11 +25,17 @@ impl Variables {
         let all = fmu.variables.iter().enumerate();
         let names = all.flat_map(|(k, own)| {
             let aliases = own.aliases.iter().map(|alias| alias.name.clone());
-            std::iter::once(own.name.clone()).chain(aliases).map(move |name| (name, k))
+            std::iter::once(own.name.clone())
+                .chain(aliases)
+                .map(move |name| (name, k))
         });
         let by_name = names.collect();
         let name = fmu.units_of_variables();
-        let unit = |own| name(own).filter(|name| !name.is_empty()).map(|name| fmu.unit(name));
+        let unit = |own| {
+            name(own)
+                .filter(|name| !name.is_empty())
+                .map(|name| fmu.unit(name))
+        };
         let units = fmu.variables.iter().map(unit).collect();
         drop(name);
         Self {
@@ -60,7 +66,13 @@ pub(crate) fn elements(sizes: &[u64], most: usize) -> Vec<String> {
     for size in sizes {
         let inner = |begin: &String| {
             let begin = begin.clone();
-            (1..=*size).map(move |k| if begin.is_empty() { k.to_string() } else { format!("{begin},{k}") })
+            (1..=*size).map(move |k| {
+                if begin.is_empty() {
+                    k.to_string()
+                } else {
+                    format!("{begin},{k}")
+                }
+            })
         };
         all = all.iter().flat_map(inner).take(most + 1).collect();
     }

@@ -62,7 +62,8 @@ pub(crate) fn composite(start: Option<Unit>, legs: &[Leg]) -> Result<Conversion,
         if let (Some(from), Some(to), true) = (&unit, &leg.unit, leg.step.converts) {
             let conversion = from.conversion(to).ok_or_else(|| {
                 let (from, to) = (&from.name, &to.name);
-                leg.at.fault(format!("a value in {from} cannot be converted into {to}"))
+                leg.at
+                    .fault(format!("a value in {from} cannot be converted into {to}"))
             })?;
             all = all.then(conversion);
         }
@@ -84,7 +85,13 @@ impl Graph {
     }
 
     /// Feeds a connector from another.
-    pub(crate) fn connect(&mut self, from: Key, to: Key, step: Step, at: &At) -> Result<(), SspError> {
+    pub(crate) fn connect(
+        &mut self,
+        from: Key,
+        to: Key,
+        step: Step,
+        at: &At,
+    ) -> Result<(), SspError> {
         if let Some(known) = self.into.get(&to) {
             if known.from == from && known.step == step {
                 return Ok(());
@@ -126,7 +133,9 @@ impl Graph {
             let Some(hop) = found else { break };
             hops.push((hop.clone(), key));
             if hops.len() > self.into.len() {
-                return Err(hop.at.fault("these connections form a circle without a component"));
+                return Err(hop
+                    .at
+                    .fault("these connections form a circle without a component"));
             }
             key = hop.from.clone();
             if matches!(key.0, Owner::Component(_)) {
@@ -138,7 +147,10 @@ impl Graph {
         }
         key.1 += &index;
         let is_element = |(owner, name): &&Key| {
-            *owner == key.0 && name.strip_prefix(&*key.1).is_some_and(|end| end.starts_with('['))
+            *owner == key.0
+                && name
+                    .strip_prefix(&*key.1)
+                    .is_some_and(|end| end.starts_with('['))
         };
         let is_open = !matches!(key.0, Owner::Component(_));
         if let Some((hop, _)) = hops.last()
@@ -146,7 +158,9 @@ impl Graph {
             && self.into.keys().any(|own| is_element(&own))
         {
             let name = &key.1;
-            return Err(hop.at.fault(format!("`{name}` is fed by its elements; connect these one by one here too")));
+            return Err(hop.at.fault(format!(
+                "`{name}` is fed by its elements; connect these one by one here too"
+            )));
         }
         hops.reverse();
         Ok(Trace { from: key, hops })
@@ -169,14 +183,19 @@ impl Graph {
         let legs = self.legs(trace);
         let whole = composite(start, &legs)?;
         let ends = [Some(&trace.from), trace.hops.last().map(|(_, to)| to)];
-        let is_foreign = ends.into_iter().flatten().any(|key| self.foreign.contains(key));
+        let is_foreign = ends
+            .into_iter()
+            .flatten()
+            .any(|key| self.foreign.contains(key));
         let is_plain = legs.iter().all(|leg| leg.step == Step::default());
         Ok(match legs.as_slice() {
             [leg] if !is_foreign => Transformation {
                 linear: leg.step.linear,
                 converts_units: leg.step.converts,
             },
-            _ if is_plain && (!is_foreign || whole == Conversion::NONE) => Transformation::default(),
+            _ if is_plain && (!is_foreign || whole == Conversion::NONE) => {
+                Transformation::default()
+            }
             _ => Transformation {
                 linear: whole,
                 converts_units: false,
@@ -216,8 +235,12 @@ mod tests {
             linear: Conversion { factor, offset },
             converts: true,
         };
-        graph.connect(key(a, "y"), key(s, "x"), by(3.0, 0.0), &at(1)).unwrap();
-        graph.connect(key(s, "x"), key(b, "u"), by(1.0, 1.0), &at(2)).unwrap();
+        graph
+            .connect(key(a, "y"), key(s, "x"), by(3.0, 0.0), &at(1))
+            .unwrap();
+        graph
+            .connect(key(s, "x"), key(b, "u"), by(1.0, 1.0), &at(2))
+            .unwrap();
         let trace = graph.trace(&key(b, "u")).unwrap();
         assert_eq!(trace.from, key(a, "y"));
         let found = graph.transformation(&trace).unwrap();
@@ -225,17 +248,30 @@ mod tests {
         assert!((found.linear.apply(2.0) - 183.88).abs() < 1e-10);
         let twice = graph.connect(key(b, "z"), key(s, "x"), Step::default(), &at(3));
         let message = twice.unwrap_err().to_string();
-        assert_eq!(message, "s.ssd:3: <Connection>: `x` is fed twice: in line 1, and here");
+        assert_eq!(
+            message,
+            "s.ssd:3: <Connection>: `x` is fed twice: in line 1, and here"
+        );
     }
 
     #[test]
     fn a_circle_ends() {
         let (s, t, b) = (Owner::System(0), Owner::System(1), Owner::Component(0));
         let mut graph = Graph::default();
-        for (from, to) in [((s, "x"), (t, "x")), ((t, "x"), (s, "x")), ((s, "x"), (b, "u"))] {
+        for (from, to) in [
+            ((s, "x"), (t, "x")),
+            ((t, "x"), (s, "x")),
+            ((s, "x"), (b, "u")),
+        ] {
             let (from, to) = (key(from.0, from.1), key(to.0, to.1));
             graph.connect(from, to, Step::default(), &at(1)).unwrap();
         }
-        assert!(graph.trace(&key(b, "u")).unwrap_err().to_string().contains("circle"));
+        assert!(
+            graph
+                .trace(&key(b, "u"))
+                .unwrap_err()
+                .to_string()
+                .contains("circle")
+        );
     }
 }

@@ -20,9 +20,18 @@ use zip::{CompressionMethod, ZipWriter};
 
 /// The namespaces, by their usual prefixes.
 const NAMESPACES: [(&str, &str); 3] = [
-    ("xmlns:ssd", "http://ssp-standard.org/SSP1/SystemStructureDescription"),
-    ("xmlns:ssc", "http://ssp-standard.org/SSP1/SystemStructureCommon"),
-    ("xmlns:ssv", "http://ssp-standard.org/SSP1/SystemStructureParameterValues"),
+    (
+        "xmlns:ssd",
+        "http://ssp-standard.org/SSP1/SystemStructureDescription",
+    ),
+    (
+        "xmlns:ssc",
+        "http://ssp-standard.org/SSP1/SystemStructureCommon",
+    ),
+    (
+        "xmlns:ssv",
+        "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
+    ),
 ];
 
 /// Why a description cannot be written.
@@ -49,7 +58,10 @@ pub enum WriteError {
         name: String,
     },
     /// A name or a value with a character that XML has not.
-    #[error("`{}` has a character that XML cannot hold", pilotage_text::printable::excerpt(text))]
+    #[error(
+        "`{}` has a character that XML cannot hold",
+        pilotage_text::printable::excerpt(text)
+    )]
     Character {
         /// The text.
         text: String,
@@ -82,11 +94,17 @@ pub fn to_ssp(description: &SystemDescription, name: &str) -> Result<Vec<u8>, Wr
         let entry = match known {
             Some((_, entry)) => entry.clone(),
             None => {
-                let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+                let stem = file
+                    .file_stem()
+                    .unwrap_or_default()
+                    .to_string_lossy()
+                    .into_owned();
                 let numbers = std::iter::once(String::new()).chain((2..).map(|k| format!("-{k}")));
                 let mut names = numbers.map(|end| format!("resources/{stem}{end}.fmu"));
                 let is_free = |name: &String| {
-                    entries.iter().all(|(_, own)| own.to_lowercase() != name.to_lowercase())
+                    entries
+                        .iter()
+                        .all(|(_, own)| own.to_lowercase() != name.to_lowercase())
                 };
                 let entry = names.find(is_free).unwrap_or_default();
                 entries.push((file.to_owned(), entry.clone()));
@@ -103,7 +121,8 @@ pub fn to_ssp(description: &SystemDescription, name: &str) -> Result<Vec<u8>, Wr
         options.compression_method(CompressionMethod::Stored),
     );
     let failed = |error| WriteError::Zip(io::Error::other(error));
-    zip.start_file("SystemStructure.ssd", packed).map_err(failed)?;
+    zip.start_file("SystemStructure.ssd", packed)
+        .map_err(failed)?;
     zip.write_all(text.as_bytes())?;
     for (file, entry) in &entries {
         zip.start_file(entry.as_str(), stored).map_err(failed)?;
@@ -195,7 +214,10 @@ impl Writer<'_> {
             name: name.to_owned(),
         };
         let (instance, variable) = self.description.split(name).ok_or_else(unknown)?;
-        let own = self.components.iter().position(|own| own.instance.name == instance);
+        let own = self
+            .components
+            .iter()
+            .position(|own| own.instance.name == instance);
         let component = own.ok_or_else(unknown)?;
         let found = self.components[component].variables.find(variable);
         let (connector, index) = match found.ok_or_else(unknown)?.is_element {
@@ -228,16 +250,26 @@ impl Writer<'_> {
         for own in &mut self.components {
             for variable in &own.variables.fmu.variables {
                 let kind = variable.kind.base_type();
-                let is_plain = type_of(kind).is_some_and(|(_, is_new)| !is_new) && kind != BaseType::String;
+                let is_plain =
+                    type_of(kind).is_some_and(|(_, is_new)| !is_new) && kind != BaseType::String;
                 let is_output = variable.causality == Causality::Output;
-                if is_output && is_plain && variable.dimensions.is_empty() && !own.connectors.contains(&variable.name) {
+                if is_output
+                    && is_plain
+                    && variable.dimensions.is_empty()
+                    && !own.connectors.contains(&variable.name)
+                {
                     own.connectors.push(variable.name.clone());
                 }
             }
         }
         for own in &self.components {
-            for found in own.connectors.iter().filter_map(|name| own.variables.find(name)) {
-                let is_new = type_of(found.variable.kind.base_type()).is_some_and(|(_, is_new)| is_new);
+            for found in own
+                .connectors
+                .iter()
+                .filter_map(|name| own.variables.find(name))
+            {
+                let is_new =
+                    type_of(found.variable.kind.base_type()).is_some_and(|(_, is_new)| is_new);
                 self.needs_two |= is_new || !found.variable.dimensions.is_empty();
                 if let Some(unit) = found.unit
                     && let Some(base) = unit.base
@@ -297,7 +329,8 @@ impl Writer<'_> {
     /// Whether all elements of an array are set, which is then one value.
     fn has_whole_arrays(&self) -> bool {
         let own = self.components.iter();
-        own.flat_map(|own| self.values(own)).any(|(_, values)| values.len() > 1)
+        own.flat_map(|own| self.values(own))
+            .any(|(_, values)| values.len() > 1)
     }
 
     /// The values of a component: names, and one value each, or those of a whole array.
@@ -315,7 +348,9 @@ impl Writer<'_> {
             let ends = elements(&sizes, set.len());
             let value_of = |end: &String| {
                 let whole = format!("{base}{end}");
-                set.iter().find(|(name, _)| *name == whole).map(|(_, value)| value.to_string())
+                set.iter()
+                    .find(|(name, _)| *name == whole)
+                    .map(|(_, value)| value.to_string())
             };
             match ends.iter().map(value_of).collect::<Option<Vec<String>>>() {
                 Some(values) if ends.len() > 1 => {

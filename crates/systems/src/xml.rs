@@ -151,7 +151,10 @@ impl<'a, 't> Node<'a, 't> {
     }
 
     /// Children of that name.
-    pub(crate) fn all(&self, name: &'static str) -> impl Iterator<Item = Node<'a, 't>> + use<'a, 't> {
+    pub(crate) fn all(
+        &self,
+        name: &'static str,
+    ) -> impl Iterator<Item = Node<'a, 't>> + use<'a, 't> {
         self.children().filter(move |child| child.name() == name)
     }
 
@@ -173,9 +176,8 @@ impl<'a, 't> Node<'a, 't> {
     pub(crate) fn system_of_id(&self, id: &str) -> Option<Node<'a, 't>> {
         let xml = self.xml;
         let mut all = xml.document.descendants();
-        let found = all.find(|node| {
-            node.tag_name().name() == "System" && node.attribute("id") == Some(id)
-        });
+        let found =
+            all.find(|node| node.tag_name().name() == "System" && node.attribute("id") == Some(id));
         found.map(|node| Node { node, xml })
     }
 

@@ -37,7 +37,10 @@ pub(super) fn of(file: &Path, variant: Option<&str>, as_json: bool) -> Result<St
     }
     let mut text = to_text(file, &system, &description);
     for (what, list) in [
-        ("variants", variants.filter(|own| own.len() > 1).unwrap_or_default()),
+        (
+            "variants",
+            variants.filter(|own| own.len() > 1).unwrap_or_default(),
+        ),
         ("annotations, without effect", read.annotations),
     ] {
         if !list.is_empty() {

@@ -82,10 +82,13 @@ impl Opened {
     pub fn stop(&self, args: &Args) -> Result<f64, Failure> {
         let suggested = || self.0.built.system.suggested_stop();
         let of_system = self.description().experiment.stop;
-        args.stop_time.or(of_system).or_else(suggested).ok_or_else(|| {
-            Failure::new("no --stop-time, and the FMUs suggest none, or different ones")
-                .hint("say when the simulation ends, such as --stop-time 10")
-        })
+        args.stop_time
+            .or(of_system)
+            .or_else(suggested)
+            .ok_or_else(|| {
+                Failure::new("no --stop-time, and the FMUs suggest none, or different ones")
+                    .hint("say when the simulation ends, such as --stop-time 10")
+            })
     }
 
     /// Whether an FMU can be instantiated but once in a process.

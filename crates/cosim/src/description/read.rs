@@ -302,9 +302,7 @@ fn is_end(table: TomlTable) -> bool {
 }
 
 /// The end of a wire with what happens on the way.
-fn transformed<'a>(
-    end: TomlTable<'a>,
-) -> Result<(&'a str, Place, Transformation), DocumentError> {
+fn transformed<'a>(end: TomlTable<'a>) -> Result<(&'a str, Place, Transformation), DocumentError> {
     end.only(&["to", "factor", "offset", "convert_units"])?;
     let to = end.required("to", end.string("to")?)?;
     let transformation = Transformation {

@@ -3,8 +3,8 @@
 use super::read::{VISIBLE, is_instance_name};
 use super::{InstanceDescription, InstanceSource, SystemDescription, Transformation, Wire};
 use crate::component::Conversion;
-use pilotage_text::is_identifier;
 use pilotage_text::document::{self, Document, quoted};
+use pilotage_text::is_identifier;
 use std::path::{Component, Path, PathBuf, absolute};
 use thiserror::Error;
 
@@ -43,7 +43,9 @@ impl SystemDescription {
             ("start_time", self.experiment.start),
             ("stop_time", self.experiment.stop),
         ];
-        let times = times.into_iter().filter_map(|(key, time)| Some((key, time?)));
+        let times = times
+            .into_iter()
+            .filter_map(|(key, time)| Some((key, time?)));
         let times: String = times
             .map(|(key, time)| format!("{key} = {}\n", document::number(time)))
             .collect();

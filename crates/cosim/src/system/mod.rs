@@ -181,12 +181,7 @@ impl System {
         self.names().filter_map(end).collect()
     }
 
-    fn connect_one(
-        &mut self,
-        from: &str,
-        to: &str,
-        by: Transformation,
-    ) -> Result<(), SystemError> {
+    fn connect_one(&mut self, from: &str, to: &str, by: Transformation) -> Result<(), SystemError> {
         let (output, input) = (self.resolve(from)?, self.resolve(to)?);
         self.check_roles(output, input)?;
         let units = self.check_types(output, input, by.converts_units)?;

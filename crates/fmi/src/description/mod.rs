@@ -34,8 +34,8 @@ pub use reading::{Places, ReadError, Reading};
 pub use rule::{Handle, Rule};
 pub use structure::{ModelStructure, Unknown};
 pub use text::{LineIndex, Place};
-pub use write::Xml;
 pub use units::{BaseUnit, DisplayUnit, EnumerationItem, SimpleType, TypeKind, Unit};
+pub use write::Xml;
 
 /// Whether XML can be parsed in time proportional to its size.
 pub fn is_within_limits(text: &str) -> bool {

@@ -94,8 +94,7 @@ impl ModelDescription {
     pub fn unit(&self, name: &str) -> pilotage_units::Unit {
         let defined = self.units.iter().find(|unit| unit.name == name);
         // Nothing is converted by a factor of 0 or infinity.
-        let is_usable =
-            |base: &super::BaseUnit| base.factor.is_normal() && base.offset.is_finite();
+        let is_usable = |base: &super::BaseUnit| base.factor.is_normal() && base.offset.is_finite();
         pilotage_units::Unit {
             name: name.to_owned(),
             base: defined.and_then(|unit| unit.base).filter(is_usable),

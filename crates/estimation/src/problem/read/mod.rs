@@ -24,10 +24,10 @@ use fields::{at, finite, place};
 use options::{options, stability};
 use pilotage_cosim::description::Spanned;
 use pilotage_cosim::{DescriptionError, SystemDescription};
-use pilotage_systems::is_ssp;
-use pilotage_text::error_chain::error_chain;
 use pilotage_language::file::{Formula, LONGEST, formula};
+use pilotage_systems::is_ssp;
 use pilotage_text::document::{self, Document, DocumentError, TomlTable};
+use pilotage_text::error_chain::error_chain;
 use pilotage_text::suggestion::suggestion;
 use std::path::Path;
 
