@@ -58,8 +58,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             if !description.kept.is_empty() {
                 copies.of(&mut description, &output.with_extension(""), Path::new(""))?;
             }
-            let text = copies.named(&description).to_toml(&folder_of(output))?;
-            (text.into_bytes(), OutputKind::System)
+            // A first time to see whether it can be said.
+            copies.named(&description).to_toml(&folder_of(output))?;
+            (Vec::new(), OutputKind::System)
         }
         _ => {
             let message = format!("{} is no kind of system", output.display());
@@ -80,6 +81,14 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         made.map_err(|error| Failure::cannot_write(&folder, &error))?;
         overwrite::save(to, pilotage_systems::fmu(from).map_err(unwritten)?)?;
     }
+    let content = match kind {
+        // Of files that are there, the paths are relative.
+        OutputKind::System => {
+            let text = copies.named(&description).to_toml(&folder_of(output))?;
+            text.into_bytes()
+        }
+        _ => content,
+    };
     overwrite::save(output, content)?;
     terminal::print(&format!("wrote {}\n", terminal::shown(output)))?;
     Ok(Outcome::Done)

@@ -44,6 +44,7 @@ pub(crate) fn flatten(root: Root, reader: Reader) -> Result<Ssp, SspError> {
         description: flat.description,
         notes: flat.reader.into_notes(),
         annotations,
+        folder: PathBuf::new(),
     })
 }
 

@@ -7,6 +7,7 @@
 //!
 //! | module | what it does |
 //! | --- | --- |
+//! | `error` | errors, and places of elements |
 //! | `package` | archives and folders: variants, files by their URI |
 //! | `xml` | elements with their places |
 //! | `units` | units of a file |
@@ -35,7 +36,7 @@ pub use package::{is_ssp, variants};
 pub use write::{WriteError, fmu, to_ssd, to_ssp};
 
 use pilotage_cosim::SystemDescription;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A system of another tool.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,6 +47,8 @@ pub struct Ssp {
     pub notes: Vec<String>,
     /// Types of annotations, which have no effect.
     pub annotations: Vec<String>,
+    /// The folder with the files: that of an unpacked archive, or the user's.
+    pub folder: PathBuf,
 }
 
 /// Reads an archive (`.ssp`), a folder with a `SystemStructure.ssd`, or an `.ssd`; of several variants that of this name
@@ -57,5 +60,8 @@ pub fn read(path: &Path, variant: Option<&str>) -> Result<Ssp, SspError> {
     let (package, file, kept) = package::Package::open(path, variant)?;
     let mut reader = read::Reader::new(kept);
     let root = reader.root(&package, &file)?;
-    flatten::flatten(root, reader)
+    Ok(Ssp {
+        folder: package.path(""),
+        ..flatten::flatten(root, reader)?
+    })
 }

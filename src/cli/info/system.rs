@@ -23,6 +23,10 @@ pub(super) fn of(file: &Path, variant: Option<&str>, as_json: bool) -> Result<St
         description,
         ..
     } = open(read.description)?;
+    let mut description = description;
+    if let Some(folder) = &read.unpacked {
+        name_in(&mut description, file, folder);
+    }
     if as_json {
         let mut json = to_json(file, &system, &description);
         if let Some(variants) = variants {
@@ -48,6 +52,17 @@ pub(super) fn of(file: &Path, variant: Option<&str>, as_json: bool) -> Result<St
         }
     }
     Ok(text)
+}
+
+/// Names files of an unpacked archive as those of the archive.
+fn name_in(description: &mut SystemDescription, archive: &Path, folder: &Path) {
+    for own in &mut description.instances {
+        if let InstanceSource::Model(file) = &mut own.source.value
+            && let Ok(inside) = file.strip_prefix(folder)
+        {
+            *file = archive.join(inside);
+        }
+    }
 }
 
 fn unit(variable: &Variable) -> &str {

@@ -69,11 +69,14 @@ impl Plan {
 pub fn measures(args: &Args, opened: &Opened) -> Result<Vec<Measure>, Failure> {
     let mut given = args.measure.clone();
     if given.is_empty() {
-        given = opened
-            .outputs()
-            .iter()
-            .map(|name| format!("final({name})"))
-            .collect();
+        // Systems of other tools have names that no expression can hold.
+        let is_sayable = |name: &String| {
+            let own = [(name.clone(), String::new())];
+            Measure::parse(&format!("final({name})"), &own).is_ok()
+        };
+        let outputs = opened.outputs();
+        let outputs = outputs.iter().filter(|name| is_sayable(name));
+        given = outputs.map(|name| format!("final({name})")).collect();
     }
     if given.is_empty() {
         return Err(

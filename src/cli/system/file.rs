@@ -3,7 +3,7 @@
 use super::super::Failure;
 use crate::cosim::SystemDescription;
 use pilotage_systems::is_ssp;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What a system file says.
 pub struct Read {
@@ -13,6 +13,8 @@ pub struct Read {
     pub notes: Vec<String>,
     /// Types of annotations of other tools, which have no effect.
     pub annotations: Vec<String>,
+    /// The folder of an unpacked archive.
+    pub unpacked: Option<PathBuf>,
 }
 
 /// Reads a system file; `variant` is one of several in an SSP.
@@ -20,6 +22,7 @@ pub fn read(path: &Path, variant: Option<&str>) -> Result<Read, Failure> {
     if is_ssp(path) {
         let ssp = pilotage_systems::read(path, variant)?;
         return Ok(Read {
+            unpacked: (!ssp.description.kept.is_empty()).then_some(ssp.folder),
             description: ssp.description,
             notes: ssp.notes,
             annotations: ssp.annotations,
@@ -32,6 +35,7 @@ pub fn read(path: &Path, variant: Option<&str>) -> Result<Read, Failure> {
         description: SystemDescription::read(path)?,
         notes: Vec::new(),
         annotations: Vec::new(),
+        unpacked: None,
     })
 }
 

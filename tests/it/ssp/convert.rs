@@ -61,12 +61,12 @@ model = \"fmus/resources/typed.fmu\"
 u = 1.5
 k = 2
 flag_in = true
-text_in = \"<a> & 'b'\\n\\\"c\\\"\"
+text_in = \"<a> & 'b'\\u000a\\\"c\\\"\"
 
 [system.b]
 model = \"fmus/resources/typed.fmu\"
 [system.b.set]
-flag_in = 0
+flag_in = false
 
 [system.c]
 model = \"fmus/resources/typed3.fmu\"

@@ -5,7 +5,21 @@ use super::{ssd, write};
 use crate::command::Folder;
 use crate::mutation::Mutator;
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+/// Puts values of attributes in the place of others, which leaves the file well-formed.
+fn exchange(bytes: &mut Vec<u8>, random: &mut ChaCha8Rng) {
+    let text = String::from_utf8(bytes.clone()).unwrap();
+    let (head, rest) = text.split_at(text.rfind("xmlns:ss").unwrap());
+    let mut parts: Vec<&str> = rest.split('"').collect();
+    let values = parts.len() / 2;
+    let mut any = || 2 * (random.next_u64() % values as u64) as usize + 1;
+    for _ in 0..2 {
+        let (from, to) = (any(), any());
+        parts[to] = parts[from];
+    }
+    *bytes = format!("{head}{}", parts.join("\"")).into_bytes();
+}
 
 #[test]
 fn two_thousand_mutations_do_not_panic() {
@@ -24,7 +38,10 @@ fn two_thousand_mutations_do_not_panic() {
     for k in 0..2000 {
         let (name, good) = files[if k % 2 == 0 { 0 } else { 1 + k / 2 % 3 }];
         let mut bytes = good.as_bytes().to_vec();
-        mutator.mutate(&mut bytes, text.as_bytes());
+        match k % 4 < 2 {
+            true => mutator.mutate(&mut bytes, text.as_bytes()),
+            false => exchange(&mut bytes, &mut mutator.0),
+        }
         folder.write(&format!("s/{name}"), &bytes);
         match pilotage_systems::read(&path, None) {
             Ok(ssp) => {

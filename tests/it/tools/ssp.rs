@@ -9,11 +9,14 @@ fn fmpy_simulates_a_converted_system() {
     let folder = Folder::new();
     let model = |name: &str, der: &str| {
         format!(
-            "[model]\nname = \"{name}\"\n[inputs]\nu = {{ unit = \"m\" }}\n[parameters]\np = {{ start = 1, unit = \"m\" }}\n\
+            "[model]\nname = \"{name}\"\n[inputs]\nu = {{ unit = \"m\" }}\n[parameters]\np = {{ start = 1, unit = \"m\" }}\ns = {{ start = 1, unit = \"s\" }}\n\
              [states]\nx = {{ unit = \"m\", der = \"{der}\" }}\n[outputs]\ny = {{ unit = \"m\", value = \"x\" }}\n"
         )
     };
-    for (name, der) in [("plant", "u - 0.3 * x"), ("control", "2 * (p - u) - x")] {
+    for (name, der) in [
+        ("plant", "(u - 0.3 * x) / s"),
+        ("control", "(2 * (p - u) - x) / s"),
+    ] {
         folder.write(&format!("{name}.toml"), model(name, der));
         let ended = folder.pilotage(&["export", &format!("{name}.toml")]);
         assert_eq!(ended.code, 0, "{ended:?}");
