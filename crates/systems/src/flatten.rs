@@ -384,7 +384,7 @@ impl Flat {
         let ends = match found.is_element || variable.dimensions.is_empty() {
             true => vec![String::new()],
             false => elements(
-                &variables.fmu.sizes(variable).unwrap_or_default(),
+                &variables.fmu.sizes(variable).unwrap_or(vec![0]),
                 entry.values.len(),
             ),
         };

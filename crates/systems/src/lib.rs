@@ -5,6 +5,19 @@
 //! flattened: the instance of component `c` in system `s` is `s.c`. Connectors of systems and signal dictionaries become
 //! wires between components, and what bindings say becomes start values.
 //!
+//! Mistakes have their place:
+//!
+//! ```
+//! let folder = tempfile::tempdir()?;
+//! let file = folder.path().join("loop.ssd");
+//! let system = "<System name='loop'><Elements>\n<Component name='pilot' source='pilot.fmu'/></Elements></System>";
+//! let text = format!("<SystemStructureDescription version='1.0' name='loop'>{system}</SystemStructureDescription>");
+//! std::fs::write(&file, text)?;
+//! let error = pilotage_systems::read(&file, None).unwrap_err().to_string();
+//! assert!(error.ends_with("loop.ssd:2:1: <Component>: there is no file `pilot.fmu`"));
+//! # Ok::<(), std::io::Error>(())
+//! ```
+//!
 //! | module | what it does |
 //! | --- | --- |
 //! | `error` | errors, and places of elements |

@@ -103,18 +103,22 @@ impl Package {
         let names = names.filter(|name| has_extension(Path::new(name), "ssd"));
         let mut files: Vec<String> = names.filter_map(|name| name.into_string().ok()).collect();
         files.sort();
-        files
+        let named = files
             .into_iter()
-            .map(|file| Ok((file.clone(), self.name_of(&file)?)))
-            .collect()
+            .map(|file| (file.clone(), self.name_of(&file)));
+        Ok(named.collect())
     }
 
-    /// The attribute `name` of an `.ssd`, or the file's name where there is none.
-    fn name_of(&self, file: &str) -> Result<String, SspError> {
-        let (text, shown) = self.text(file)?;
-        let xml = Xml::parse(&text, &shown)?;
-        let root = xml.root("SystemStructureDescription")?;
-        Ok(root.attribute("name").unwrap_or(file).to_owned())
+    /// The attribute `name` of an `.ssd`, or the file's name where there is none: only the variant that is meant must be
+    /// right.
+    fn name_of(&self, file: &str) -> String {
+        let read = || {
+            let (text, shown) = self.text(file).ok()?;
+            let xml = Xml::parse(&text, &shown).ok()?;
+            let root = xml.root("SystemStructureDescription").ok()?;
+            root.attribute("name").map(str::to_owned)
+        };
+        read().unwrap_or_else(|| file.to_owned())
     }
 
     /// The name of a file in messages.

@@ -398,3 +398,46 @@ fn arrays() {
         ["a", "same.toml"].map(|system| rows(&folder, &[&[system], &time[..]].concat()));
     assert_eq!(theirs, ours);
 }
+
+/// The system of a problem file: the time constant is found again, and the FMU lies beside the fitted system.
+#[test]
+fn a_fit_takes_it() {
+    let folder = Folder::new();
+    let system = "<ssd:Elements><ssd:Component name=\"lag\" source=\"resources/lag.fmu\"><ssd:ParameterBindings>\
+        <ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet version=\"1.0\" name=\"p\"><ssv:Parameters>\
+        <ssv:Parameter name=\"level\"><ssv:Real value=\"2\"/></ssv:Parameter>\
+        </ssv:Parameters></ssv:ParameterSet></ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings>\
+        </ssd:Component></ssd:Elements>";
+    write(
+        &folder,
+        "s",
+        &[("SystemStructure.ssd", &ssd("1.0", system, ""))],
+    );
+    let recorded = rows(
+        &folder,
+        &["s.ssp", "--stop-time", "2", "--set", "lag.tau=0.3"],
+    );
+    folder.write("run.csv", recorded.replace("lag.y [m]", "y [m]"));
+    folder.write(
+        "problem.toml",
+        "system = \"s.ssp\"\n[[run]]\nfile = \"run.csv\"\n[[measured]]\ncolumn = \"y\"\nsignal = \"lag.y\"\n\
+         [parameters]\n\"lag.tau\" = {}\n",
+    );
+    let ended = folder.pilotage(&["fit", "problem.toml", "--json"]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let found = ended.json()["parameters"][0]["value"].as_f64().unwrap();
+    assert!((found - 0.3).abs() < 1e-3, "{found}");
+    rows(&folder, &["lag-fitted.toml", "--stop-time", "2"]);
+    assert!(
+        folder
+            .read("lag-fitted.toml")
+            .contains("model = \"lag-fitted.fmu\"")
+    );
+    // A mistake in the SSP is told with both places.
+    folder.write("s.ssp", "no archive");
+    let ended = folder.pilotage(&["fit", "problem.toml"]);
+    assert!(
+        ended.code == 2 && ended.stderr.starts_with("error: problem.toml:1:10: "),
+        "{ended:?}"
+    );
+}
