@@ -74,7 +74,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             .iter()
             .map(|(_, to)| (to.as_path(), OutputKind::Fmu)),
     );
-    args.overwrite.check(std::slice::from_ref(&args.input), &outputs)?;
+    args.overwrite
+        .check(std::slice::from_ref(&args.input), &outputs)?;
     for (from, to) in &copies.0 {
         let folder = folder_of(to);
         let made = fs::create_dir_all(&folder);

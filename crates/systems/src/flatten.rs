@@ -36,6 +36,11 @@ pub(crate) fn flatten(root: Root, reader: Reader) -> Result<Ssp, SspError> {
         given: HashMap::new(),
     };
     flat.system(&root.system, "")?;
+    if flat.description.instances.is_empty() {
+        return Err(root
+            .at
+            .fault("no component has an FMU; nothing is to be simulated"));
+    }
     flat.wire()?;
     flat.description.experiment = root.experiment;
     flat.description.kept = flat.reader.kept.clone();

@@ -153,8 +153,11 @@ impl Reader {
             units,
             depth,
         };
-        let system = self.system(context, system)?;
-        Ok(Root { system, experiment })
+        Ok(Root {
+            at: system.at("System"),
+            system: self.system(context, system)?,
+            experiment,
+        })
     }
 
     fn system(&mut self, context: Context<'_>, node: Node<'_, '_>) -> Result<System, SspError> {

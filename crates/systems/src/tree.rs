@@ -9,6 +9,8 @@ use std::sync::Arc;
 
 /// An `.ssd`.
 pub(crate) struct Root {
+    /// That of the system.
+    pub(crate) at: At,
     pub(crate) system: System,
     pub(crate) experiment: Experiment,
 }

@@ -169,7 +169,7 @@ impl Fitted {
                 pilotage_systems::fmu(unpacked)?,
                 self.path.with_extension("fmu"),
             );
-            if beside.exists() && std::fs::read(&beside).ok().as_ref() != Some(&bytes) {
+            if beside.exists() && crate::file::bytes(&beside).ok().as_ref() != Some(&bytes) {
                 refuse_other(&beside)?;
             }
             overwrite::save(&beside, bytes)?;

@@ -251,6 +251,7 @@ fn hostile_archives_end_with_a_message() {
     folder.write("none.ssp", foreign::archive(&[("resources/x", b"x")]));
     folder.write("text.ssp", "text");
     folder.write("empty.ssd", "");
+    folder.write("nothing.ssd", ssd("1.0", "", ""));
     let deep = "<ssd:Elements><ssd:System name=\"s\">".repeat(450);
     folder.write(
         "deep.ssd",
@@ -268,6 +269,7 @@ fn hostile_archives_end_with_a_message() {
         ("none.ssp", "SystemStructure.ssd"),
         ("text.ssp", "no zip archive"),
         ("empty.ssd", "not well-formed XML"),
+        ("nothing.ssd", "<System>: no component has an FMU"),
     ] {
         let ended = folder.pilotage(&["cosim", system, "--stop-time", "1", "--step", "0.1"]);
         assert!(

@@ -425,7 +425,9 @@ fn a_fit_takes_it() {
     );
     let ended = folder.pilotage(&["fit", "problem.toml", "--json"]);
     assert_eq!(ended.code, 0, "{ended:?}");
-    let found = ended.json()["parameters"][0]["value"].as_f64().unwrap();
+    let found = ended.json()["parameters"]["lag.tau"]["value"]
+        .as_f64()
+        .unwrap();
     assert!((found - 0.3).abs() < 1e-3, "{found}");
     rows(&folder, &["lag-fitted.toml", "--stop-time", "2"]);
     assert!(
