@@ -7,14 +7,14 @@ use crate::read::Reader;
 use crate::tree::{
     Component, Connection, Connector, Element, End, Entry, Flow, Reference, Root, System,
 };
-use crate::variables::{Variables, elements};
+use crate::variables::Variables;
 use crate::wiring::{Graph, Key, Leg, Owner, composite};
 use pilotage_cosim::SystemDescription;
 use pilotage_cosim::description::{InstanceDescription, InstanceSource, Setting, Spanned, Wire};
-use pilotage_fmi::description::{BaseType, Causality};
+use pilotage_fmi::description::Causality;
 use pilotage_text::printable::excerpt;
 use pilotage_text::suggestion::{did_you_mean, suggestion};
-use pilotage_units::{Conversion, Unit};
+use pilotage_units::Unit;
 use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -60,28 +60,28 @@ struct Seen<'a> {
 }
 
 /// A description that is being made.
-struct Flat {
-    reader: Reader,
-    description: SystemDescription,
-    graph: Graph,
-    components: Vec<Arc<Variables>>,
-    variables: HashMap<PathBuf, Arc<Variables>>,
+pub(crate) struct Flat {
+    pub(crate) reader: Reader,
+    pub(crate) description: SystemDescription,
+    pub(crate) graph: Graph,
+    pub(crate) components: Vec<Arc<Variables>>,
+    pub(crate) variables: HashMap<PathBuf, Arc<Variables>>,
     /// Owners by full name.
-    names: HashMap<String, Owner>,
+    pub(crate) names: HashMap<String, Owner>,
     /// For each system the names of its connectors.
-    systems: Vec<HashSet<String>>,
+    pub(crate) systems: Vec<HashSet<String>>,
     /// For each dictionary its entries.
-    dictionaries: Vec<HashMap<String, Option<Unit>>>,
+    pub(crate) dictionaries: Vec<HashMap<String, Option<Unit>>>,
     /// The dictionaries that a system sees.
-    scope: Vec<(String, usize)>,
+    pub(crate) scope: Vec<(String, usize)>,
     /// Values of variables with the numbers of their components, and their positions by name.
-    settings: Vec<(usize, Setting)>,
-    set: HashMap<String, usize>,
+    pub(crate) settings: Vec<(usize, Setting)>,
+    pub(crate) set: HashMap<String, usize>,
     /// Values of connectors of systems.
-    given: HashMap<Key, Entry>,
+    pub(crate) given: HashMap<Key, Entry>,
 }
 
-fn joined(path: &str, name: &str) -> String {
+pub(crate) fn joined(path: &str, name: &str) -> String {
     match path {
         "" => name.to_owned(),
         _ => format!("{path}.{name}"),
@@ -316,111 +316,6 @@ impl Flat {
         Ok(((of.owner, format!("{}{}", end.connector, end.index)), flow))
     }
 
-    /// Applies a value to all variables and connectors of that name in a system (section 5.2.3).
-    fn apply(&mut self, entry: &Entry, path: &str, own: usize) -> Result<(), SspError> {
-        let mut is_used = false;
-        let dots = entry.name.match_indices('.').map(|(at, _)| at);
-        for dot in dots {
-            let (element, rest) = (&entry.name[..dot], &entry.name[dot + 1..]);
-            match self.names.get(&joined(path, element)) {
-                Some(Owner::Component(number)) => is_used |= self.set(*number, rest, entry)?,
-                Some(Owner::System(number)) => is_used |= self.give(*number, rest, entry),
-                _ => {}
-            }
-        }
-        is_used |= self.give(own, &entry.name, entry);
-        if !is_used {
-            self.reader.unmatched(&entry.at, &entry.name);
-        }
-        Ok(())
-    }
-
-    /// Gives a value to a connector of a system. Returns whether there is one of that name.
-    fn give(&mut self, system: usize, name: &str, entry: &Entry) -> bool {
-        let is_there = self.systems[system].contains(name);
-        if is_there {
-            self.given
-                .insert((Owner::System(system), name.to_owned()), entry.clone());
-        }
-        is_there
-    }
-
-    /// Sets a variable of a component to a value in the entry's unit. Returns whether there is one of that name.
-    fn set(&mut self, component: usize, name: &str, entry: &Entry) -> Result<bool, SspError> {
-        let variables = self.components[component].clone();
-        let Some(found) = variables.find(name) else {
-            return Ok(false);
-        };
-        let leg = Leg {
-            unit: found.unit,
-            step: entry.step,
-            at: entry.at.clone(),
-        };
-        let conversion = composite(entry.unit.clone(), &[leg])?;
-        self.set_to(component, name, entry, conversion)?;
-        Ok(true)
-    }
-
-    /// Sets a variable of a component to the entry's values, converted.
-    fn set_to(
-        &mut self,
-        component: usize,
-        name: &str,
-        entry: &Entry,
-        conversion: Conversion,
-    ) -> Result<(), SspError> {
-        let variables = self.components[component].clone();
-        let Some(found) = variables.find(name) else {
-            return Ok(());
-        };
-        let variable = found.variable;
-        let instance = &self.description.instances[component].name;
-        let full = format!("{instance}.{name}");
-        let kind = variable.kind.base_type();
-        if !variable.is_settable() || matches!(kind, BaseType::Binary | BaseType::Clock) {
-            let note = format!(
-                "{}: `{}` cannot be set; left out",
-                entry.at.place,
-                excerpt(&full)
-            );
-            self.reader.note(note);
-            return Ok(());
-        }
-        let ends = match found.is_element || variable.dimensions.is_empty() {
-            true => vec![String::new()],
-            false => elements(
-                &variables.fmu.sizes(variable).unwrap_or(vec![0]),
-                entry.values.len(),
-            ),
-        };
-        if ends.len() != entry.values.len() {
-            let (found, full) = (entry.values.len(), excerpt(&full));
-            return Err(entry.at.fault(format!(
-                "{found} values for `{full}`, which has other dimensions"
-            )));
-        }
-        for (end, value) in ends.iter().zip(&entry.values) {
-            let value = text_of(value, kind, conversion).map_err(|fault| entry.at.fault(fault))?;
-            let name = format!("{full}{end}");
-            let place = Some(entry.at.place.clone());
-            let setting = Setting {
-                name: Spanned {
-                    value: name.clone(),
-                    place,
-                },
-                value,
-            };
-            match self.set.get(&name) {
-                Some(known) => self.settings[*known].1 = setting,
-                None => {
-                    self.set.insert(name, self.settings.len());
-                    self.settings.push((component, setting));
-                }
-            }
-        }
-        Ok(())
-    }
-
     /// Makes wires of connections, and values of what is connected to a system's connector that has one.
     fn wire(&mut self) -> Result<(), SspError> {
         let mut fed = HashSet::new();
@@ -470,39 +365,4 @@ impl Flat {
         self.description.settings = settings.collect();
         Ok(())
     }
-}
-
-/// A value as text for a variable of that type.
-fn text_of(value: &str, kind: BaseType, conversion: Conversion) -> Result<String, String> {
-    let number = || value.trim().parse::<f64>().ok();
-    let is_real = kind.is_real();
-    if conversion != Conversion::NONE {
-        return match number() {
-            Some(number) if is_real => Ok(format!("{:?}", conversion.apply(number))),
-            Some(_) => Err("units and factors are for values that are real".to_owned()),
-            None => Err(format!(
-                "`{}` is no number, and is to be converted",
-                excerpt(value)
-            )),
-        };
-    }
-    let is_whole = |number: &f64| number.fract() == 0.0 && number.abs() < 9e15;
-    let whole = || {
-        number()
-            .filter(is_whole)
-            .map(|number| format!("{number:.0}"))
-    };
-    Ok(match kind {
-        BaseType::String => value.to_owned(),
-        // Tools write reals for all that is a number.
-        BaseType::Integer(_) | BaseType::Enumeration if value.trim().parse::<i128>().is_err() => {
-            whole().unwrap_or_else(|| value.trim().to_owned())
-        }
-        BaseType::Boolean => match number() {
-            Some(1.0) => "true".to_owned(),
-            Some(0.0) => "false".to_owned(),
-            _ => value.trim().to_owned(),
-        },
-        _ => value.trim().to_owned(),
-    })
 }

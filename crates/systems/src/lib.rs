@@ -1,5 +1,5 @@
 //! Systems of other tools: System Structure and Parameterization (Modelica Association, SSP 1.0, 1.0.1 and 2.0), read as a
-//! [`SystemDescription`](pilotage_cosim::SystemDescription) and written from one.
+//! [`SystemDescription`] and written from one.
 //!
 //! Sections are those of SSP 2.0: 3 (packages), 4 (common content), 5 (SSD), 6 (SSV), 7 (SSM), 8 (SSB). Nested systems are
 //! flattened: the instance of component `c` in system `s` is `s.c`. Connectors of systems and signal dictionaries become
@@ -29,14 +29,18 @@
 //! | `parameters` | values and mappings of a binding |
 //! | `read` | reads a tree |
 //! | `flatten` | makes a description of a tree |
+//! | `apply` | applies values to variables |
 //! | `wiring` | traces connections through systems and dictionaries |
-//! | `write` | writes a description |
+//! | `write` | writes a description as an archive |
+//! | `ssd` | the `.ssd` of a description |
 
+mod apply;
 mod error;
 mod flatten;
 mod package;
 mod parameters;
 mod read;
+mod ssd;
 mod tree;
 mod units;
 mod variables;
@@ -46,7 +50,8 @@ mod xml;
 
 pub use error::SspError;
 pub use package::{is_ssp, variants};
-pub use write::{WriteError, fmu, to_ssd, to_ssp};
+pub use ssd::to_ssd;
+pub use write::{WriteError, fmu, to_ssp};
 
 use pilotage_cosim::SystemDescription;
 use std::path::{Path, PathBuf};
