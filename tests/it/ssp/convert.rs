@@ -70,8 +70,16 @@ flag_in = false
 
 [system.c]
 model = \"fmus/resources/typed3.fmu\"
+[system.c.set]
+\"array[1]\" = 0.5
+\"array[2]\" = -1e-9
+\"array[3]\" = 3
+
+[system.d]
+model = \"fmus/resources/typed.fmu\"
 
 [connect]
+\"c.sums[2]\" = \"d.u\"
 \"a.y\" = { to = \"b.u\", factor = 0.1, offset = -3.0 }
 \"a.n\" = \"b.n_in\"
 \"a.text\" = \"b.text_in\"

@@ -362,41 +362,113 @@ fn systems_of_other_files() {
 fn arrays() {
     let folder = Folder::new();
     folder.write("a/resources/typed.fmu", crate::foreign::fmu3("good"));
-    let description = folder
-        .pilotage(&["info", "a/resources/typed.fmu", "--json"])
-        .json();
-    let variables = description["variables"].as_array().unwrap();
-    let array = |causality: &str| {
-        let own = variables.iter().find(|own| {
-            own["causality"] == causality
-                && own["type"] == "Float64"
-                && own["dimensions"].as_array().is_some_and(|d| d.len() == 1)
-        });
-        own.map(|own| own["name"].as_str().unwrap().to_owned())
+    let text = |values: &str| {
+        let system = format!(
+            "<ssd:Elements><ssd:Component name=\"a\" source=\"resources/typed.fmu\"><ssd:ParameterBindings>\
+             <ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet version=\"2.0\" name=\"p\"><ssv:Parameters>\
+             <ssv:Parameter name=\"array\"><ssv:Float64 value=\"{values}\"/><ssc:Dimension size=\"3\"/></ssv:Parameter>\
+             </ssv:Parameters></ssv:ParameterSet></ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings>\
+             </ssd:Component><ssd:Component name=\"b\" source=\"resources/typed.fmu\"/></ssd:Elements>\
+             <ssd:Connections>\
+             <ssd:Connection startElement=\"a\" startConnector=\"sums\" endElement=\"b\" endConnector=\"array\"/>\
+             <ssd:Connection startElement=\"b\" startConnector=\"sums\" startIndices=\"2\" endElement=\"a\" \
+             endConnector=\"array\" endIndices=\"1\"/></ssd:Connections>"
+        );
+        ssd("2.0", &system, "")
     };
-    let (Some(input), Some(output)) = (array("input"), array("output")) else {
-        panic!("{description:#}");
-    };
-    let system = format!(
-        "<ssd:Elements>{}{}</ssd:Elements><ssd:Connections>\
-         <ssd:Connection startElement=\"a\" startConnector=\"{output}\" endElement=\"b\" endConnector=\"{input}\"/>\
-         <ssd:Connection startElement=\"b\" startConnector=\"{output}\" startIndices=\"2\" endElement=\"a\" \
-         endConnector=\"{input}\" endIndices=\"1\"/></ssd:Connections>",
-        "<ssd:Component name=\"a\" source=\"resources/typed.fmu\"/>",
-        "<ssd:Component name=\"b\" source=\"resources/typed.fmu\"/>"
-    );
-    folder.write("a/SystemStructure.ssd", ssd("2.0", &system, ""));
+    folder.write("a/SystemStructure.ssd", text("1 2 3"));
     folder.write(
         "same.toml",
-        format!(
-            "[system.a]\nmodel = \"a/resources/typed.fmu\"\n[system.b]\nmodel = \"a/resources/typed.fmu\"\n\
-             [connect]\n\"a.{output}\" = \"b.{input}\"\n\"b.{output}[2]\" = \"a.{input}[1]\"\n"
-        ),
+        "[system.a]\nmodel = \"a/resources/typed.fmu\"\nset = { \"array[2]\" = 2, \"array[3]\" = 3 }\n\
+         [system.b]\nmodel = \"a/resources/typed.fmu\"\n\
+         [connect]\n\"a.sums\" = \"b.array\"\n\"b.sums[2]\" = \"a.array[1]\"\n",
     );
     let time = ["--stop-time", "1"];
-    let [theirs, ours] =
-        ["a", "same.toml"].map(|system| rows(&folder, &[&[system], &time[..]].concat()));
-    assert_eq!(theirs, ours);
+    let run = |system| rows(&folder, &[&[system], &time[..]].concat());
+    let expected = run("same.toml");
+    assert!(
+        expected
+            .lines()
+            .last()
+            .unwrap()
+            .split(',')
+            .any(|cell| cell.parse::<f64>().unwrap() > 2.0)
+    );
+    assert_eq!(run("a"), expected);
+    let converted = folder.pilotage(&["convert", "same.toml", "b.ssp"]);
+    assert_eq!(converted.code, 0, "{converted:?}");
+    assert_eq!(run("b.ssp"), expected);
+    for (values, message) in [
+        ("1 2", "2 values for `a.array`, which has other dimensions"),
+        ("1 x 3", "`a.array[2]` is of type Real, `x` is not"),
+    ] {
+        folder.write("a/SystemStructure.ssd", text(values));
+        let ended = folder.pilotage(&["cosim", "a", "--stop-time", "1", "--step", "0.1"]);
+        assert!(
+            ended.code == 2 && ended.stderr.contains(message),
+            "{ended:?}"
+        );
+    }
+}
+
+/// An enumeration by an item's name, mapped from another, and by a number.
+#[test]
+fn enumerations() {
+    let folder = Folder::new();
+    let types = "<TypeDefinitions><SimpleType name=\"E\"><Enumeration><Item name=\"one\" value=\"1\"/>\
+                 <Item name=\"two\" value=\"2\"/></Enumeration></SimpleType></TypeDefinitions><LogCategories>";
+    let description = crate::foreign::DESCRIPTION
+        .replacen("<LogCategories>", types, 1)
+        .replacen(
+            "<Integer start=\"0\"/>",
+            "<Enumeration declaredType=\"E\" start=\"1\"/>",
+            1,
+        );
+    let fmu = crate::foreign::fmu("good");
+    let mut zip = zip::ZipArchive::new(std::io::Cursor::new(fmu)).unwrap();
+    let entry = crate::foreign::binary_entry();
+    let mut binary = Vec::new();
+    std::io::Read::read_to_end(&mut zip.by_name(&entry).unwrap(), &mut binary).unwrap();
+    let changed = crate::foreign::archive(&[
+        ("modelDescription.xml", description.as_bytes()),
+        (&entry, &binary),
+    ]);
+    folder.write("s/resources/e.fmu", changed);
+    let one = |name: &str, value: &str, mapping: &str| {
+        format!(
+            "<ssd:Component name=\"{name}\" source=\"resources/e.fmu\"><ssd:ParameterBindings><ssd:ParameterBinding>\
+             <ssd:ParameterValues><ssv:ParameterSet version=\"1.0\" name=\"p\"><ssv:Parameters>\
+             <ssv:Parameter name=\"n_in\">{value}</ssv:Parameter></ssv:Parameters></ssv:ParameterSet>\
+             </ssd:ParameterValues>{mapping}</ssd:ParameterBinding></ssd:ParameterBindings></ssd:Component>"
+        )
+    };
+    let mapping = "<ssd:ParameterMapping><ssm:ParameterMapping version=\"1.0\"><ssm:MappingEntry source=\"n_in\" \
+                   target=\"n_in\"><ssc:EnumerationMappingTransformation><ssc:MapEntry source=\"deux\" target=\"two\"/>\
+                   </ssc:EnumerationMappingTransformation></ssm:MappingEntry></ssm:ParameterMapping></ssd:ParameterMapping>";
+    let elements = [
+        one("a", "<ssv:Enumeration value=\"two\"/>", ""),
+        one("b", "<ssv:Enumeration value=\"deux\"/>", mapping),
+        one("c", "<ssv:Integer value=\"2\"/>", ""),
+    ];
+    let system = format!("<ssd:Elements>{}</ssd:Elements>", elements.concat());
+    folder.write("s/SystemStructure.ssd", ssd("1.0", &system, ""));
+    let run = |system| rows(&folder, &[system, "--stop-time", "1"]);
+    let found = run("s");
+    let header: Vec<&str> = found.lines().next().unwrap().split(',').collect();
+    let last: Vec<&str> = found.lines().last().unwrap().split(',').collect();
+    for name in ["a.n", "b.n", "c.n"] {
+        let place = header.iter().position(|own| *own == name).unwrap();
+        // It counts one on.
+        assert_eq!(last[place], "3", "{name}");
+    }
+    for (from, to) in [("s", "a.toml"), ("a.toml", "b.ssp"), ("b.ssp", "c.toml")] {
+        assert_eq!(folder.pilotage(&["convert", from, to]).code, 0);
+    }
+    assert_eq!(
+        folder.read("c.toml").replace("\"c/", "\"s/resources/"),
+        folder.read("a.toml")
+    );
+    assert_eq!(run("b.ssp"), found);
 }
 
 /// The system of a problem file: the time constant is found again, and the FMU lies beside the fitted system.
