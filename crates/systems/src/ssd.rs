@@ -280,7 +280,8 @@ impl Writer<'_> {
             self.xml.open("ssd:ParameterValues");
             self.xml.open("ssv:ParameterSet");
             self.text("version", version)?;
-            self.text("name", &name)?;
+            // One name for all, by which Ecos applies them.
+            self.text("name", "initialValues")?;
             self.xml.open("ssv:Parameters");
             for (name, values) in &values {
                 self.parameter(name, values, &variables)?;

@@ -1,7 +1,8 @@
-//! Systems that `pilotage convert` wrote, in FMPy: read by its schemas, simulated, and compared with our Jacobi coupling.
+//! Systems that `pilotage convert` wrote, in FMPy and Ecos: read by the schemas, simulated, and compared with our Jacobi
+//! coupling.
 
 use super::python;
-use crate::command::Folder;
+use crate::command::{Folder, exported};
 
 /// Two lags in a loop whose outputs are 0 at first, as FMPy's connectors are. FMPy sets values of a set that it is given.
 #[test]
@@ -53,5 +54,47 @@ fn fmpy_simulates_a_converted_system() {
         for (a, b) in ours[1..].iter().zip(theirs) {
             assert!((a - b).abs() <= 1e-12, "{ours:?} {theirs:?}");
         }
+    }
+}
+
+/// Ecos applies transformations, and values of both instances.
+#[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn ecos_simulates_a_converted_system() {
+    let folder = exported();
+    folder.write(
+        "loop.toml",
+        "[system.pilot]\nmodel = \"pilot.fmu\"\nset = { target = 10 }\n\
+         [system.quadcopter]\nmodel = \"quadcopter.fmu\"\nset = { mass = 1.5 }\n\
+         [connect]\n\"pilot.stick\" = { to = \"quadcopter.stick\", factor = 0.5, offset = 0.001 }\n\
+         \"quadcopter.z\" = \"pilot.position\"\n",
+    );
+    assert_eq!(
+        folder.pilotage(&["convert", "loop.toml", "loop.ssp"]).code,
+        0
+    );
+    let time = [
+        "--stop-time",
+        "15",
+        "--step",
+        "0.05",
+        "--record",
+        "quadcopter.z,quadcopter.phi,quadcopter.v",
+    ];
+    let ended = folder.pilotage(&[&["cosim", "loop.ssp"], &time[..]].concat());
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let result = folder.read("result.csv");
+    let ours = result.lines().last().unwrap().split(',').skip(1);
+    let printed = python::run("ecos_ssp.py", [folder.path("loop.ssp")]);
+    let theirs = printed
+        .lines()
+        .find_map(|line| line.strip_prefix("outputs "))
+        .unwrap();
+    let theirs = theirs.split(' ').map(|cell| cell.parse::<f64>().unwrap());
+    for (ours, theirs) in ours.map(|cell| cell.parse::<f64>().unwrap()).zip(theirs) {
+        assert!(
+            ours != 0.0 && (ours - theirs).abs() <= 1e-12 * ours.abs().max(1.0),
+            "{ours} {theirs}"
+        );
     }
 }
