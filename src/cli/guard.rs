@@ -8,6 +8,7 @@ use super::{Failure, call, recognise, terminal};
 use crate::file;
 use crate::fmi::call_name;
 use pilotage_process::{Child, Ended, Going, program};
+use pilotage_systems::is_ssp;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitStatus;
@@ -179,7 +180,12 @@ fn names_fmu(path: &Path, deep: usize) -> bool {
         path.extension()
             .is_some_and(|own| own.eq_ignore_ascii_case(ending))
     };
-    if is("fmu") || path.join("modelDescription.xml").is_file() {
+    if is("fmu")
+        || is("ssp")
+        || is("ssd")
+        || path.join("modelDescription.xml").is_file()
+        || is_ssp(path)
+    {
         return true;
     }
     if deep == 0 || !is("toml") {

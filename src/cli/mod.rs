@@ -4,6 +4,7 @@
 
 pub mod call;
 mod compare;
+mod convert;
 pub mod cosim;
 mod deadline;
 mod demo;
@@ -96,6 +97,8 @@ enum Command {
     Pack(pack::Args),
     /// Draw figures of a fit or of results as files.
     Plot(plot::Args),
+    /// Convert a system file to SSP, or SSP to a system file.
+    Convert(convert::Args),
     /// Connect FMUs and simulate them.
     Cosim(Box<cosim::Args>),
     /// Simulate a system many times with other values, and find what its measures depend on.
@@ -251,6 +254,7 @@ fn done(command: Command) -> Result<Outcome, Failure> {
         Command::Export(args) => export::run(*args),
         Command::Pack(args) => pack::run(args),
         Command::Plot(args) => plot::run(args),
+        Command::Convert(args) => convert::run(&args),
         Command::Cosim(args) => cosim::run(*args),
         Command::Linearize(args) => linearize::run(*args),
         Command::Validate(args) => validate::run(args),
@@ -308,6 +312,7 @@ impl Command {
             // No wildcard: of each new command it must be said.
             Self::Demo(_)
             | Self::Merge(_)
+            | Self::Convert(_)
             | Self::Vehicle(_)
             | Self::Models(_)
             | Self::Export(_)

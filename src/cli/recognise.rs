@@ -6,6 +6,7 @@ use crate::document::Document;
 use crate::file;
 use crate::flights::kind::Kind;
 use crate::series::Rows;
+use pilotage_systems::is_ssp;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use zip::ZipArchive;
@@ -25,7 +26,7 @@ pub enum FileKind {
     Vehicle,
     /// A model file: equations.
     Model,
-    /// A system file: instances and connections.
+    /// A system file: instances and connections; of pilotage, or an SSP.
     System,
     /// A problem file: measurements and parameters to estimate.
     Problem,
@@ -95,11 +96,15 @@ pub fn of(path: &Path) -> Option<FileKind> {
         let is_fmu = path.join("modelDescription.xml").is_file();
         return Some(match is_fmu {
             true => FileKind::Fmu,
+            false if is_ssp(path) => FileKind::System,
             false => FileKind::Folder,
         });
     }
     if !path.is_file() {
         return None;
+    }
+    if is_ssp(path) {
+        return Some(FileKind::System);
     }
     // TOML must be read as a whole: its beginning alone may be invalid.
     let text = match is_toml(path) {

@@ -67,6 +67,7 @@ mod recovery;
 mod refits;
 mod selection;
 mod shipped;
+mod ssp;
 mod starts;
 #[cfg(target_os = "linux")]
 mod strangers;

@@ -305,6 +305,15 @@ impl<'t> Document<'t> {
     }
 }
 
+/// An entry of a list.
+#[derive(Debug, Clone, Copy)]
+pub enum Item<'a> {
+    /// A string.
+    Text(&'a str),
+    /// A table.
+    Table(TomlTable<'a>),
+}
+
 /// A table of a [`Document`].
 #[derive(Debug, Clone, Copy)]
 pub struct TomlTable<'a> {
@@ -462,6 +471,35 @@ impl<'a> TomlTable<'a> {
         let placed = |value: &'a Spanned<DeValue<'a>>| {
             let text = value.get_ref().as_str()?;
             Some((text, self.source.place(value.span().start)))
+        };
+        let whole = self.get(field);
+        self.value(
+            field,
+            "a string or a list of strings",
+            |value| match value {
+                DeValue::Array(items) => items.iter().map(placed).collect(),
+                _ => Some(vec![placed(whole?)?]),
+            },
+        )
+    }
+
+    /// A string, a table, or a list of these, each with its place.
+    ///
+    /// # Errors
+    /// If the value is of another kind.
+    pub fn items(&self, field: &str) -> Result<Option<Vec<(Item<'a>, Place)>>, DocumentError> {
+        let placed = |value: &'a Spanned<DeValue<'a>>| {
+            let at = value.span().start;
+            let item = match value.get_ref() {
+                DeValue::String(text) => Item::Text(text),
+                DeValue::Table(table) => Item::Table(TomlTable {
+                    source: self.source,
+                    table,
+                    position: self.source.position(at),
+                }),
+                _ => return None,
+            };
+            Some((item, self.source.place(at)))
         };
         let whole = self.get(field);
         self.value(

@@ -134,6 +134,18 @@ impl Conversion {
         offset: 0.0,
     };
 
+    /// This conversion, and another one of its values.
+    pub fn then(self, next: Self) -> Self {
+        match (self == Self::NONE, next == Self::NONE) {
+            (true, _) => next,
+            (_, true) => self,
+            _ => Self {
+                factor: next.factor * self.factor,
+                offset: next.factor * self.offset + next.offset,
+            },
+        }
+    }
+
     /// The value in the second unit; the same bits if the units are equal.
     pub fn apply(self, value: f64) -> f64 {
         match self == Self::NONE {

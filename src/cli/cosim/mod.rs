@@ -49,6 +49,9 @@ Examples:
   # A system file with instances, wires and values (docs/systems.md); --save-system writes one.
   pilotage cosim system.toml --stop-time 15 --step 0.05
 
+  # A system of another tool (SSP): an archive, a folder or an .ssd.
+  pilotage cosim system.ssp --variant heavy --step 0.05
+
   # The same with another vehicle and another target: arguments take precedence over the file.
   pilotage cosim system.toml vehicle=heavy.fmu --set pilot.target=20 --stop-time 15 --step 0.05
 
@@ -64,16 +67,10 @@ kept), or signals are NaN or infinite, 2 bad use or input.";
 pub struct Args {
     #[command(flatten)]
     pub wiring: Wiring,
-    /// Start time [s].
-    #[arg(
-        long,
-        value_name = "SECONDS",
-        default_value_t = 0.0,
-        value_parser = number,
-        allow_hyphen_values = true
-    )]
-    start_time: f64,
-    /// Stop time [s] [default: what the FMUs suggest, if they agree].
+    /// Start time [s] [default: that of the system file, or 0].
+    #[arg(long, value_name = "SECONDS", value_parser = number, allow_hyphen_values = true)]
+    start_time: Option<f64>,
+    /// Stop time [s] [default: that of the system file, or what the FMUs suggest, if they agree].
     #[arg(long, value_name = "SECONDS", value_parser = number, allow_hyphen_values = true)]
     stop_time: Option<f64>,
     /// Communication step [s]; must divide the duration.
@@ -112,7 +109,9 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     // Errors that can be detected without the files are reported before the files are opened.
-    args.stop_time.map(|stop| args.clock(stop)).transpose()?;
+    if let Some(stop) = args.stop_time.filter(|_| !args.wiring.has_system_file()) {
+        args.clock(args.start_time.unwrap_or(0.0), stop)?;
+    }
     args.rows_between()?;
     args.check_report()?;
     let built = args.wiring.build(&args.overwrite, &args.outputs())?;
@@ -149,6 +148,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 /// A run whose rows are saved.
 pub struct Simulated {
     pub algorithm: Algorithm,
+    /// Start time \[s\].
+    pub start: f64,
     pub run: Run,
     pub ending: ending::Words,
     /// Wall-clock time \[s\].
@@ -181,11 +182,11 @@ impl Simulated {
 fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failure> {
     let every = args.rows_between()?;
     let mut system = std::mem::take(&mut built.system);
-    let stop = match args.stop_time {
-        Some(stop) => stop,
-        None => system.suggested_stop().ok_or_else(no_stop)?,
-    };
-    let clock = args.clock(stop)?;
+    let times = built.description.experiment;
+    let start = args.start_time.or(times.start).unwrap_or(0.0);
+    let stop = args.stop_time.or(times.stop);
+    let stop = stop.or_else(|| system.suggested_stop());
+    let clock = args.clock(start, stop.ok_or_else(no_stop)?)?;
     let mut coupling = args.coupling.coupling(&clock)?;
     coupling.measure |= args.report.is_some();
     if coupling.parallel {
@@ -217,7 +218,7 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
     let run = match run {
         Ok(run) => run,
         Err(error) => {
-            watch.end("failed", args.start_time, None);
+            watch.end("failed", start, None);
             return Err(sink.explain(error, &built.description));
         }
     };
@@ -229,6 +230,7 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
     sink.save(&args.output)?;
     let done = Simulated {
         algorithm: coupling.algorithm,
+        start,
         run,
         ending,
         seconds,
@@ -285,8 +287,8 @@ impl Args {
         Ok(Line::try_parse_from(words).map_err(refused)?.args)
     }
 
-    fn clock(&self, stop: f64) -> Result<Clock, Failure> {
-        Ok(Clock::new(self.start_time, stop, self.step)?)
+    fn clock(&self, start: f64, stop: f64) -> Result<Clock, Failure> {
+        Ok(Clock::new(start, stop, self.step)?)
     }
 
     fn check_report(&self) -> Result<(), Failure> {

@@ -64,7 +64,7 @@ impl Summary<'_> {
             "{} of {} s from {} s to {} s ({}{order})\n{} of {} in {}\n",
             counted(self.done.run.steps as usize, "step"),
             self.args.step,
-            self.args.start_time,
+            self.done.start,
             self.done.run.time,
             self.done.algorithm,
             counted(self.done.rows as usize, "row"),
@@ -115,7 +115,7 @@ impl Summary<'_> {
         let message = self.done.ending.message.iter().cloned();
         let notes = self.notes().into_iter();
         let notes = notes.chain(report::notes(&run.report));
-        let duration = format!("{} to {} s", self.args.start_time, run.time);
+        let duration = format!("{} to {} s", self.done.start, run.time);
         let facts = [
             ("simulated", duration),
             ("step", format!("{} s", self.args.step)),

@@ -3,7 +3,7 @@
 use super::kept;
 use crate::cli::{Failure, overwrite};
 use crate::cosim::SystemDescription;
-use crate::cosim::description::Setting;
+use crate::cosim::description::{InstanceDescription, InstanceSource, Setting};
 use crate::estimation::part::Part;
 use crate::estimation::result::Found;
 use crate::estimation::{Fit, Posed};
@@ -157,18 +157,32 @@ impl Fitted {
         values: &[(String, f64)],
     ) -> Result<(), Failure> {
         let system = &posed.file.system;
-        let own = system
-            .instances
-            .iter()
-            .filter(|own| own.name == self.instance);
+        let own = system.instances.iter();
+        let own = own.filter(|own| own.name == self.instance).cloned();
+        let mut own: Vec<InstanceDescription> = own.collect();
+        // An FMU that is unpacked for this command alone is put beside.
+        for instance in own.iter_mut().filter(|_| !system.kept.is_empty()) {
+            let Some(unpacked) = instance.source.value.file() else {
+                continue;
+            };
+            let (bytes, beside) = (
+                pilotage_systems::fmu(unpacked)?,
+                self.path.with_extension("fmu"),
+            );
+            if beside.exists() && crate::file::bytes(&beside).ok().as_ref() != Some(&bytes) {
+                refuse_other(&beside)?;
+            }
+            overwrite::save(&beside, bytes)?;
+            instance.source = InstanceSource::Model(beside).into();
+        }
         let set = |(name, value): &(String, f64)| Setting {
             name: format!("{}.{name}", self.instance).into(),
             value: value.to_string(),
         };
         let fitted = SystemDescription {
-            instances: own.cloned().collect(),
-            connections: Vec::new(),
+            instances: own,
             settings: values.iter().map(set).collect(),
+            ..SystemDescription::default()
         };
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let text = head + &fitted.to_toml(folder)?;
@@ -214,7 +228,7 @@ fn refuse_other(path: &Path) -> Result<(), Failure> {
     match path.exists() {
         true => {
             let message = format!(
-                "{} is there already, and is not the table of the fitted model",
+                "{} is there already, and is not what the fitted model needs beside it",
                 path.display()
             );
             Err(Failure::new(message).hint("give -o a file in another folder"))

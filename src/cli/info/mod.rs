@@ -26,9 +26,12 @@ use std::path::PathBuf;
     after_help = "Examples:\n  pilotage info pilot.fmu\n  pilotage info pilot.fmu --json | jq '.variables[].name'\n  pilotage info pilot.fmu --json | jq '.structure.outputs'\n  pilotage info system.toml"
 )]
 pub struct Args {
-    /// The FMU: its file, or the folder that it was unpacked into. Or a system file, of which the instances,
+    /// The FMU: its file, or the folder that it was unpacked into. Or a system file (TOML or SSP), of which the instances,
     /// connections, free inputs and outputs are shown, or a model file, as of `pilotage model check`.
     fmu: PathBuf,
+    /// Variant of an SSP with several .ssd, by its name or its file's.
+    #[arg(long, value_name = "NAME")]
+    variant: Option<String>,
     /// Print one JSON object instead of text.
     #[arg(long)]
     json: bool,
@@ -50,7 +53,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         return check::run(open::read(&args.fmu)?, args.json);
     }
     if recognise::may_be_system(&args.fmu) {
-        terminal::print(&system::of(&args.fmu, args.json)?)?;
+        terminal::print(&system::of(&args.fmu, args.variant.as_deref(), args.json)?)?;
         return Ok(Outcome::Done);
     }
     let fmu = Fmu::open(&args.fmu)?;

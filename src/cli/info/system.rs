@@ -2,25 +2,67 @@
 
 use super::super::Failure;
 use super::super::format::aligned;
-use super::super::system::{Built, open};
+use super::super::system::{Built, file, open};
 use crate::cli::terminal;
 use crate::cosim::description::{InstanceDescription, InstanceSource, SystemDescription};
 use crate::cosim::system::Link;
 use crate::cosim::{Conversion, System, Variable};
+use pilotage_systems::is_ssp;
 use serde_json::{Value, json};
 use std::path::Path;
 
 /// The system of a file as text or JSON.
-pub(super) fn of(file: &Path, as_json: bool) -> Result<String, Failure> {
+pub(super) fn of(file: &Path, variant: Option<&str>, as_json: bool) -> Result<String, Failure> {
+    let read = file::read(file, variant)?;
+    let variants = match is_ssp(file) {
+        true => Some(pilotage_systems::variants(file)?),
+        false => None,
+    };
     let Built {
         system,
         description,
         ..
-    } = open(SystemDescription::read(file)?)?;
-    Ok(match as_json {
-        true => format!("{:#}\n", to_json(file, &system, &description)),
-        false => to_text(file, &system, &description),
-    })
+    } = open(read.description)?;
+    let mut description = description;
+    if let Some(folder) = &read.unpacked {
+        name_in(&mut description, file, folder);
+    }
+    if as_json {
+        let mut json = to_json(file, &system, &description);
+        if let Some(variants) = variants {
+            json["variants"] = json!(variants);
+            json["annotations"] = json!(read.annotations);
+            json["notes"] = json!(read.notes);
+        }
+        return Ok(format!("{json:#}\n"));
+    }
+    for note in &read.notes {
+        terminal::note(note);
+    }
+    let mut text = to_text(file, &system, &description);
+    for (what, list) in [
+        (
+            "variants",
+            variants.filter(|own| own.len() > 1).unwrap_or_default(),
+        ),
+        ("annotations, without effect", read.annotations),
+    ] {
+        if !list.is_empty() {
+            text += &format!("\n{what}: {}\n", list.join(", "));
+        }
+    }
+    Ok(text)
+}
+
+/// Names files of an unpacked archive as those of the archive.
+fn name_in(description: &mut SystemDescription, archive: &Path, folder: &Path) {
+    for own in &mut description.instances {
+        if let InstanceSource::Model(file) = &mut own.source.value
+            && let Ok(inside) = file.strip_prefix(folder)
+        {
+            *file = archive.join(inside);
+        }
+    }
 }
 
 fn unit(variable: &Variable) -> &str {

@@ -68,10 +68,10 @@ pub struct Args {
     /// integral, at(x, t), when(x), settling(x, part), overshoot, rise [default: the last values of all outputs].
     #[arg(long, value_name = "EXPRESSION")]
     measure: Vec<String>,
-    /// Start time [s].
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, value_parser = number, allow_hyphen_values = true)]
-    start_time: f64,
-    /// Stop time [s] [default: what the FMUs suggest, if they agree].
+    /// Start time [s] [default: that of the system file, or 0].
+    #[arg(long, value_name = "SECONDS", value_parser = number, allow_hyphen_values = true)]
+    start_time: Option<f64>,
+    /// Stop time [s] [default: that of the system file, or what the FMUs suggest, if they agree].
     #[arg(long, value_name = "SECONDS", value_parser = number, allow_hyphen_values = true)]
     stop_time: Option<f64>,
     /// Communication step [s]; must divide the duration.

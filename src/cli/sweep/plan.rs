@@ -54,7 +54,9 @@ impl Plan {
             system: sum(opened.description())?,
             simulation: format!(
                 "{:?} {stop:?} {:?} {:?}",
-                args.start_time, args.step, args.coupling
+                opened.start(args),
+                args.step,
+                args.coupling
             ),
             design: design(args, opened)?,
             measures: measures
@@ -71,13 +73,14 @@ pub fn measures(args: &Args, opened: &Opened) -> Result<Vec<Measure>, Failure> {
     let signals = opened.signals();
     let mut given = args.measure.clone();
     if given.is_empty() {
-        given = opened
-            .outputs()
-            .iter()
-            .map(|name| format!("final({name})"))
-            // Names that no expression can have, such as those of arrays' elements, are left out.
-            .filter(|own| Measure::parse(own, &signals).is_ok())
-            .collect();
+        // Systems of other tools have names that no expression can hold.
+        let is_sayable = |name: &String| {
+            let own = [(name.clone(), String::new())];
+            Measure::parse(&format!("final({name})"), &own).is_ok()
+        };
+        let outputs = opened.outputs();
+        let outputs = outputs.iter().filter(|name| is_sayable(name));
+        given = outputs.map(|name| format!("final({name})")).collect();
     }
     if given.is_empty() {
         return Err(
@@ -275,7 +278,8 @@ fn sum(description: &SystemDescription) -> Result<String, Failure> {
         }
     }
     for own in &description.connections {
-        all.update(format!("{}={}\n", own.from.value, own.to.value));
+        let by = own.transformation;
+        all.update(format!("{}={} {by:?}\n", own.from.value, own.to.value));
     }
     for own in &description.settings {
         all.update(format!("{}={}\n", own.name.value, own.value));

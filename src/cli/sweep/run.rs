@@ -78,13 +78,23 @@ impl Opened {
         }
     }
 
+    /// When a run begins \[s\].
+    pub fn start(&self, args: &Args) -> f64 {
+        let of_system = self.description().experiment.start;
+        args.start_time.or(of_system).unwrap_or(0.0)
+    }
+
     /// When a run ends \[s\].
     pub fn stop(&self, args: &Args) -> Result<f64, Failure> {
         let suggested = || self.0.built.system.suggested_stop();
-        args.stop_time.or_else(suggested).ok_or_else(|| {
-            Failure::new("no --stop-time, and the FMUs suggest none, or different ones")
-                .hint("say when the simulation ends, such as --stop-time 10")
-        })
+        let of_system = self.description().experiment.stop;
+        args.stop_time
+            .or(of_system)
+            .or_else(suggested)
+            .ok_or_else(|| {
+                Failure::new("no --stop-time, and the FMUs suggest none, or different ones")
+                    .hint("say when the simulation ends, such as --stop-time 10")
+            })
     }
 
     /// Whether an FMU can be instantiated but once in a process.
@@ -143,7 +153,7 @@ impl<'a> Pilot<'a> {
             .flat_map(|own| own.signals().iter().cloned());
         let used: BTreeSet<String> = used.collect();
         let mut own = Self {
-            clock: Clock::new(args.start_time, opened.stop(args)?, args.step)?,
+            clock: Clock::new(opened.start(args), opened.stop(args)?, args.step)?,
             is_only_once: opened.is_only_once(),
             args,
             plan,

@@ -4,8 +4,10 @@ use super::super::Failure;
 use super::super::overwrite::{OutputKind, Overwrite};
 use super::super::recognise::{self, FileKind};
 use super::isolation::Isolation;
-use super::{Built, build, full_name, only, parameters, save};
-use crate::cosim::description::{InstanceDescription, InstanceSource, Interface, Setting, Wire};
+use super::{Built, build, file, full_name, only, parameters, save};
+use crate::cosim::description::{
+    InstanceDescription, InstanceSource, Interface, Setting, Transformation, Wire,
+};
 use crate::cosim::{System, SystemDescription};
 use clap::ValueEnum;
 use pilotage_text::is_identifier;
@@ -16,10 +18,13 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 pub struct Wiring {
     /// FMUs, or pilot, vehicle and model files (TOML), which run without export; an instance is named after its file
-    /// unless NAME= is given. Or a system file (TOML, docs/systems.md) with instances, wires and values; arguments
-    /// add to it and take precedence over it.
+    /// unless NAME= is given. Or a system file (TOML, docs/systems.md; SSP: .ssp, its folder, .ssd) with instances, wires
+    /// and values; arguments add to it and take precedence over it.
     #[arg(required = true, value_name = "[NAME=]FMU")]
     models: Vec<OsString>,
+    /// Variant of an SSP with several .ssd, by its name or its file's.
+    #[arg(long, value_name = "NAME")]
+    variant: Option<String>,
     /// Interface to use of FMUs that have both [default: cs].
     #[arg(long, value_enum)]
     kind: Option<KindName>,
@@ -92,7 +97,8 @@ impl Wiring {
         outputs: &[(&Path, OutputKind)],
     ) -> Result<Built, Failure> {
         self.expect()?;
-        let (description, connections) = self.describe()?;
+        let mut notes = Vec::new();
+        let (description, connections) = self.describe(&mut notes)?;
         let files = (description.instances.iter()).filter_map(|i| i.source.value.file());
         let files = files.map(Path::to_owned).chain(self.system_files());
         let read: Vec<PathBuf> = files.chain(self.parameters.iter().cloned()).collect();
@@ -102,7 +108,6 @@ impl Wiring {
             .map(|path| (path, OutputKind::System));
         let written: Vec<(&Path, OutputKind)> = outputs.iter().copied().chain(saved).collect();
         overwrite.check(&read, &written)?;
-        let mut notes = Vec::new();
         let mut built = build(description, &self.isolation, |system, description| {
             let settings = self.settings(system, &mut notes)?;
             description.override_wiring(connections, settings);
@@ -126,17 +131,23 @@ impl Wiring {
         recognise::expect(&self.parameters, &[], values)
     }
 
+    /// Whether a system file is given.
+    pub fn has_system_file(&self) -> bool {
+        self.system_files().next().is_some()
+    }
+
     fn system_files(&self) -> impl Iterator<Item = PathBuf> {
         let files = self.models.iter().map(|argument| instance(argument).1);
         files.filter(|file| recognise::is_system(file))
     }
 
     /// The system file merged with the instances of the arguments, and the connections of the arguments.
-    fn describe(&self) -> Result<(SystemDescription, Vec<Wire>), Failure> {
+    fn describe(&self, notes: &mut Vec<String>) -> Result<(SystemDescription, Vec<Wire>), Failure> {
         let files: Vec<PathBuf> = self.system_files().collect();
         let mut description = match files.as_slice() {
+            [] if self.variant.is_some() => return Err(file::no_variants()),
             [] => SystemDescription::default(),
-            [file] => self.read(file)?,
+            [file] => self.read(file, notes)?,
             [first, second, ..] => {
                 let (first, second) = (first.display(), second.display());
                 let message = format!("{first} and {second} are system files; expected one");
@@ -162,17 +173,20 @@ impl Wiring {
         let wire = |(from, to): &(String, String)| Wire {
             from: from.clone().into(),
             to: to.clone().into(),
+            transformation: Transformation::default(),
         };
         Ok((description, self.connect.iter().map(wire).collect()))
     }
 
-    fn read(&self, file: &Path) -> Result<SystemDescription, Failure> {
+    fn read(&self, file: &Path, notes: &mut Vec<String>) -> Result<SystemDescription, Failure> {
         let mut named = self.models.iter().map(Path::new);
         if !named.any(|argument| argument == file) {
             let message = format!("{} is a system file, which has no name", file.display());
             return Err(Failure::new(message).hint("leave what stands before the `=` out"));
         }
-        Ok(SystemDescription::read(file)?)
+        let read = file::read(file, self.variant.as_deref())?;
+        notes.extend(read.notes);
+        Ok(read.description)
     }
 
     /// The values given by arguments; how their files were taken becomes notes.

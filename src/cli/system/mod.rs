@@ -2,6 +2,7 @@
 //!
 //! | module | what it does |
 //! | --- | --- |
+//! | `file` | reads system files |
 //! | `flags` | arguments that describe the system |
 //! | `isolation` | FMUs in separate processes |
 //! | `opened` | a system that is opened once and simulated often |
@@ -12,6 +13,7 @@
 //! | `advice` | hints for connections and values that do not fit |
 
 mod advice;
+pub mod file;
 pub mod flags;
 pub mod isolation;
 #[cfg(feature = "fly")]

@@ -7,6 +7,11 @@ use std::path::Path;
 
 /// Writes a system file, whole or not at all.
 pub fn write(path: &Path, description: &SystemDescription) -> Result<(), Failure> {
+    if !description.kept.is_empty() {
+        let message = "--save-system would name FMUs that are unpacked for this run alone";
+        let hint = "`pilotage convert SYSTEM.ssp SYSTEM.toml` keeps them beside the system file";
+        return Err(Failure::new(message).hint(hint));
+    }
     let folder = path.parent().unwrap_or(Path::new(""));
     let text = description.to_toml(folder).map_err(|error| {
         let hint = match &error {

@@ -13,9 +13,9 @@ pub(super) use text::to_text;
 
 use super::number::positive;
 use super::recognise::{self, FileKind};
-use super::system::open;
+use super::system::{Built, file, open};
 use super::{Failure, Outcome, terminal};
-use crate::cosim::SystemDescription;
+use crate::cosim::description::Kept;
 use crate::fmi::description::Severity;
 use crate::fmi_check::{self, Finding};
 use serde_json::json;
@@ -28,9 +28,12 @@ use std::time::Duration;
     after_help = "Examples:\n  pilotage validate pilot.fmu quadcopter.fmu\n  pilotage validate system.toml\n  pilotage validate --strict --json *.fmu | jq '.fmus[].findings[]'\n\nIt checks the archive, modelDescription.xml, the other files and the binaries of all platforms, and runs the binary of this platform in separate processes.\n\nErrors violate the standard. Warnings are legal, but cause problems in some tools. Notes are information.\n\nExit codes: 0 every FMU is valid (there may be warnings), 1 one is not, 2 bad use or input."
 )]
 pub struct Args {
-    /// FMUs: files, or folders with unpacked FMUs. For a system file, its FMUs with their connections.
+    /// FMUs: files, or folders with unpacked FMUs. For a system file (TOML or SSP), its FMUs with their connections.
     #[arg(required = true)]
     fmus: Vec<PathBuf>,
+    /// Variant of an SSP with several .ssd, by its name or its file's.
+    #[arg(long, value_name = "NAME")]
+    variant: Option<String>,
     /// Check the files, but do not run the binaries.
     #[arg(long)]
     no_run: bool,
@@ -81,7 +84,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     recognise::expect(&args.fmus, &kinds, "an FMU or a system file")?;
     let limit = (!args.no_run).then_some(args.time_limit);
     let asked = (args.fmus.iter())
-        .map(|path| asked(path))
+        .map(|path| asked(path, args.variant.as_deref()))
         .collect::<Result<Vec<Asked>, Failure>>()?;
     let systems: Vec<_> = asked.iter().filter_map(|a| a.system.as_ref()).collect();
     let reports = (asked.iter().flat_map(|asked| &asked.fmus))
@@ -115,20 +118,34 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 }
 
 /// Resolves a path: an FMU, or a system file, whose connections are checked and whose FMUs are listed.
-fn asked(path: &Path) -> Result<Asked, Failure> {
+fn asked(path: &Path, variant: Option<&str>) -> Result<Asked, Failure> {
     if !recognise::may_be_system(path) {
         let fmus = vec![path.to_owned()];
-        return Ok(Asked { system: None, fmus });
+        return Ok(Asked {
+            system: None,
+            fmus,
+            _kept: Kept::default(),
+        });
     }
-    let built = open(SystemDescription::read(path)?)?;
-    let mut fmus = built.files;
+    let read = file::read(path, variant)?;
+    for note in &read.notes {
+        terminal::note(note);
+    }
+    let built = open(read.description)?;
+    let Built {
+        files: mut fmus,
+        system,
+        description,
+        ..
+    } = built;
     fmus.retain(|file| recognise::is_fmu(file));
     fmus.sort();
     fmus.dedup();
-    let connections = built.system.links().count();
+    let connections = system.links().count();
     Ok(Asked {
         system: Some((path.to_owned(), connections)),
         fmus,
+        _kept: description.kept,
     })
 }
 
@@ -137,6 +154,8 @@ struct Asked {
     /// A system file and the number of its connections, all of which fit.
     system: Option<(PathBuf, usize)>,
     fmus: Vec<PathBuf>,
+    /// The files of an unpacked archive.
+    _kept: Kept,
 }
 
 /// Default time limit for each test of a binary.

@@ -177,7 +177,7 @@ fn uses_that_make_no_sense() {
     folder.write("flight.toml", FLIGHT);
     folder.write("second.toml", FLIGHT);
     folder.write(
-        "my-pilot.fmu",
+        "my-pilot .fmu",
         std::fs::read(folder.path("pilot.fmu")).unwrap(),
     );
     for (arguments, message) in [
@@ -219,9 +219,9 @@ fn uses_that_make_no_sense() {
             "error: cannot write none/a.toml: No such file or directory (os error 2)\n",
         ),
         (
-            &["my-pilot.fmu", "--save-system", "a.toml"],
-            "error: `my-pilot` cannot name an instance in a system file: expected letters, digits and `_`, and no \
-             digit first\nhint: name the instance otherwise: NAME=FILE instead of FILE\n",
+            &["my-pilot .fmu", "--save-system", "a.toml"],
+            "error: `my-pilot ` cannot name an instance in a system file: expected visible characters, and no space \
+             at an end\nhint: name the instance otherwise: NAME=FILE instead of FILE\n",
         ),
         (
             &["pilot"],

@@ -20,5 +20,6 @@ mod references;
 mod regression;
 mod remnant;
 mod results;
+mod ssp;
 mod third_party;
 mod valgrind;

@@ -22,12 +22,16 @@
 //!
 //! | module | content |
 //! | --- | --- |
+//! | `kept` | temporary files that last as long as a description |
 //! | `read` | reads a system file |
 //! | `write` | writes a system file |
 
+mod kept;
 mod read;
 mod write;
 
+pub use crate::system::Transformation;
+pub use kept::Kept;
 pub use read::{DescriptionError, KEYS};
 pub use write::{HEADER, SaveError};
 
@@ -61,6 +65,19 @@ pub struct SystemDescription {
     pub connections: Vec<Wire>,
     /// Start values of parameters and inputs.
     pub settings: Vec<Setting>,
+    /// Times of a run that says none itself.
+    pub experiment: Experiment,
+    /// Unpacked files in which models lie.
+    pub kept: Kept,
+}
+
+/// When a simulation begins and ends by default \[s\].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Experiment {
+    /// Start time.
+    pub start: Option<f64>,
+    /// Stop time.
+    pub stop: Option<f64>,
 }
 
 /// One instance.
@@ -126,6 +143,8 @@ pub struct Wire {
     pub from: Spanned<String>,
     /// The input.
     pub to: Spanned<String>,
+    /// What happens to values on the way.
+    pub transformation: Transformation,
 }
 
 /// A start value.
@@ -189,8 +208,9 @@ impl SystemDescription {
     /// # Errors
     /// For the first invalid entry.
     pub fn wire(&self, system: &mut System) -> Result<(), EntryError> {
-        for Wire { from, to } in &self.connections {
-            let connected = system.connect(&from.value, &to.value);
+        for wire in &self.connections {
+            let Wire { from, to, .. } = wire;
+            let connected = system.connect_by(&from.value, &to.value, wire.transformation);
             connected.map_err(|error| EntryError {
                 place: match is_about_output(&error, &from.value) {
                     true => from.place.clone(),
@@ -215,9 +235,18 @@ impl SystemDescription {
         instance: &'a str,
     ) -> impl Iterator<Item = (&'a str, &'a str)> {
         self.settings.iter().filter_map(move |setting| {
-            let rest = setting.name.value.strip_prefix(instance)?;
-            Some((rest.strip_prefix('.')?, setting.value.as_str()))
+            let (own, variable) = self.split(&setting.name.value)?;
+            (own == instance).then_some((variable, setting.value.as_str()))
         })
+    }
+
+    /// The instance and the variable of `instance.variable`. Both may contain dots; the longest instance name wins.
+    pub fn split<'a>(&self, name: &'a str) -> Option<(&'a str, &'a str)> {
+        let parts = self.instances.iter().filter_map(|own| {
+            let rest = name.strip_prefix(own.name.as_str())?.strip_prefix('.')?;
+            Some((&name[..own.name.len()], rest))
+        });
+        parts.max_by_key(|(instance, _)| instance.len())
     }
 
     /// Place where a variable is first wired or set.

@@ -1,10 +1,13 @@
 //! Reads a description from a system file.
 
 use super::{
-    InstanceDescription, InstanceSource, Interface, Setting, Spanned, SystemDescription, Wire,
+    Experiment, InstanceDescription, InstanceSource, Interface, Setting, Spanned,
+    SystemDescription, Transformation, Wire,
 };
-use pilotage_text::document::{self, Document, DocumentError, Place, TomlTable};
+use crate::component::Conversion;
+use pilotage_text::document::{self, Document, DocumentError, Item, Place, TomlTable};
 use pilotage_text::is_identifier;
+use pilotage_text::printable::{excerpt, is_hidden};
 use pilotage_text::suggestion::{did_you_mean, suggestion};
 use std::path::Path;
 use thiserror::Error;
@@ -28,13 +31,16 @@ pub enum DescriptionError {
     },
     /// An invalid instance name.
     #[error(
-        "{place}: `{name}` cannot name an instance; expected letters, digits and `_`, and no digit first"
+        "{place}: `{}` cannot name an instance; expected {expected}",
+        excerpt(name)
     )]
     Name {
         /// Place of the name.
         place: Place,
         /// The name.
         name: String,
+        /// What names consist of.
+        expected: &'static str,
     },
     /// Neither a model nor a table.
     #[error(
@@ -90,19 +96,36 @@ impl SystemDescription {
     pub fn parse(text: &str, path: &Path) -> Result<Self, DescriptionError> {
         let file = path.display().to_string();
         let document = Document::parse(text, &file)?;
-        document.root().only(&KEYS)?;
-        Self::of(document.root(), path.parent().unwrap_or(Path::new("")))
+        let root = document.root();
+        root.only(&[KEYS[0], KEYS[1], "experiment"])?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let mut description = Self::named(root, folder, (is_instance_name, VISIBLE))?;
+        if let Some(table) = root.table("experiment")? {
+            table.only(&["start_time", "stop_time"])?;
+            description.experiment = Experiment {
+                start: table.number("start_time")?,
+                stop: table.number("stop_time")?,
+            };
+        }
+        Ok(description)
     }
 
-    /// Reads the tables `system` and `connect` of a file and ignores its other contents.
+    /// Reads the tables `system` and `connect` of a file and ignores its other contents. Expressions name the instances,
+    /// which are identifiers.
     ///
     /// # Errors
     /// If they do not describe a system; the error names file and line.
     pub fn of(root: TomlTable, folder: &Path) -> Result<Self, DescriptionError> {
+        let expected = "letters, digits and `_`, and no digit first";
+        Self::named(root, folder, (is_identifier, expected))
+    }
+
+    /// The same with names that fulfil a condition, which is said in words.
+    fn named(root: TomlTable, folder: &Path, names: Names) -> Result<Self, DescriptionError> {
         let mut description = Self::default();
         if let Some(system) = root.table("system")? {
             for name in system.names() {
-                description.add_instance(system, name, folder)?;
+                description.add_instance(system, name, folder, names)?;
             }
         }
         if description.instances.is_empty() {
@@ -120,11 +143,16 @@ impl SystemDescription {
         system: TomlTable,
         name: &str,
         folder: &Path,
+        (is_name, expected): Names,
     ) -> Result<(), DescriptionError> {
         let place = || key_place(system, name);
-        if !is_identifier(name) {
+        if !is_name(name) {
             let (place, name) = (place(), name.to_owned());
-            return Err(DescriptionError::Name { place, name });
+            return Err(DescriptionError::Name {
+                place,
+                name,
+                expected,
+            });
         }
         let table = system.table(name)?;
         let table = system.required(name, table)?;
@@ -143,6 +171,17 @@ impl SystemDescription {
         });
         Ok(())
     }
+}
+
+/// A condition on names, and what they consist of.
+type Names = (fn(&str) -> bool, &'static str);
+
+/// What names in a system file consist of.
+pub(super) const VISIBLE: &str = "visible characters, and no space at an end";
+
+/// Whether an instance can have that name in a system file.
+pub(super) fn is_instance_name(name: &str) -> bool {
+    !name.is_empty() && name.trim() == name && !name.contains(is_hidden)
 }
 
 /// Place of a key, or of the table if the key is missing.
@@ -227,13 +266,17 @@ fn settings(table: TomlTable, prefix: &str, found: &mut Vec<Setting>) -> Result<
 fn wires(table: TomlTable, prefix: &str, found: &mut Vec<Wire>) -> Result<(), DocumentError> {
     for name in table.names() {
         let from = format!("{prefix}{name}");
-        if table.is_table(name) {
-            if let Some(inner) = table.table(name)? {
-                wires(inner, &format!("{from}."), found)?;
-            }
+        if let Some(inner) = table.table(name).ok().flatten()
+            && !is_end(inner)
+        {
+            wires(inner, &format!("{from}."), found)?;
             continue;
         }
-        for (to, place) in table.strings(name)?.unwrap_or_default() {
+        for (item, place) in table.items(name)?.unwrap_or_default() {
+            let (to, place, transformation) = match item {
+                Item::Text(to) => (to, place, Transformation::default()),
+                Item::Table(end) => transformed(end)?,
+            };
             found.push(Wire {
                 from: Spanned {
                     value: from.clone(),
@@ -243,8 +286,31 @@ fn wires(table: TomlTable, prefix: &str, found: &mut Vec<Wire>) -> Result<(), Do
                     value: to.to_owned(),
                     place: Some(place),
                 },
+                transformation,
             });
         }
     }
     Ok(())
+}
+
+/// Whether a table is the end of a wire, `{ to = "b.u", factor = 2 }`, and holds no names of outputs: these have no
+/// numbers.
+fn is_end(table: TomlTable) -> bool {
+    let is_number = |key| table.number(key).is_ok_and(|value| value.is_some());
+    let is_boolean = |key| table.boolean(key).is_ok_and(|value| value.is_some());
+    table.has("to") && (is_number("factor") || is_number("offset") || is_boolean("convert_units"))
+}
+
+/// The end of a wire with what happens on the way.
+fn transformed<'a>(end: TomlTable<'a>) -> Result<(&'a str, Place, Transformation), DocumentError> {
+    end.only(&["to", "factor", "offset", "convert_units"])?;
+    let to = end.required("to", end.string("to")?)?;
+    let transformation = Transformation {
+        linear: Conversion {
+            factor: end.number("factor")?.unwrap_or(1.0),
+            offset: end.number("offset")?.unwrap_or(0.0),
+        },
+        converts_units: end.boolean("convert_units")?.unwrap_or(true),
+    };
+    Ok((to, end.required("to", end.place("to"))?, transformation))
 }

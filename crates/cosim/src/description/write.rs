@@ -1,9 +1,10 @@
 //! Writes a description as a system file.
 
-use pilotage_text::is_identifier;
-
-use super::{InstanceDescription, InstanceSource, SystemDescription};
+use super::read::{VISIBLE, is_instance_name};
+use super::{InstanceDescription, InstanceSource, SystemDescription, Transformation, Wire};
+use crate::component::Conversion;
 use pilotage_text::document::{self, Document, quoted};
+use pilotage_text::is_identifier;
 use std::path::{Component, Path, PathBuf, absolute};
 use thiserror::Error;
 
@@ -15,7 +16,8 @@ pub const HEADER: &str = "# A system of pilotage";
 pub enum SaveError {
     /// A name that is not allowed in a system file.
     #[error(
-        "`{name}` cannot name an instance in a system file: expected letters, digits and `_`, and no digit first"
+        "`{}` cannot name an instance in a system file: expected {VISIBLE}",
+        pilotage_text::printable::excerpt(name)
     )]
     Name {
         /// The name.
@@ -37,6 +39,19 @@ impl SystemDescription {
     /// If a name is not allowed in such a file.
     pub fn to_toml(&self, folder: &Path) -> Result<String, SaveError> {
         let mut text = format!("{HEADER}\n");
+        let times = [
+            ("start_time", self.experiment.start),
+            ("stop_time", self.experiment.stop),
+        ];
+        let times = times
+            .into_iter()
+            .filter_map(|(key, time)| Some((key, time?)));
+        let times: String = times
+            .map(|(key, time)| format!("{key} = {}\n", document::number(time)))
+            .collect();
+        if !times.is_empty() {
+            text += &format!("\n[experiment]\n{times}");
+        }
         for instance in &self.instances {
             text += &self.instance(instance, folder)?;
         }
@@ -56,7 +71,7 @@ impl SystemDescription {
 
     fn instance(&self, instance: &InstanceDescription, folder: &Path) -> Result<String, SaveError> {
         let name = &instance.name;
-        if !is_identifier(name) {
+        if !is_instance_name(name) {
             return Err(SaveError::Name { name: name.clone() });
         }
         let (key, source) = match &instance.source.value {
@@ -64,7 +79,8 @@ impl SystemDescription {
             InstanceSource::Model(file) => ("model", model_file(file, folder)?),
             InstanceSource::Table(file) => ("table", file_name(file, folder)?),
         };
-        let mut text = format!("\n[system.{name}]\n{key} = {}\n", quoted(&source));
+        let table = document::key(name);
+        let mut text = format!("\n[system.{table}]\n{key} = {}\n", quoted(&source));
         if let Some(order) = &instance.order {
             text += &format!("order = {}\n", order.value);
         }
@@ -75,7 +91,7 @@ impl SystemDescription {
             .map(|(variable, text)| format!("{} = {}\n", document::key(variable), value(text)))
             .collect();
         if !lines.is_empty() {
-            text += &format!("[system.{name}.set]\n{lines}");
+            text += &format!("[system.{table}.set]\n{lines}");
         }
         Ok(text)
     }
@@ -86,11 +102,32 @@ impl SystemDescription {
             .connections
             .iter()
             .filter(|wire| wire.from.value == from);
-        let ends: Vec<String> = wires.map(|wire| quoted(&wire.to.value)).collect();
+        let ends: Vec<String> = wires.map(end).collect();
         match ends.as_slice() {
             [one] => one.clone(),
             many => format!("[{}]", many.join(", ")),
         }
+    }
+}
+
+/// The input of a wire, with what happens on the way.
+fn end(wire: &Wire) -> String {
+    let to = quoted(&wire.to.value);
+    let Transformation {
+        linear,
+        converts_units,
+    } = wire.transformation;
+    let mut parts = String::new();
+    if linear != Conversion::NONE {
+        let [factor, offset] = [linear.factor, linear.offset].map(document::number);
+        parts += &format!(", factor = {factor}, offset = {offset}");
+    }
+    if !converts_units {
+        parts += ", convert_units = false";
+    }
+    match parts.is_empty() {
+        true => to,
+        false => format!("{{ to = {to}{parts} }}"),
     }
 }
 
@@ -167,7 +204,10 @@ mod tests {
         #[test]
         fn whatever_names_and_values_are_the_file_reads_back(
             (variable, value, end, file) in ("(?s).{1,12}", "(?s).{0,12}", "(?s).{1,12}", "[^/\\\\\0.]{1,12}"),
+            (factor, offset, converts_units) in (-9.0..9.0, -9.0..9.0, any::<bool>()),
         ) {
+            let linear = Conversion { factor, offset };
+            let transformation = Transformation { linear, converts_units };
             let [variable, end] = [variable, end].map(|name| format!("a.{name}"));
             let instance = InstanceDescription {
                 name: "a".into(),
@@ -177,14 +217,16 @@ mod tests {
             };
             let described = SystemDescription {
                 instances: vec![instance],
-                connections: vec![Wire { from: variable.clone().into(), to: end.into() }],
+                connections: vec![Wire { from: variable.clone().into(), to: end.into(), transformation }],
                 settings: vec![Setting { name: variable.into(), value }],
+                ..SystemDescription::default()
             };
             let text = described.to_toml(Path::new("/")).unwrap();
             prop_assert_eq!(text.lines().count(), 9, "{}", text);
             let read = SystemDescription::parse(&text, Path::new("/s.toml")).unwrap();
             prop_assert_eq!(&read.connections[0].from.value, &described.connections[0].from.value);
             prop_assert_eq!(&read.connections[0].to.value, &described.connections[0].to.value);
+            prop_assert_eq!(read.connections[0].transformation, transformation);
             prop_assert_eq!(&read.settings[0].name.value, &described.settings[0].name.value);
             prop_assert_eq!(&read.settings[0].value, &described.settings[0].value);
             prop_assert_eq!(&read.instances[0].source.value, &described.instances[0].source.value);

@@ -2,12 +2,11 @@
 
 use super::arrays::Arrays;
 use super::ranges::{items_of, ranges_of, types_of};
-use crate::component::{Role, Unit, ValueKind, Variable};
+use crate::component::{Role, ValueKind, Variable};
 use pilotage_fmi::description::{
     BaseType, Causality, Initial, ModelDescription, ScalarVariable, Unknown, Variability,
     VariableKind,
 };
-use pilotage_units::Base;
 use std::collections::HashMap;
 
 /// A variable or array element: position in the description, type, name suffix and handle.
@@ -63,10 +62,10 @@ pub(super) fn variables(description: &ModelDescription, arrays: &Arrays) -> Vec<
             handle,
             kind,
             role: role(variable),
-            settable: is_settable(variable),
+            settable: variable.is_settable(),
             is_discrete: variable.variability != Variability::Continuous,
             unit: (units(variable).filter(|name| !name.is_empty()))
-                .map(|name| unit(description, name)),
+                .map(|name| description.unit(name)),
             range: ranges(variable),
             items: (items_of(&types, variable).iter())
                 .map(|item| (item.name.clone(), item.value))
@@ -119,26 +118,5 @@ fn role(variable: &ScalarVariable) -> Role {
         Causality::Input => Role::Input,
         Causality::Output => Role::Output,
         Causality::CalculatedParameter | Causality::Local | Causality::Independent => Role::Local,
-    }
-}
-
-/// Whether `fmi2SetXXX` is allowed before initialization ends (FMI 2.0, section 4.2.4, the table's
-/// footnotes).
-fn is_settable(variable: &ScalarVariable) -> bool {
-    let has_start = matches!(
-        variable.effective_initial(),
-        Some(Initial::Exact | Initial::Approx)
-    );
-    variable.causality == Causality::Input
-        || (has_start && variable.variability != Variability::Constant)
-}
-
-fn unit(description: &ModelDescription, name: &str) -> Unit {
-    let defined = description.units.iter().find(|u| u.name == name);
-    // Nothing is converted by a factor of 0 or infinity (`validate` names it).
-    let is_usable = |base: &Base| base.factor.is_normal() && base.offset.is_finite();
-    Unit {
-        name: name.to_owned(),
-        base: defined.and_then(|unit| unit.base).filter(is_usable),
     }
 }

@@ -127,6 +127,14 @@ pub enum SystemError {
         /// Unit of the input.
         to_unit: String,
     },
+    /// A factor or an offset for values that are not real.
+    #[error("`{from}` -> `{to}`: a factor and an offset are for Reals alone")]
+    NotTransformed {
+        /// The source.
+        from: String,
+        /// The target.
+        to: String,
+    },
     /// An input with two connections.
     #[error("`{to}` is fed twice: by `{first}` and by `{second}`")]
     FedTwice {

@@ -27,6 +27,25 @@ pub struct Connection {
     pub conversion: Conversion,
 }
 
+/// What happens to values on a wire: `to = factor·from + offset`, after the conversion of units or instead of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Transformation {
+    /// Factor and offset.
+    pub linear: Conversion,
+    /// Whether values are converted from the output's unit to the input's first.
+    pub converts_units: bool,
+}
+
+impl Default for Transformation {
+    /// Only units are converted.
+    fn default() -> Self {
+        Self {
+            linear: Conversion::NONE,
+            converts_units: true,
+        }
+    }
+}
+
 /// A connection with the names of its ends, each `instance.variable`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Link<'a> {
@@ -118,12 +137,26 @@ impl System {
     /// # Errors
     /// If a name is unknown, causality, type or unit do not match, or the input is already connected.
     pub fn connect(&mut self, from: &str, to: &str) -> Result<(), SystemError> {
+        self.connect_by(from, to, Transformation::default())
+    }
+
+    /// As [`connect`](Self::connect), with a transformation of the values.
+    ///
+    /// # Errors
+    /// If a name is unknown, causality, type or unit do not match, the input is already connected, or what is not real
+    /// is to be transformed.
+    pub fn connect_by(
+        &mut self,
+        from: &str,
+        to: &str,
+        by: Transformation,
+    ) -> Result<(), SystemError> {
         if self.resolve(from).is_ok() || self.resolve(to).is_ok() {
-            return self.connect_one(from, to);
+            return self.connect_one(from, to, by);
         }
         let (outputs, inputs) = (self.elements(from), self.elements(to));
         if outputs.is_empty() || inputs.is_empty() {
-            return self.connect_one(from, to);
+            return self.connect_one(from, to, by);
         }
         if outputs != inputs {
             return Err(SystemError::SizeMismatch {
@@ -134,7 +167,7 @@ impl System {
             });
         }
         for element in outputs {
-            self.connect_one(&format!("{from}{element}"), &format!("{to}{element}"))?;
+            self.connect_one(&format!("{from}{element}"), &format!("{to}{element}"), by)?;
         }
         Ok(())
     }
@@ -148,14 +181,20 @@ impl System {
         self.names().filter_map(end).collect()
     }
 
-    fn connect_one(&mut self, from: &str, to: &str) -> Result<(), SystemError> {
+    fn connect_one(&mut self, from: &str, to: &str, by: Transformation) -> Result<(), SystemError> {
         let (output, input) = (self.resolve(from)?, self.resolve(to)?);
         self.check_roles(output, input)?;
+        let units = self.check_types(output, input, by.converts_units)?;
         let connection = Connection {
             from: output,
             to: input,
-            conversion: self.check_types(output, input)?,
+            conversion: units.then(by.linear),
         };
+        let is_real = self.is_real(&connection);
+        if by.linear != Conversion::NONE && !is_real {
+            let (from, to) = (from.to_owned(), to.to_owned());
+            return Err(SystemError::NotTransformed { from, to });
+        }
         let fed = self.connections.iter().find(|c| c.to == connection.to);
         if fed == Some(&connection) {
             return Ok(());
@@ -230,7 +269,7 @@ impl System {
         }
     }
 
-    /// Connections with unit conversion: output, its unit, input, its unit.
+    /// Connections whose values are converted or transformed: output, its unit, input, its unit.
     pub fn converted(&self) -> Vec<[String; 4]> {
         let unit = |variable: &Variable| match &variable.unit {
             Some(unit) => unit.name.clone(),
@@ -435,7 +474,12 @@ impl System {
         Ok(())
     }
 
-    fn check_types(&self, output: Port, input: Port) -> Result<Conversion, SystemError> {
+    fn check_types(
+        &self,
+        output: Port,
+        input: Port,
+        converts_units: bool,
+    ) -> Result<Conversion, SystemError> {
         let (from, to) = (self.variable(output), self.variable(input));
         let names = || (self.port_name(output), self.port_name(input));
         if !from.kind.feeds(to.kind) {
@@ -448,7 +492,7 @@ impl System {
             });
         }
         // Without a unit, a variable cannot be checked.
-        let (Some(a), Some(b)) = (&from.unit, &to.unit) else {
+        let (Some(a), Some(b), true) = (&from.unit, &to.unit, converts_units) else {
             return Ok(Conversion::NONE);
         };
         a.conversion(b).ok_or_else(|| {

@@ -76,7 +76,7 @@ impl Joint {
         let mut wires: Vec<(String, String)> = Vec::new();
         let mut driven: HashMap<String, String> = HashMap::new();
         for (k, wire) in description.connections.iter().enumerate() {
-            let Wire { from, to } = wire;
+            let Wire { from, to, .. } = wire;
             check_end(&parts, from, End::Output)?;
             check_end(&parts, to, End::Input)?;
             let mut signal = from.value.clone();
@@ -262,16 +262,19 @@ pub fn unknown(what: &str, name: &str, known: &[String]) -> String {
     }
 }
 
-/// Unit conversion of the values of a wire.
+/// Conversion of the values of a wire: of units, and by its factor and offset.
 pub(crate) fn conversion(
     variables: &HashMap<String, About>,
     wire: &Wire,
 ) -> Result<Conversion, ProblemError> {
     let unit = |name: &str| variables.get(name)?.unit.as_deref();
-    let (Some(from), Some(to)) = (unit(&wire.from.value), unit(&wire.to.value)) else {
-        return Ok(Conversion::NONE);
+    let by = wire.transformation;
+    let ends = (unit(&wire.from.value), unit(&wire.to.value));
+    let (Some(from), Some(to), true) = (ends.0, ends.1, by.converts_units) else {
+        return Ok(by.linear);
     };
     let conversion = Unit::named(from).conversion(&Unit::named(to));
+    let conversion = conversion.map(|units| units.then(by.linear));
     conversion.ok_or_else(|| {
         let fault = format!(
             "`{}` [{from}] does not fit `{}` [{to}]; convert it in a model between them",

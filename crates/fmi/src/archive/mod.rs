@@ -75,6 +75,8 @@ pub struct Archive {
     zip: ZipArchive<BufReader<File>>,
     entries: Vec<Entry>,
     limits: Limits,
+    /// Folders that are not unpacked.
+    at_rest: &'static [&'static str],
 }
 
 impl Archive {
@@ -83,6 +85,17 @@ impl Archive {
     /// # Errors
     /// See [`ArchiveError`]; includes a missing modelDescription.xml.
     pub fn open(path: &Path, limits: Limits) -> Result<Self, ArchiveError> {
+        let mut archive = Self::of_any(path, limits)?;
+        archive.position(DESCRIPTION)?;
+        archive.at_rest = &AT_REST;
+        Ok(archive)
+    }
+
+    /// As [`open`](Self::open), for an archive of another kind, of which all files are unpacked.
+    ///
+    /// # Errors
+    /// See [`ArchiveError`].
+    pub fn of_any(path: &Path, limits: Limits) -> Result<Self, ArchiveError> {
         let owned = path.to_owned();
         let open_error = |source| ArchiveError::Open {
             path: owned.clone(),
@@ -104,14 +117,13 @@ impl Archive {
         check_local_names(path, second, &entries)?;
         let declared = entries.iter().map(|e| e.declared);
         limits.check(path, entries.len(), declared.fold(0, u64::saturating_add))?;
-        let archive = Self {
+        Ok(Self {
             path: owned,
             zip,
             entries,
             limits,
-        };
-        archive.position(DESCRIPTION)?;
-        Ok(archive)
+            at_rest: &[],
+        })
     }
 
     /// The file or folder.
@@ -175,7 +187,7 @@ impl Archive {
         for index in 0..self.entries.len() {
             let entry = &self.entries[index];
             let first = entry.name.split('/').next().unwrap_or_default();
-            if AT_REST.contains(&first) {
+            if self.at_rest.contains(&first) {
                 continue;
             }
             let target = folder.path().join(&entry.name);

@@ -29,12 +29,13 @@ pub use kind::{
 };
 pub use model::{DefaultExperiment, LogCategory, ModelDescription, Tool};
 pub use read::read;
-pub use read::{build, terminals};
+pub use read::{build, terminals, text_of};
 pub use reading::{Places, ReadError, Reading};
 pub use rule::{Handle, Rule};
 pub use structure::{ModelStructure, Unknown};
-pub use text::Place;
+pub use text::{LineIndex, Place};
 pub use units::{BaseUnit, DisplayUnit, EnumerationItem, SimpleType, TypeKind, Unit};
+pub use write::Xml;
 
 /// Whether XML can be parsed in time proportional to its size.
 pub fn is_within_limits(text: &str) -> bool {

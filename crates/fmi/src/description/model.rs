@@ -90,10 +90,20 @@ impl ModelDescription {
         }
     }
 
-    /// Number of start values of a variable: 1 for a scalar, the product of the dimensions for an array. `None` if the
-    /// size of a dimension is unknown or the product is too large.
-    pub fn size(&self, variable: &ScalarVariable) -> Option<u64> {
-        let sizes = variable.dimensions.iter().map(|dimension| match dimension {
+    /// A unit, with its meaning if it is defined and values can be converted by it.
+    pub fn unit(&self, name: &str) -> pilotage_units::Unit {
+        let defined = self.units.iter().find(|unit| unit.name == name);
+        // Nothing is converted by a factor of 0 or infinity.
+        let is_usable = |base: &super::BaseUnit| base.factor.is_normal() && base.offset.is_finite();
+        pilotage_units::Unit {
+            name: name.to_owned(),
+            base: defined.and_then(|unit| unit.base).filter(is_usable),
+        }
+    }
+
+    /// Sizes of the dimensions of a variable; empty for a scalar. `None` if one is unknown.
+    pub fn sizes(&self, variable: &ScalarVariable) -> Option<Vec<u64>> {
+        let size = |dimension: &Dimension| match dimension {
             Dimension::Fixed(size) => Some(*size),
             Dimension::Variable(index) => {
                 let position = (*index as usize).checked_sub(1)?;
@@ -102,10 +112,15 @@ impl ModelDescription {
                     _ => None,
                 }
             }
-        });
-        sizes
-            .into_iter()
-            .try_fold(1, |product: u64, size| product.checked_mul(size?))
+        };
+        variable.dimensions.iter().map(size).collect()
+    }
+
+    /// Number of start values of a variable: 1 for a scalar, the product of the dimensions for an array. `None` if the
+    /// size of a dimension is unknown or the product is too large.
+    pub fn size(&self, variable: &ScalarVariable) -> Option<u64> {
+        let mut sizes = self.sizes(variable)?.into_iter();
+        sizes.try_fold(1, |product: u64, size| product.checked_mul(size))
     }
 }
 

@@ -89,7 +89,7 @@ const BLOCK: usize = 1024;
 
 /// Starts of lines, and cumulative character counts per block of bytes, so that the time to convert an offset to a
 /// place does not depend on the length of a line.
-pub(super) struct LineIndex<'t> {
+pub struct LineIndex<'t> {
     text: &'t str,
     starts: Vec<usize>,
     /// Characters before each multiple of [`BLOCK`], excluding those that start there.
@@ -97,7 +97,8 @@ pub(super) struct LineIndex<'t> {
 }
 
 impl<'t> LineIndex<'t> {
-    pub(super) fn new(text: &'t str) -> Self {
+    /// The index of a text.
+    pub fn new(text: &'t str) -> Self {
         let after_breaks = text.match_indices('\n').map(|(i, _)| i + 1);
         let mut total = 0;
         let mut characters = vec![0];
@@ -113,7 +114,7 @@ impl<'t> LineIndex<'t> {
     }
 
     /// The place of a byte offset.
-    pub(super) fn place(&self, offset: usize) -> Place {
+    pub fn place(&self, offset: usize) -> Place {
         let line = self.starts.partition_point(|&start| start <= offset) - 1;
         let column = self.characters_before(offset) - self.characters_before(self.starts[line]);
         Place {

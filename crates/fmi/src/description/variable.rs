@@ -82,6 +82,16 @@ impl ScalarVariable {
         }
     }
 
+    /// Whether `fmi2SetXXX` is allowed before initialization ends (FMI 2.0, section 4.2.4, the table's footnotes).
+    pub fn is_settable(&self) -> bool {
+        let has_start = matches!(
+            self.effective_initial(),
+            Some(Initial::Exact | Initial::Approx)
+        );
+        self.causality == Causality::Input
+            || (has_start && self.variability != Variability::Constant)
+    }
+
     /// `initial`, or its default for this causality and variability (FMI 2.0, section 2.2.7, table of allowed
     /// combinations; FMI 3.0, section 2.4.7.5); `None` if the attribute does not apply.
     pub fn effective_initial(&self) -> Option<Initial> {

@@ -25,7 +25,9 @@ use options::{options, stability};
 use pilotage_cosim::description::Spanned;
 use pilotage_cosim::{DescriptionError, SystemDescription};
 use pilotage_language::file::{Formula, LONGEST, formula};
+use pilotage_systems::is_ssp;
 use pilotage_text::document::{self, Document, DocumentError, TomlTable};
+use pilotage_text::error_chain::error_chain;
 use pilotage_text::suggestion::suggestion;
 use std::path::Path;
 
@@ -146,6 +148,12 @@ fn system(root: TomlTable<'_>, folder: &Path) -> Read<SystemDescription> {
             return Err(at(root, "connect", fault));
         }
         let file = folder.join(name);
+        if is_ssp(&file) {
+            let read = pilotage_systems::read(&file, None);
+            return read
+                .map(|read| read.description)
+                .map_err(|error| at(root, "system", error_chain(&error)));
+        }
         let unread = |error| match error {
             DescriptionError::Document(error @ DocumentError::Read { .. }) => {
                 ProblemError::unread(root.place("system").as_ref(), &file, &error)

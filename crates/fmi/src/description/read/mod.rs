@@ -21,8 +21,20 @@ pub use terminals::terminals;
 use super::text::decode;
 use super::*;
 use element::{Context, Element};
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
+
+/// The text of an XML file, within limits that keep the time to parse it in proportion to its size.
+///
+/// # Errors
+/// If it is in no known encoding, or beyond the limits. The words of the error begin with the name of a
+/// modelDescription.xml.
+pub fn text_of(bytes: &[u8]) -> Result<Cow<'_, str>, ReadError> {
+    let (text, _) = decode(bytes)?;
+    limits::check(&text)?;
+    Ok(text)
+}
 
 /// Reads the bytes of a modelDescription.xml.
 ///

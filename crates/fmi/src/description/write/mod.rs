@@ -6,7 +6,7 @@ mod variable;
 mod xml;
 
 use super::*;
-use xml::Xml;
+pub use xml::Xml;
 
 impl ModelDescription {
     /// The text of modelDescription.xml, in UTF-8, for the version of

@@ -7,16 +7,22 @@ use quick_xml::name::QName;
 use std::fmt::{Display, LowerExp};
 
 /// An XML document under construction.
-pub(super) struct Xml {
+pub struct Xml {
     writer: Writer<Vec<u8>>,
     open: Vec<&'static str>,
     /// The last start tag, to which attributes may still be added.
     pending: Option<BytesStart<'static>>,
 }
 
+impl Default for Xml {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Xml {
     /// An empty document with the XML declaration.
-    pub(super) fn new() -> Self {
+    pub fn new() -> Self {
         let mut xml = Self {
             writer: Writer::new_with_indent(Vec::new(), b' ', 2),
             open: Vec::new(),
@@ -27,14 +33,14 @@ impl Xml {
     }
 
     /// Opens an element.
-    pub(super) fn open(&mut self, name: &'static str) {
+    pub fn open(&mut self, name: &'static str) {
         self.finish_tag();
         self.open.push(name);
         self.pending = Some(BytesStart::new(name));
     }
 
     /// Closes the innermost element.
-    pub(super) fn close(&mut self) {
+    pub fn close(&mut self) {
         let Some(name) = self.open.pop() else { return };
         match self.pending.take() {
             Some(start) => self.write(Event::Empty(start)),
@@ -52,7 +58,7 @@ impl Xml {
     }
 
     /// An attribute of the element that was opened last.
-    pub(super) fn text(&mut self, name: &str, value: &str) {
+    pub fn text(&mut self, name: &str, value: &str) {
         if let Some(start) = &mut self.pending {
             start.push_attribute(Attribute {
                 key: QName(name),
@@ -62,14 +68,14 @@ impl Xml {
     }
 
     /// An optional attribute.
-    pub(super) fn text_if(&mut self, name: &str, value: Option<&str>) {
+    pub fn text_if(&mut self, name: &str, value: Option<&str>) {
         if let Some(value) = value {
             self.text(name, value);
         }
     }
 
     /// An optional `xs:double` attribute.
-    pub(super) fn real_if(&mut self, name: &str, value: Option<f64>) {
+    pub fn real_if(&mut self, name: &str, value: Option<f64>) {
         if let Some(value) = value {
             self.text(name, &xs_float(value));
         }
@@ -95,7 +101,7 @@ impl Xml {
     }
 
     /// The finished document.
-    pub(super) fn finish(mut self) -> String {
+    pub fn finish(mut self) -> String {
         while !self.open.is_empty() {
             self.close();
         }

@@ -1,0 +1,260 @@
+//! Parameter bindings: values (section 6), prefixes and mappings (section 7).
+
+use crate::error::SspError;
+use crate::package::{Package, file_of};
+use crate::read::Reader;
+use crate::tree::{Entry, Step};
+use crate::units::Units;
+use crate::xml::{Node, Xml, text_of};
+use pilotage_fmi::archive::{Archive, Limits};
+use pilotage_text::printable::excerpt;
+use std::collections::HashSet;
+use std::path::Path;
+
+/// Types of values; other children of a parameter are none (section 6.2).
+const TYPES: [&str; 17] = [
+    "Real",
+    "Float64",
+    "Float32",
+    "Integer",
+    "Int8",
+    "UInt8",
+    "Int16",
+    "UInt16",
+    "Int32",
+    "UInt32",
+    "Int64",
+    "UInt64",
+    "Boolean",
+    "String",
+    "Enumeration",
+    "Binary",
+    "Clock",
+];
+
+/// The values that an element's bindings give, in order; `fmu` is the element's FMU, in which sources may lie.
+pub(crate) fn bindings(
+    reader: &mut Reader,
+    package: &Package,
+    element: Node<'_, '_>,
+    fmu: Option<&Path>,
+) -> Result<Vec<Entry>, SspError> {
+    let mut all = Vec::new();
+    for binding in element.listed("ParameterBindings", "ParameterBinding") {
+        all.extend(values(reader, package, binding, fmu)?);
+    }
+    Ok(all)
+}
+
+/// The values of one binding.
+fn values(
+    reader: &mut Reader,
+    package: &Package,
+    binding: Node<'_, '_>,
+    fmu: Option<&Path>,
+) -> Result<Vec<Entry>, SspError> {
+    expect_type(binding, "application/x-ssp-parameter-set")?;
+    let mut entries = match binding.attribute("source") {
+        Some(uri) => {
+            let (text, shown) = source(package, binding, uri, fmu)?;
+            let xml = Xml::parse(&text, &shown)?;
+            set(reader, xml.root("ParameterSet")?)?
+        }
+        None => {
+            let inline = binding.listed("ParameterValues", "ParameterSet").next();
+            let inline = inline.ok_or_else(|| {
+                binding.fault("neither `source` nor <ParameterValues> with a <ParameterSet>")
+            })?;
+            set(reader, inline)?
+        }
+    };
+    if let Some(prefix) = binding.attribute("prefix") {
+        entries
+            .iter_mut()
+            .for_each(|entry| entry.name.insert_str(0, prefix));
+    }
+    match binding.child("ParameterMapping") {
+        Some(mapping) => mapped(reader, package, mapping, fmu, &entries),
+        None => Ok(entries),
+    }
+}
+
+/// Refuses content of other types than those of SSP.
+fn expect_type(node: Node<'_, '_>, known: &str) -> Result<(), SspError> {
+    match node.attribute("type") {
+        Some(other) if other != known => Err(node.fault(format!(
+            "the type `{}` is not known; expected `{known}`",
+            excerpt(other)
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// The text of a source, and its name in messages (section 5.2.3, `source` and `sourceBase`).
+fn source(
+    package: &Package,
+    node: Node<'_, '_>,
+    uri: &str,
+    fmu: Option<&Path>,
+) -> Result<(String, String), SspError> {
+    let (file, _) = file_of(uri).map_err(|fault| node.fault(fault))?;
+    match node.attribute("sourceBase") {
+        None | Some("SSD") => match package.path(&file).is_file() {
+            true => package.text(&file),
+            false => Err(node.fault(format!("there is no file `{}`", excerpt(&file)))),
+        },
+        Some("component") => {
+            let fmu = fmu.ok_or_else(|| node.fault("only a component can be a `sourceBase`"))?;
+            let inside = || Archive::open(fmu, Limits::default())?.read(&file);
+            let bytes = inside().map_err(|error| node.fault(error.to_string()))?;
+            let name = fmu.file_name().unwrap_or_default().to_string_lossy();
+            let shown = package.shown(&format!("{name}/{file}"));
+            Ok((text_of(&bytes, &shown)?, shown))
+        }
+        Some(other) => {
+            let other = excerpt(other);
+            Err(node.fault(format!(
+                "`sourceBase` is `{other}`; expected SSD or component"
+            )))
+        }
+    }
+}
+
+/// The parameters of a set (section 6.1).
+fn set(reader: &mut Reader, set: Node<'_, '_>) -> Result<Vec<Entry>, SspError> {
+    reader.expect_version(set)?;
+    reader.note_annotations(set);
+    let units = Units::read(set)?;
+    let mut entries = Vec::new();
+    for parameter in set.listed("Parameters", "Parameter") {
+        let mut types = parameter
+            .children()
+            .filter(|own| TYPES.contains(&own.name()));
+        let kind = types.next();
+        let kind =
+            kind.ok_or_else(|| parameter.fault("it has no value, such as <Real value=\"1\"/>"))?;
+        let name = parameter.named()?.to_owned();
+        if kind.name() == "Binary" {
+            reader.note(format!(
+                "{}: `{name}` is binary, and is left out",
+                parameter.place()
+            ));
+            continue;
+        }
+        entries.push(Entry {
+            at: parameter.at("Parameter"),
+            name,
+            values: texts(parameter, kind)?,
+            unit: reader.unit(&units, kind),
+            step: Step::default(),
+        });
+    }
+    Ok(entries)
+}
+
+/// The value of a parameter, or the values of an array: a list, or one child for each (section 6.2).
+fn texts(parameter: Node<'_, '_>, kind: Node<'_, '_>) -> Result<Vec<String>, SspError> {
+    let listed: Vec<String> = (kind.all("Value"))
+        .map(|value| value.attribute("value").unwrap_or(value.text()).to_owned())
+        .collect();
+    if !listed.is_empty() {
+        return Ok(listed);
+    }
+    let value = kind.required("value")?;
+    let is_array = parameter.child("Dimension").is_some();
+    match is_array && !["String", "Enumeration"].contains(&kind.name()) {
+        true => Ok(value.split_whitespace().map(str::to_owned).collect()),
+        false => Ok(vec![value.to_owned()]),
+    }
+}
+
+/// The values under the names to which they are mapped; those that are not mapped are not applied (section 7.1).
+fn mapped(
+    reader: &mut Reader,
+    package: &Package,
+    mapping: Node<'_, '_>,
+    fmu: Option<&Path>,
+    entries: &[Entry],
+) -> Result<Vec<Entry>, SspError> {
+    expect_type(mapping, "application/x-ssp-parameter-mapping")?;
+    let Some(uri) = mapping.attribute("source") else {
+        return match mapping.child("ParameterMapping") {
+            Some(inline) => apply(reader, inline, entries),
+            None => {
+                reader.note(format!(
+                    "{}: the mapping is empty; the values keep their names",
+                    mapping.place()
+                ));
+                Ok(entries.to_vec())
+            }
+        };
+    };
+    let (text, shown) = source(package, mapping, uri, fmu)?;
+    if text.trim().is_empty() {
+        reader.note(format!("{shown} is empty: none of the values are applied"));
+        return Ok(Vec::new());
+    }
+    let xml = Xml::parse(&text, &shown)?;
+    apply(reader, xml.root("ParameterMapping")?, entries)
+}
+
+fn apply(
+    reader: &mut Reader,
+    mapping: Node<'_, '_>,
+    entries: &[Entry],
+) -> Result<Vec<Entry>, SspError> {
+    reader.expect_version(mapping)?;
+    reader.note_annotations(mapping);
+    let mut found = Vec::new();
+    let mut targets = HashSet::new();
+    for own in mapping.all("MappingEntry") {
+        let (source, target) = (own.required("source")?, own.required("target")?);
+        if !targets.insert(target) {
+            return Err(own.fault(format!("two values are mapped to `{}`", excerpt(target))));
+        }
+        let Some(entry) = entries.iter().rev().find(|entry| entry.name == source) else {
+            reader.unmatched(&own.at("MappingEntry"), source);
+            continue;
+        };
+        let mut values = entry.values.clone();
+        translate(own, &mut values)?;
+        found.push(Entry {
+            at: own.at("MappingEntry"),
+            name: target.to_owned(),
+            values,
+            unit: entry.unit.clone(),
+            step: Step {
+                linear: own.linear()?,
+                converts: !own.boolean("suppressUnitConversion")?,
+            },
+        });
+    }
+    Ok(found)
+}
+
+/// Applies a Boolean, integer or enumeration mapping (sections 4.5.2.2 to 4.5.2.4); what is not mapped stays.
+fn translate(entry: Node<'_, '_>, values: &mut [String]) -> Result<(), SspError> {
+    let ending = "MappingTransformation";
+    let Some(table) = entry.children().find(|own| own.name().ends_with(ending)) else {
+        return Ok(());
+    };
+    let is_boolean = table.name() == "BooleanMappingTransformation";
+    let plain = |text: &str| match (is_boolean, text.trim()) {
+        (true, "1") => "true".to_owned(),
+        (true, "0") => "false".to_owned(),
+        (_, text) => text.to_owned(),
+    };
+    let mut pairs = Vec::new();
+    for own in table.all("MapEntry") {
+        pairs.push((
+            plain(own.required("source")?),
+            plain(own.required("target")?),
+        ));
+    }
+    for value in values {
+        if let Some((_, target)) = pairs.iter().find(|(source, _)| *source == plain(value)) {
+            value.clone_from(target);
+        }
+    }
+    Ok(())
+}
