@@ -254,7 +254,22 @@ impl Flat {
             (Flow::In, _) | (Flow::Any, Flow::Out) => (end.0, start.0),
             _ => (start.0, end.0),
         };
+        for key in [&from, &to] {
+            self.know_unit(key);
+        }
         self.graph.connect(from, to, connection.step, at)
+    }
+
+    /// Adds the unit of an FMU's variable that its component does not list as a connector.
+    fn know_unit(&mut self, key: &Key) {
+        if let Owner::Component(number) = key.0
+            && self.graph.unit_of(key).is_none()
+        {
+            let unit = self.components[number]
+                .find(&key.1)
+                .and_then(|own| own.unit);
+            self.graph.add(key.clone(), unit, true);
+        }
     }
 
     /// The connector of a connection's end, and whether it gives or takes values there.

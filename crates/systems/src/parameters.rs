@@ -229,6 +229,21 @@ fn apply(
             },
         });
     }
+    // Of what a mapping leaves out nothing else would speak.
+    let sources: HashSet<&str> = mapping
+        .all("MappingEntry")
+        .filter_map(|own| own.attribute("source"))
+        .collect();
+    let left_out = entries
+        .iter()
+        .filter(|entry| !sources.contains(entry.name.as_str()));
+    for entry in left_out {
+        reader.note(format!(
+            "{}: the mapping does not name `{}`; left out",
+            entry.at.place,
+            excerpt(&entry.name)
+        ));
+    }
     Ok(found)
 }
 

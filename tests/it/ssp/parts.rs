@@ -1,6 +1,6 @@
 //! Each part of the standard, against the same system as a file of pilotage: the rows are the same bytes.
 
-use super::{rows, ssd, ssv, write};
+use super::{notes, rows, ssd, ssv, write};
 use crate::command::Folder;
 
 /// Nested systems whose names are no identifiers, a dictionary, bindings on three levels with prefix and mapping, units,
@@ -190,7 +190,8 @@ fn nested_systems_dictionaries_and_bindings() {
     // The unpacked files are gone, and the commands take it as they take a system file.
     let info = folder.pilotage(&["info", "nested.ssp", "--json"]).json();
     assert_eq!(info["annotations"][0], "org.example.solver");
-    assert_eq!(info["notes"].as_array().unwrap().len(), 1, "{info}");
+    // A value that the mapping leaves out, and one of it that there is not.
+    assert_eq!(info["notes"].as_array().unwrap().len(), 2, "{info}");
     let unpacked = info["instances"][0]["model"].as_str().unwrap();
     assert!(!std::path::Path::new(unpacked).exists(), "{unpacked}");
     let valid = folder.pilotage(&["validate", "nested.ssp", "--no-run"]);
@@ -513,5 +514,44 @@ fn a_fit_takes_it() {
     assert!(
         ended.code == 2 && ended.stderr.starts_with("error: problem.toml:1:10: "),
         "{ended:?}"
+    );
+}
+
+/// Values come in the unit of the FMU's variable, whether its component lists it as a connector or not, and a mapping says what it
+/// leaves out.
+#[test]
+fn connectors_that_are_not_listed_have_units() {
+    let folder = Folder::new();
+    let system = r#"<ssd:Connectors>
+  <ssd:Connector name="height" kind="parameter"><ssc:Real unit="ft"/></ssd:Connector>
+</ssd:Connectors>
+<ssd:ParameterBindings><ssd:ParameterBinding source="resources/v.ssv"><ssd:ParameterMapping><ssm:ParameterMapping version="1.0">
+  <ssm:MappingEntry source="h" target="height"/>
+</ssm:ParameterMapping></ssd:ParameterMapping></ssd:ParameterBinding></ssd:ParameterBindings>
+<ssd:Elements><ssd:Component name="lag" type="application/x-fmu-sharedlibrary" source="resources/lag.fmu"/></ssd:Elements>
+<ssd:Connections><ssd:Connection startConnector="height" endElement="lag" endConnector="level"/></ssd:Connections>"#;
+    let set = ssv(
+        &[
+            ("h", "<ssv:Real value=\"10\" unit=\"ft\"/>"),
+            ("other", "<ssv:Real value=\"1\"/>"),
+        ],
+        "<ssv:Units><ssc:Unit name=\"ft\"><ssc:BaseUnit m=\"1\" factor=\"0.3048\"/></ssc:Unit></ssv:Units>",
+    );
+    let files = [
+        ("SystemStructure.ssd", ssd("1.0", system, AFTER)),
+        ("resources/v.ssv", set),
+    ];
+    let files: Vec<(&str, &str)> = files
+        .iter()
+        .map(|(name, text)| (*name, text.as_str()))
+        .collect();
+    write(&folder, "plain", &files);
+    let ended = folder.pilotage(&["info", "plain.ssp"]);
+    assert!(ended.stdout.contains("level = 3.048"), "{ended:?}");
+    let said = notes(&ended);
+    assert!(
+        said.iter()
+            .any(|line| line.contains("does not name `other`")),
+        "{said:?}"
     );
 }
