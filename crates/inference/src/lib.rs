@@ -39,6 +39,7 @@
 //! | [`statistics`] | rms and range of values with gaps |
 //! | `stepped` | signals that keep their values and jump |
 //! | [`timing`] | runs whose recordings are late |
+//! | [`sample`] | quantiles of numbers, roots of covariances for draws |
 //! | [`sampling`] | gaps, and times in another unit |
 
 mod autoregression;
@@ -58,6 +59,7 @@ pub mod outliers;
 pub mod residuals;
 mod restricted;
 mod row;
+pub mod sample;
 pub mod sampling;
 pub mod spectrum;
 mod spread;

@@ -2,6 +2,7 @@
 
 use crate::refit::{Data, Found, Resample};
 use crate::solved::Watch;
+use pilotage_inference::sample::quantile;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
@@ -100,15 +101,10 @@ pub fn spread(values: impl Iterator<Item = f64>, level: f64) -> Option<Spread> {
     }
     let mean = all.iter().sum::<f64>() / count as f64;
     let squares: f64 = all.iter().map(|value| (value - mean).powi(2)).sum();
-    let quantile = |part: f64| {
-        let place = part * (count - 1) as f64;
-        let (k, rest) = (place as usize, place.fract());
-        all[k] + rest * (all[(k + 1).min(count - 1)] - all[k])
-    };
     Some(Spread {
         sd: (squares / (count - 1) as f64).sqrt(),
-        low: quantile(0.5 * (1.0 - level)),
-        high: quantile(0.5 * (1.0 + level)),
+        low: quantile(&all, 0.5 * (1.0 - level)),
+        high: quantile(&all, 0.5 * (1.0 + level)),
         count,
     })
 }

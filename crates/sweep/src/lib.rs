@@ -17,7 +17,7 @@
 //! | `vary` | what is varied: lists of values, distributions, parameters of a fit with their covariance |
 //! | `design` | the values of each sample, by its number alone |
 //! | `measure` | numbers of a run: `rms(vehicle.z - 10)` |
-//! | [`statistics`] | quantiles, rank correlations, Sobol' indices |
+//! | [`statistics`] | moments, rank correlations, Sobol' indices |
 
 mod design;
 mod measure;

@@ -42,16 +42,6 @@ pub fn moments(values: &[f64]) -> [f64; 2] {
     [mean, (square / (n - 1.0)).sqrt()]
 }
 
-/// The value below which a part of the numbers lies, interpolated between ascending ones (Hyndman & Fan 1996, type 7); NaN of none.
-pub fn quantile(ascending: &[f64], part: f64) -> f64 {
-    let Some(last) = ascending.len().checked_sub(1) else {
-        return f64::NAN;
-    };
-    let place = part * last as f64;
-    let (k, rest) = (place as usize, place.fract());
-    ascending[k] + rest * (ascending[(k + 1).min(last)] - ascending[k])
-}
-
 /// Ranks from 1, equal numbers with the mean of theirs.
 fn ranks(values: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..values.len()).collect();
@@ -202,13 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn quantiles_are_interpolated() {
-        let values = [1.0, 2.0, 4.0, 8.0];
-        assert_eq!(
-            [0.0, 0.5, 0.75, 1.0].map(|part| quantile(&values, part)),
-            [1.0, 3.0, 5.0, 8.0]
-        );
-        assert!(quantile(&[], 0.5).is_nan());
+    fn too_few_numbers_have_no_moments() {
         assert!(moments(&[]).iter().all(|own| own.is_nan()) && moments(&[2.0])[1].is_nan());
     }
 }

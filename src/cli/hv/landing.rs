@@ -5,7 +5,7 @@ use super::numbers::Delay;
 use super::{Args, DOTS, WIDTH};
 use crate::cli::made::{made, program, quoted};
 use crate::cli::{Failure, Outcome, folder, overwrite, system, terminal};
-use crate::control::hv::{Landings, Manoeuvre, Settings};
+use crate::control::hv::{Landings, Manoeuvre};
 use crate::cosim::{self, Algorithm, Clock, Ending, SeriesRecorder, SystemDescription};
 use crate::export::{Export, Provenance};
 use crate::models::TextModel;
@@ -284,12 +284,8 @@ impl Flown<'_> {
             let k = (place as usize).min(values.len() - 2);
             Some(values[k] + (place - k as f64) * (values[k + 1] - values[k]))
         };
-        let Settings {
-            touch_down: [sink, fast],
-            ..
-        } = cases::settings(args);
-        let speeds = at_end("w").zip(at_end("u"));
-        speeds.map_or(f64::NAN, |(w, u)| (w / sink).max(u.abs() / fast))
+        let speeds = at_end("u").zip(at_end("w"));
+        speeds.map_or(f64::NAN, |(u, w)| cases::settings(args).touched(u, w))
     }
 
     fn figure(&self) -> Figure {

@@ -148,11 +148,11 @@ fn shard(text: &str) -> Result<Shard, String> {
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let whole = args.shard.unwrap_or(Shard::WHOLE);
     let first = run::Opened::of(args)?;
-    let plan = Plan::new(args, &first)?;
     // A mistake in a name, a value or a measure is one of all samples.
-    let pilot = run::Pilot::new(args, &plan, first)?;
+    let (plan, measures) = Plan::new(args, &first)?;
+    let runs = run::Runs::new(args, &plan, measures, first)?;
     let plan = Plan {
-        is_repeatable: pilot.is_repeatable,
+        is_repeatable: runs.is_repeatable,
         ..plan.clone()
     };
     let mut store = Store::open(&args.output, &plan, whole)?;
@@ -172,7 +172,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         .filter(|k| whole.has(*k) && !store.has(*k))
         .collect();
     let counter = Counter::new("samples", wanted.len() as u64);
-    let is_whole = pilot.all(&wanted, &counter, &deadline, &mut store)?;
+    let is_whole = runs.all(&wanted, &counter, &deadline, &mut store)?;
     counter.clear();
     if !is_whole {
         terminal::note(&format!(
@@ -182,7 +182,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         ));
         return Ok(Outcome::No);
     }
-    let rows = store.rows()?;
+    let rows = store.rows();
     match args.shard {
         Some(own) => {
             store.finish(&rows)?;
@@ -228,7 +228,7 @@ fn write(output: &Path, plan: &Plan, rows: &[Row], is_json: bool) -> Result<(), 
     overwrite::save(&output.join("sweep.html"), page::html(plan, rows, &found))?;
     terminal::print(&match is_json {
         true => json,
-        false => found.to_text(plan, output),
+        false => found.to_text(output),
     })
 }
 

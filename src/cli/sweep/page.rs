@@ -4,6 +4,7 @@ use super::plan::Plan;
 use super::store::Row;
 use super::summary::{Dependence, Of, Summary};
 use crate::cli::made::made;
+use crate::inference::sample::quantile;
 use crate::report::figure::{Axis, Figure, Look, Panel, Series};
 use crate::report::{PlainPage, plain_page};
 use pilotage_sweep::statistics::Interval;
@@ -18,8 +19,7 @@ pub fn html(plan: &Plan, rows: &[Row], found: &Summary) -> String {
     figures.extend(dependences(found));
     figures.extend((0..found.measures.len().min(MOST)).filter_map(|m| scatter(plan, rows, m)));
     let median = |own: &Of| {
-        let parts = [0.05, 0.5, 0.95]
-            .map(|part| pilotage_sweep::statistics::quantile(&own.ascending, part));
+        let parts = [0.05, 0.5, 0.95].map(|part| quantile(&own.ascending, part));
         let [low, middle, high] = parts.map(|own| {
             if own.is_finite() {
                 significant(own, 3)
@@ -143,9 +143,7 @@ fn scatter(plan: &Plan, rows: &[Row], m: usize) -> Option<Figure> {
     let name = &plan.measures[m].0;
     let panel = |(d, variable): (usize, &str)| {
         let done = rows.iter().filter(|own| own.measured[m].is_finite());
-        let (x, y): (Vec<f64>, Vec<f64>) = done
-            .map(|own| (plan.design.values(own.sample)[d], own.measured[m]))
-            .unzip();
+        let (x, y): (Vec<f64>, Vec<f64>) = done.map(|own| (own.values[d], own.measured[m])).unzip();
         Panel {
             x: Axis::linear(variable),
             y: Axis::linear(name.as_str()),

@@ -4,6 +4,7 @@ use super::run::Opened;
 use super::{Args, Failure, reducers};
 use crate::cosim::SystemDescription;
 use crate::cosim::description::InstanceSource;
+use crate::inference::sample::square_root;
 use crate::series::Rows;
 use nalgebra::DMatrix;
 use pilotage_language::ModelFile;
@@ -45,11 +46,11 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// That of the arguments.
-    pub fn new(args: &Args, opened: &Opened) -> Result<Self, Failure> {
+    /// That of the arguments, and its measures.
+    pub fn new(args: &Args, opened: &Opened) -> Result<(Self, Vec<Measure>), Failure> {
         let measures = measures(args, opened)?;
         let stop = opened.stop(args)?;
-        Ok(Self {
+        let plan = Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             system: sum(opened.description())?,
             simulation: format!(
@@ -64,12 +65,13 @@ impl Plan {
                 .map(|own| (own.name.clone(), own.given.clone()))
                 .collect(),
             is_repeatable: true,
-        })
+        };
+        Ok((plan, measures))
     }
 }
 
 /// The measures of the arguments, over the signals of a system.
-pub fn measures(args: &Args, opened: &Opened) -> Result<Vec<Measure>, Failure> {
+fn measures(args: &Args, opened: &Opened) -> Result<Vec<Measure>, Failure> {
     let signals = opened.signals();
     let mut given = args.measure.clone();
     if given.is_empty() {
@@ -230,9 +232,7 @@ fn fitted(instance: &str, description: &SystemDescription) -> Result<Joint, Fail
     let kept: Vec<usize> = (0..means.len()).filter(|k| means[*k].is_some()).collect();
     let n = kept.len();
     let covariance = DMatrix::from_fn(n, n, |i, j| sure.covariance[kept[i]][kept[j]]);
-    let parts = (0.5 * (&covariance + covariance.transpose())).symmetric_eigen();
-    let root = parts.eigenvectors
-        * DMatrix::from_diagonal(&parts.eigenvalues.map(|own| own.max(0.0).sqrt()));
+    let root = square_root(&covariance);
     Ok(Joint {
         names: kept
             .iter()

@@ -1,6 +1,6 @@
 //! The runs of a study, on all threads.
 
-use super::plan::{self, Plan};
+use super::plan::Plan;
 use super::store::{Row, Store};
 use super::{Args, Counter, Deadline, Failure};
 use crate::cli::cosim::ending;
@@ -123,7 +123,7 @@ impl Opened {
 const TRIES: usize = 5;
 
 /// What all runs of a study have in common.
-pub struct Pilot<'a> {
+pub struct Runs<'a> {
     args: &'a Args,
     plan: &'a Plan,
     clock: Clock,
@@ -144,10 +144,14 @@ fn bits(series: &Series) -> Vec<u64> {
     values.map(|value| value.to_bits()).collect()
 }
 
-impl<'a> Pilot<'a> {
+impl<'a> Runs<'a> {
     /// Runs a sample before and after another one, with components that are made new in between.
-    pub fn new(args: &'a Args, plan: &'a Plan, opened: Opened) -> Result<Self, Failure> {
-        let measures = plan::measures(args, &opened)?;
+    pub fn new(
+        args: &'a Args,
+        plan: &'a Plan,
+        measures: Vec<Measure>,
+        opened: Opened,
+    ) -> Result<Self, Failure> {
         let used = measures
             .iter()
             .flat_map(|own| own.signals().iter().cloned());
@@ -268,15 +272,16 @@ impl<'a> Pilot<'a> {
             Some(own) => own.0,
             None => Opened::of(self.args)?.0,
         };
+        let values = self.plan.design.values(k);
         let failed = |words: String| {
             let row = Row {
                 sample: k,
+                values: values.clone(),
                 measured: vec![f64::NAN; self.measures.len()],
                 failure: Some(words),
             };
             (row, Series::default())
         };
-        let values = self.plan.design.values(k);
         let settings = self.plan.design.names().zip(&values).map(|(name, value)| {
             let kind = opened
                 .built
@@ -328,6 +333,7 @@ impl<'a> Pilot<'a> {
         *place = opened.renewed(built, run.components)?.map(Opened);
         let row = Row {
             sample: k,
+            values,
             measured,
             failure: None,
         };

@@ -17,6 +17,8 @@ use std::path::{Path, PathBuf};
 pub struct Row {
     /// Its number, from 0.
     pub sample: usize,
+    /// What was varied.
+    pub values: Vec<f64>,
     /// Its measures; NaN where there are none.
     pub measured: Vec<f64>,
     /// Why it failed.
@@ -52,15 +54,18 @@ impl Row {
         )
     }
 
-    fn read(line: &str, measures: usize) -> Option<Self> {
+    fn read(line: &str, plan: &Plan) -> Option<Self> {
         let mut fields = line.split('\t');
         let sample = fields.next()?.parse().ok()?;
+        if sample >= plan.design.count() {
+            return None;
+        }
         let is_failed = match fields.next()? {
             "done" => false,
             "failed" => true,
             _ => return None,
         };
-        let measured = (0..measures)
+        let measured = (0..plan.measures.len())
             .map(|_| fields.next()?.parse().ok())
             .collect::<Option<_>>()?;
         let failure = if is_failed {
@@ -68,8 +73,9 @@ impl Row {
         } else {
             None
         };
-        fields.next().is_none().then_some(Self {
+        fields.next().is_none().then(|| Self {
             sample,
+            values: plan.design.values(sample),
             measured,
             failure,
         })
@@ -115,14 +121,10 @@ impl Store {
             let text = String::from_utf8_lossy(&bytes);
             own.is_of_others = true;
             if let Some(rest) = text.strip_prefix(&own.header) {
-                let count = plan.design.count();
-                own.rows = rows(rest, plan.measures.len())
-                    .filter(|row| row.sample < count)
-                    .map(|row| (row.sample, row))
-                    .collect();
+                own.rows = rows(rest, plan).map(|row| (row.sample, row)).collect();
                 (own.is_resumed, own.is_of_others) = (true, false);
                 // Without a line that was cut off.
-                own.finish(&own.rows()?)?;
+                own.finish(&own.rows())?;
                 own.append()?;
             }
         }
@@ -176,13 +178,11 @@ impl Store {
     }
 
     /// All samples, by number.
-    pub fn rows(&self) -> Result<Vec<Row>, Failure> {
-        Ok(self
-            .rows
-            .values()
-            .filter(|own| self.shard.has(own.sample))
+    pub fn rows(&self) -> Vec<Row> {
+        let own = self.rows.values();
+        own.filter(|own| self.shard.has(own.sample))
             .cloned()
-            .collect())
+            .collect()
     }
 
     /// Writes the file anew, by number.
@@ -198,11 +198,11 @@ impl Store {
 }
 
 /// The whole lines of a file that can be read.
-fn rows(text: &str, measures: usize) -> impl Iterator<Item = Row> {
+fn rows<'a>(text: &'a str, plan: &'a Plan) -> impl Iterator<Item = Row> + 'a {
     let lines = text
         .split_inclusive('\n')
         .filter_map(|line| line.strip_suffix('\n'));
-    lines.filter_map(move |line| Row::read(line, measures))
+    lines.filter_map(|line| Row::read(line, plan))
 }
 
 /// The study of which these folders have the parts.
@@ -256,8 +256,7 @@ pub fn merged(folders: &[PathBuf]) -> Result<(Plan, Vec<Row>), Failure> {
                 Some(_) => {}
                 None => header = Some((first.to_owned(), path.clone())),
             }
-            let count = plan.design.count();
-            for row in rows(rest, plan.measures.len()).filter(|own| own.sample < count) {
+            for row in rows(rest, &plan) {
                 let sample = row.sample;
                 if let Some(other) = all.insert(sample, row)
                     && !other.is_same(&all[&sample])
@@ -298,7 +297,7 @@ pub fn table(plan: &Plan, rows: &[Row]) -> String {
     text += ",status,reason\n";
     for row in rows {
         text += &row.sample.to_string();
-        for value in plan.design.values(row.sample) {
+        for value in &row.values {
             text += &format!(",{value:?}");
         }
         for value in &row.measured {

@@ -4,10 +4,9 @@ use super::plan::Plan;
 use super::store::{Row, shown};
 use crate::cli::format::aligned;
 use crate::cli::terminal;
+use crate::inference::sample::quantile;
 use pilotage_sweep::Method;
-use pilotage_sweep::statistics::{
-    Indices, Interval, moments, quantile, rank_correlation, sobol_indices,
-};
+use pilotage_sweep::statistics::{Indices, Interval, moments, rank_correlation, sobol_indices};
 use pilotage_text::counted;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -52,10 +51,6 @@ impl Summary {
     /// That of these samples.
     pub fn of(plan: &Plan, rows: &[Row]) -> Self {
         let names: Vec<&str> = plan.design.names().collect();
-        let values: Vec<Vec<f64>> = rows
-            .iter()
-            .map(|own| plan.design.values(own.sample))
-            .collect();
         let one = |(m, (name, _)): (usize, &(String, String))| {
             let measured: Vec<f64> = rows.iter().map(|own| own.measured[m]).collect();
             let mut ascending: Vec<f64> = measured
@@ -71,11 +66,9 @@ impl Summary {
                 if let Some(found) = &indices {
                     return Some(((*name).to_owned(), Dependence::Sobol(found[d])));
                 }
-                let pairs = values
-                    .iter()
-                    .zip(&measured)
-                    .filter(|(_, own)| own.is_finite());
-                let (x, y): (Vec<f64>, Vec<f64>) = pairs.map(|(own, y)| (own[d], *y)).unzip();
+                let known = rows.iter().filter(|own| own.measured[m].is_finite());
+                let (x, y): (Vec<f64>, Vec<f64>) =
+                    known.map(|own| (own.values[d], own.measured[m])).unzip();
                 let has_values = x.iter().any(|own| *own != x[0]);
                 let is_known = x.len() >= FEWEST
                     && has_values
@@ -229,7 +222,7 @@ impl Summary {
     }
 
     /// As text.
-    pub fn to_text(&self, plan: &Plan, output: &Path) -> String {
+    pub fn to_text(&self, output: &Path) -> String {
         let table = |(header, rows): (Vec<&str>, Vec<Vec<String>>)| {
             let header = header.iter().map(|own| (*own).to_owned()).collect();
             let rows: Vec<Vec<String>> = std::iter::once(header).chain(rows).collect();
@@ -239,7 +232,6 @@ impl Summary {
                 String::new()
             }
         };
-        let _ = plan;
         format!(
             "{}{}{}\nwrote {}: sweep.html, sweep.csv, sweep.json\n",
             table(self.quantiles()),

@@ -2,6 +2,7 @@
 
 use super::map::Column;
 use super::point::Landings;
+use pilotage_inference::sample::quantile;
 
 /// S below which a column without unsafe points is far from having any.
 const NEAR: f64 = 0.8;
@@ -114,14 +115,4 @@ fn crossing(
             return None;
         }
     }
-}
-
-/// A quantile of ascending numbers, interpolated; NaN of none.
-fn quantile(sorted: &[f64], part: f64) -> f64 {
-    let Some(last) = sorted.len().checked_sub(1) else {
-        return f64::NAN;
-    };
-    let place = part * last as f64;
-    let (k, rest) = (place as usize, place.fract());
-    sorted[k] + rest * (sorted[(k + 1).min(last)] - sorted[k])
 }

@@ -4,6 +4,7 @@ use crate::dense::{Lu, Matrix, dot};
 use nalgebra::{DMatrix, DVector};
 use pilotage_estimation::ProblemError;
 use pilotage_estimation::system::part::Part;
+use pilotage_inference::sample::square_root;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -172,7 +173,8 @@ impl Pilot {
         let Some(sure) = sure else {
             return Ok(None);
         };
-        let root = square_root(&sure.covariance);
+        let n = sure.covariance.len();
+        let root = square_root(&DMatrix::from_fn(n, n, |i, j| sure.covariance[i][j]));
         let one = |k: usize| {
             let mut random = ChaCha8Rng::seed_from_u64(k as u64);
             for _ in 0..TRIES {
@@ -255,15 +257,6 @@ impl Pilot {
         }
         text + &outputs
     }
-}
-
-/// A matrix whose product with its transpose is a covariance, which may be singular.
-fn square_root(covariance: &[Vec<f64>]) -> DMatrix<f64> {
-    let n = covariance.len();
-    let own = DMatrix::from_fn(n, n, |i, j| 0.5 * (covariance[i][j] + covariance[j][i]));
-    let parts = own.symmetric_eigen();
-    let sizes = parts.eigenvalues.map(|value| value.max(0.0).sqrt());
-    parts.eigenvectors * DMatrix::from_diagonal(&sizes)
 }
 
 fn axis(part: &Part, name: &str, [input, output]: [&str; 2]) -> Result<Axis, ProblemError> {

@@ -46,6 +46,14 @@ impl Default for Settings {
     }
 }
 
+impl Settings {
+    /// S of a touch-down with these speeds forwards and downwards \[m/s\].
+    pub fn touched(&self, u: f64, w: f64) -> f64 {
+        let [sink, fast] = self.touch_down;
+        (w / sink).max(u.abs() / fast)
+    }
+}
+
 /// Landings of a helicopter, with a pilot or without.
 #[derive(Debug)]
 pub struct Landings {
@@ -199,8 +207,7 @@ impl Landings {
         let [h, u, w, _, _] = self.helicopter.places();
         // Nothing that is left of the fall is long enough to be changed.
         if course.is_down || x[h] <= SOON * x[w] {
-            let [sink, fast] = self.settings.touch_down;
-            let s = (x[w] / sink).max(x[u].abs() / fast);
+            let s = self.settings.touched(x[u], x[w]);
             return Some(Landing {
                 s,
                 replayed: s,
@@ -229,12 +236,7 @@ impl Landings {
                 (Some(_), k) => (self.start(&program, (&trim, x), k - 1), COLD),
                 (None, k) => (self.start(&program, (&trim, x), k), COLD),
             };
-            let options = Options {
-                tolerance: TOLERANCE,
-                most_iterations: MOST_ITERATIONS,
-                barrier,
-            };
-            let own = interior::solve(&program, z, &options, &mut |_| true);
+            let own = solved(&program, z, barrier);
             let is_soft = own.status == Status::Converged && own.objective <= 1.0;
             let is_again = |other: &interior::Solution| {
                 other.status == Status::Converged
@@ -299,12 +301,7 @@ impl Landings {
         let h = self.places[self.helicopter.places()[0]];
         let start = program.initial[h].unwrap_or_default() * self.posed.states[h].scale;
         let begin = self.moved(&program, near, start);
-        let options = Options {
-            tolerance: TOLERANCE,
-            most_iterations: MOST_ITERATIONS,
-            barrier: WARM,
-        };
-        let found = interior::solve(&program, begin, &options, &mut |_| true);
+        let found = solved(&program, begin, WARM);
         match found.status {
             Status::Converged => found.objective,
             _ => f64::NAN,
@@ -325,12 +322,7 @@ impl Landings {
                 }
             }
             let begin = optimise::carried(&self.posed, &program, &z, &next);
-            let options = Options {
-                tolerance: TOLERANCE,
-                most_iterations: MOST_ITERATIONS,
-                barrier: WARM,
-            };
-            let own = interior::solve(&next, begin, &options, &mut |_| true);
+            let own = solved(&next, begin, WARM);
             if own.status != Status::Converged {
                 return None;
             }
@@ -400,6 +392,16 @@ impl Landings {
         }
         program
     }
+}
+
+/// Solves from variables, with this first barrier.
+fn solved(program: &Program, z: Vec<f64>, barrier: f64) -> interior::Solution {
+    let options = Options {
+        tolerance: TOLERANCE,
+        most_iterations: MOST_ITERATIONS,
+        barrier,
+    };
+    interior::solve(program, z, &options, &mut |_| true)
 }
 
 /// Number of starts that converged, and of those that did to the best of them.

@@ -52,8 +52,7 @@ impl Landings {
             theta[d] = seconds.clamp(low, high);
         }
         let bound = theta.len() - 1;
-        let [sink, fast] = self.settings().touch_down;
-        theta[bound] = (last[w] / sink).max(last[u].abs() / fast);
+        theta[bound] = self.settings().touched(last[u], last[w]);
         let states = |tau: f64| {
             let mut all: Vec<f64> = (program.initial.iter().zip(&self.posed.states))
                 .map(|(own, state)| own.unwrap_or(0.0) * state.scale)
