@@ -13,7 +13,7 @@ import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from pages import LEAST, found, launched
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import TimeoutError, sync_playwright
 
 GAIN, LEAD, LATE = 0.03, 2.0, 0.1  # [1/m], [s], [s]
 # The remnant is a sum of sines of the time with phases by the number of the run: frequencies [rad/s]; amplitude [1].
@@ -48,7 +48,10 @@ STICK = """
       window.sockets.push(this);
       this.addEventListener("message", ({ data }) => {
         const message = JSON.parse(data);
-        if (message.type === "phase") window.phase = message;
+        if (message.type === "phase") {
+          window.phase = message;
+          window.phases = (window.phases ?? 0) + 1;
+        }
         if (message.type === "trouble") window.trouble = message.words;
         if (message.type !== "state") return;
         if (states.length && message.t < states.at(-1).t) states.length = wanted.length = 0;
@@ -112,21 +115,29 @@ def phase(tab, kinds):
 def flown(tab, folder, wrong):
     """Flies to the end; the results."""
     results, disturbed = [], ["reload", "drop"]
-    while True:
+    flew = False
+    for _ in range(30):
         now = phase(tab, ["ready", "after", "end"])
         if now["phase"] == "end":
             return results
-        if now["phase"] == "after":
+        if flew and now["phase"] == "after":
             results.append(now["result"])
             if len(results) == 1:
                 shown(tab, folder, "after", wrong)
             # On a busy machine a run may not count for a reason that is none of the page's.
             if len(results) >= 8:
                 return results
+        flew, heard = False, tab.evaluate("window.phases")
         tab.click("#go")
-        tab.wait_for_function("before => window.phase.phase !== before", arg=now["phase"], timeout=5000)
+        try:
+            # A countdown that is interrupted at once (a late frame is a stick that is gone) may pass between two looks.
+            tab.wait_for_function("before => window.phases > before", arg=heard, timeout=5000)
+        except TimeoutError:
+            # The click came while the connection was down: a person presses once more.
+            continue
         if phase(tab, ["fly", "ready", "after", "end"])["phase"] != "fly":
             continue
+        flew = True
         tab.wait_for_function("() => window.state?.t > 2 || window.phase.phase !== 'fly'", timeout=20_000)
         if not results:
             shown(tab, folder, "fly", wrong)
@@ -141,6 +152,7 @@ def flown(tab, folder, wrong):
             else:
                 tab.evaluate("window.sockets.at(-1).close()")
         phase(tab, ["after", "end"])
+    return results
 
 
 HOSTILE = "<img src=x onerror=document.title='ran-'+location.search>"
