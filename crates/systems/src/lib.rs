@@ -44,6 +44,7 @@ mod ssd;
 mod tree;
 mod units;
 mod variables;
+mod vocabulary;
 mod wiring;
 mod write;
 mod xml;

@@ -123,7 +123,7 @@ fn source(
 /// The parameters of a set (section 6.1).
 fn set(reader: &mut Reader, set: Node<'_, '_>) -> Result<Vec<Entry>, SspError> {
     reader.expect_version(set)?;
-    reader.note_annotations(set);
+    reader.note_others(set);
     let units = Units::read(set)?;
     let mut entries = Vec::new();
     for parameter in set.listed("Parameters", "Parameter") {
@@ -144,7 +144,7 @@ fn set(reader: &mut Reader, set: Node<'_, '_>) -> Result<Vec<Entry>, SspError> {
         entries.push(Entry {
             at: parameter.at("Parameter"),
             name,
-            values: texts(parameter, kind)?,
+            values: checked(parameter, kind, texts(parameter, kind)?)?,
             unit: reader.unit(&units, kind),
             step: Step::default(),
         });
@@ -165,6 +165,31 @@ fn texts(parameter: Node<'_, '_>, kind: Node<'_, '_>) -> Result<Vec<String>, Ssp
     match is_array && !["String", "Enumeration"].contains(&kind.name()) {
         true => Ok(value.split_whitespace().map(str::to_owned).collect()),
         false => Ok(vec![value.to_owned()]),
+    }
+}
+
+/// Refuses values that are none of their type (section 6.2).
+fn checked(
+    parameter: Node<'_, '_>,
+    kind: Node<'_, '_>,
+    values: Vec<String>,
+) -> Result<Vec<String>, SspError> {
+    let is_one: fn(&str) -> bool = match kind.name() {
+        "Boolean" => |text| matches!(text, "true" | "false" | "0" | "1"),
+        "Real" | "Float64" | "Float32" => |text| text.parse::<f64>().is_ok(),
+        "String" | "Enumeration" | "Clock" => return Ok(values),
+        // Some tools write 3.0 for an integer.
+        _ => |text| {
+            let is_whole = |number: &f64| number.fract() == 0.0;
+            text.parse::<i128>().is_ok() || text.parse().ok().as_ref().is_some_and(is_whole)
+        },
+    };
+    match values.iter().find(|text| !is_one(text.trim())) {
+        None => Ok(values),
+        Some(text) => {
+            let (text, name) = (excerpt(text), kind.name());
+            Err(parameter.fault(format!("`{text}` is no value of <{name}>")))
+        }
     }
 }
 
@@ -204,7 +229,7 @@ fn apply(
     entries: &[Entry],
 ) -> Result<Vec<Entry>, SspError> {
     reader.expect_version(mapping)?;
-    reader.note_annotations(mapping);
+    reader.note_others(mapping);
     let mut found = Vec::new();
     let mut targets = HashSet::new();
     for own in mapping.all("MappingEntry") {

@@ -7,6 +7,7 @@ use crate::tree::{
     Component, Connection, Connector, Dictionary, Element, End, Flow, Reference, Root, Step, System,
 };
 use crate::units::Units;
+use crate::vocabulary;
 use crate::xml::{Node, Xml};
 use pilotage_cosim::description::{Experiment, Interface, Kept};
 use pilotage_fmi::Fmu;
@@ -14,7 +15,7 @@ use pilotage_fmi::description::ModelDescription;
 use pilotage_text::error_chain::error_chain;
 use pilotage_text::printable::excerpt;
 use pilotage_units::{Conversion, Unit};
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -96,9 +97,13 @@ impl Reader {
         self.notes
     }
 
-    pub(crate) fn note_annotations(&mut self, node: Node<'_, '_>) {
+    /// Notes what is not looked at: annotations, and names that are not in the standard.
+    pub(crate) fn note_others(&mut self, node: Node<'_, '_>) {
         self.annotations
             .extend(node.annotations().map(str::to_owned));
+        for note in vocabulary::unknown(node) {
+            self.note(note);
+        }
     }
 
     /// Refuses versions that did not exist when this was written.
@@ -137,7 +142,7 @@ impl Reader {
         let xml = Xml::parse(&text, &shown)?;
         let root = xml.root("SystemStructureDescription")?;
         self.expect_version(root)?;
-        self.note_annotations(root);
+        self.note_others(root);
         let units = &Units::read(root)?;
         let system = root.child("System");
         let system = system.ok_or_else(|| root.fault("it has no <System>"))?;
@@ -170,7 +175,7 @@ impl Reader {
             depth: context.depth + 1,
             ..context
         };
-        let mut elements = Vec::new();
+        let (mut elements, mut names) = (Vec::new(), HashSet::new());
         for own in node
             .all("Elements")
             .flat_map(|list| list.children().collect::<Vec<_>>())
@@ -178,6 +183,10 @@ impl Reader {
             self.count += 1;
             if self.count > MOST {
                 return Err(own.fault(format!("there are more than {MOST} elements")));
+            }
+            // Names are unique within a system (section 5.3.1).
+            if let Some(name) = own.attribute("name").filter(|name| !names.insert(*name)) {
+                return Err(own.fault(format!("two elements are named `{}`", excerpt(name))));
             }
             match own.name() {
                 "Component" => elements.push(self.component(inner, own)?),
@@ -388,7 +397,7 @@ impl Reader {
 
     fn signals(&mut self, node: Node<'_, '_>) -> Result<Vec<(String, Option<Unit>)>, SspError> {
         self.expect_version(node)?;
-        self.note_annotations(node);
+        self.note_others(node);
         let units = Units::read(node)?;
         let mut entries = Vec::new();
         for entry in node.all("DictionaryEntry") {

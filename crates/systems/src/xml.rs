@@ -108,6 +108,15 @@ impl<'a, 't> Node<'a, 't> {
         self.node.attribute(name)
     }
 
+    /// Names of the attributes without namespace.
+    pub(crate) fn attributes(&self) -> impl Iterator<Item = &'a str> + use<'a, 't> {
+        let plain = self
+            .node
+            .attributes()
+            .filter(|own| own.namespace().is_none());
+        plain.map(|own| own.name())
+    }
+
     pub(crate) fn required(&self, name: &str) -> Result<&'a str, SspError> {
         let value = self.attribute(name);
         value.ok_or_else(|| self.fault(format!("the attribute `{name}` is missing")))

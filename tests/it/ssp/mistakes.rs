@@ -77,6 +77,27 @@ fn an_empty_mapping_is_a_note() {
     );
 }
 
+/// What is misspelled is left out, and this is said.
+#[test]
+fn names_that_are_not_in_the_standard_are_notes() {
+    for (from, to, message) in [
+        (
+            "suppressUnitConversion=\"true\"",
+            "supressUnitConversion=\"true\"",
+            "`supressUnitConversion` of <Connection> is not in the standard; ignored; did you mean \
+             `suppressUnitConversion`?",
+        ),
+        (
+            "<ssc:LinearTransformation factor=\"2\"",
+            "<ssc:LinearTransform factor=\"2\"",
+            "<LinearTransform> is not in the standard; ignored; did you mean `LinearTransformation`?",
+        ),
+    ] {
+        let (code, said) = changed(from, to);
+        assert!(code == 0 && said.contains(message), "{said}");
+    }
+}
+
 #[test]
 fn mistakes_have_their_place() {
     let at = "s.ssp/SystemStructure.ssd:";
@@ -144,17 +165,17 @@ fn mistakes_have_their_place() {
         (
             "<ssd:Component name=\"last\"",
             "<ssd:Component name=\"first\"",
-            "<Component>: two components are named `first`",
+            "<Component>: two elements are named `first`",
         ),
         (
             "value=\"200\" unit=\"ms\"",
             "value=\"fast\" unit=\"ms\"",
-            "<Parameter>: `fast` is no number, and is to be converted",
+            "<Parameter>: `fast` is no value of <Real>",
         ),
         (
-            "value=\"200\" unit=\"ms\"",
-            "value=\"fast\"",
-            "`inner-1.second lag.tau` is of type Real, `fast` is not",
+            "<ssv:Real value=\"200\" unit=\"ms\"/>",
+            "<ssv:Boolean value=\"2\"/>",
+            "<Parameter>: `2` is no value of <Boolean>",
         ),
         (
             "<ssv:Real value=\"200\" unit=\"ms\"/>",

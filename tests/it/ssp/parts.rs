@@ -401,7 +401,7 @@ fn arrays() {
     assert_eq!(run("b.ssp"), expected);
     for (values, message) in [
         ("1 2", "2 values for `a.array`, which has other dimensions"),
-        ("1 x 3", "`a.array[2]` is of type Real, `x` is not"),
+        ("1 x 3", "<Parameter>: `x` is no value of <Float64>"),
     ] {
         folder.write("a/SystemStructure.ssd", text(values));
         let ended = folder.pilotage(&["cosim", "a", "--stop-time", "1", "--step", "0.1"]);
