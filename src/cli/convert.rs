@@ -1,4 +1,4 @@
-//! `pilotage convert`: system files of pilotage as SSP, and SSP as system files.
+//! `pilotage convert`: system files of pilotage as SSP, and systems of other tools as system files.
 
 use super::overwrite::{self, OutputKind, Overwrite};
 use super::recognise::{self, FileKind};
@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
     pilotage convert other.ssp heavy.toml --variant heavy\n\n\
     docs/systems.md says what each of them can hold.")]
 pub struct Args {
-    /// System file: TOML, or SSP (.ssp, its folder, .ssd).
+    /// System file: TOML, SSP (.ssp, its folder, .ssd), OspSystemStructure.xml, or mm.json of maestro.
     input: PathBuf,
     /// File to write: .toml, .ssp or .ssd.
     output: PathBuf,
@@ -138,6 +138,9 @@ impl Copies {
                 continue;
             }
             let stem = from.file_stem().unwrap_or_default().to_string_lossy();
+            // Functions of OSP are model files.
+            let is_model = from.extension().is_some_and(|own| own == "toml");
+            let ending = if is_model { "toml" } else { "fmu" };
             let mut k = 1;
             let to = loop {
                 let end = if k == 1 {
@@ -145,7 +148,7 @@ impl Copies {
                 } else {
                     format!("-{k}")
                 };
-                let to = into.join(format!("{stem}{end}.fmu"));
+                let to = into.join(format!("{stem}{end}.{ending}"));
                 if self.0.iter().all(|(_, taken)| *taken != to) {
                     break to;
                 }

@@ -8,7 +8,7 @@ use super::{Failure, call, recognise, terminal};
 use crate::file;
 use crate::fmi::call_name;
 use pilotage_process::{Child, Ended, Going, program};
-use pilotage_systems::is_ssp;
+use pilotage_systems::is_foreign;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitStatus;
@@ -184,7 +184,7 @@ fn names_fmu(path: &Path, deep: usize) -> bool {
         || is("ssp")
         || is("ssd")
         || path.join("modelDescription.xml").is_file()
-        || is_ssp(path)
+        || is_foreign(path)
     {
         return true;
     }

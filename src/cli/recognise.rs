@@ -6,7 +6,7 @@ use crate::document::Document;
 use crate::file;
 use crate::flights::kind::Kind;
 use crate::series::Rows;
-use pilotage_systems::is_ssp;
+use pilotage_systems::is_foreign;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use zip::ZipArchive;
@@ -96,14 +96,14 @@ pub fn of(path: &Path) -> Option<FileKind> {
         let is_fmu = path.join("modelDescription.xml").is_file();
         return Some(match is_fmu {
             true => FileKind::Fmu,
-            false if is_ssp(path) => FileKind::System,
+            false if is_foreign(path) => FileKind::System,
             false => FileKind::Folder,
         });
     }
     if !path.is_file() {
         return None;
     }
-    if is_ssp(path) {
+    if is_foreign(path) {
         return Some(FileKind::System);
     }
     // TOML must be read as a whole: its beginning alone may be invalid.

@@ -19,9 +19,9 @@ pub enum SspError {
     /// An archive that is damaged, too large, or would leave its folder.
     #[error(transparent)]
     Archive(#[from] ArchiveError),
-    /// Not XML, or beyond the limits of a description.
+    /// Not XML or JSON, or beyond the limits of a description.
     #[error("{file}{}: {fault}", position.map_or(String::new(), |(line, column)| format!(":{line}:{column}")))]
-    NotXml {
+    Malformed {
         /// The file.
         file: String,
         /// Line and column, if known.

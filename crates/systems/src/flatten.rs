@@ -1,7 +1,7 @@
 //! Makes a description of a tree: components get the names of the systems around them, connections become wires, and values
 //! are applied to variables (section 5.2.3: outer bindings before inner ones, later before earlier ones).
 
-use crate::Ssp;
+use crate::Foreign;
 use crate::error::{At, SspError};
 use crate::read::Reader;
 use crate::tree::{
@@ -20,7 +20,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Makes a description of a tree.
-pub(crate) fn flatten(root: Root, reader: Reader) -> Result<Ssp, SspError> {
+pub(crate) fn flatten(root: Root, reader: Reader) -> Result<Foreign, SspError> {
     let mut flat = Flat {
         reader,
         description: SystemDescription::default(),
@@ -45,7 +45,7 @@ pub(crate) fn flatten(root: Root, reader: Reader) -> Result<Ssp, SspError> {
     flat.description.experiment = root.experiment;
     flat.description.kept = flat.reader.kept.clone();
     let annotations = flat.reader.annotations.iter().cloned().collect();
-    Ok(Ssp {
+    Ok(Foreign {
         description: flat.description,
         notes: flat.reader.into_notes(),
         annotations,
@@ -193,6 +193,7 @@ impl Flat {
             },
             order: None,
             interface: own.interface,
+            at_once: false,
         });
         for entry in &own.parameters {
             if !self.set(number, &entry.name, entry)? {

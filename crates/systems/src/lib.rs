@@ -1,5 +1,5 @@
 //! Systems of other tools: System Structure and Parameterization (Modelica Association, SSP 1.0, 1.0.1 and 2.0), read as a
-//! [`SystemDescription`] and written from one.
+//! [`SystemDescription`] and written from one; those of the Open Simulation Platform and of maestro, read.
 //!
 //! Sections are those of SSP 2.0: 3 (packages), 4 (common content), 5 (SSD), 6 (SSV), 7 (SSM), 8 (SSB). Nested systems are
 //! flattened: the instance of component `c` in system `s` is `s.c`. Connectors of systems and signal dictionaries become
@@ -31,14 +31,21 @@
 //! | `flatten` | makes a description of a tree |
 //! | `apply` | applies values to variables |
 //! | `wiring` | traces connections through systems and dictionaries |
+//! | `vocabulary` | the words of the standard |
+//! | `osp` | systems of the Open Simulation Platform |
+//! | `maestro` | systems of maestro |
+//! | `plain` | what these two have in common |
 //! | `write` | writes a description as an archive |
 //! | `ssd` | the `.ssd` of a description |
 
 mod apply;
 mod error;
 mod flatten;
+mod maestro;
+mod osp;
 mod package;
 mod parameters;
+mod plain;
 mod read;
 mod ssd;
 mod tree;
@@ -59,7 +66,7 @@ use std::path::{Path, PathBuf};
 
 /// A system of another tool.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Ssp {
+pub struct Foreign {
     /// What is simulated. Unpacked files last as long as it does.
     pub description: SystemDescription,
     /// What was left out or taken in a way that a user should know.
@@ -70,16 +77,27 @@ pub struct Ssp {
     pub folder: PathBuf,
 }
 
-/// Reads an archive (`.ssp`), a folder with a `SystemStructure.ssd`, or an `.ssd`; of several variants that of this name
+/// Whether a path is a system of another tool, by its name or by what it contains.
+pub fn is_foreign(path: &Path) -> bool {
+    is_ssp(path) || osp::is_osp(path) || maestro::is_maestro(path)
+}
+
+/// Reads an `OspSystemStructure.xml`, a multi-model (`mm.json`) of maestro, or an SSP: an archive (`.ssp`), a folder with a `SystemStructure.ssd`, or an `.ssd`; of several variants that of this name
 /// (its own, or that of its file), otherwise `SystemStructure.ssd` (section 3).
 ///
 /// # Errors
 /// If something cannot be read, or says what a system cannot be; the error names file, line, column and element.
-pub fn read(path: &Path, variant: Option<&str>) -> Result<Ssp, SspError> {
+pub fn read(path: &Path, variant: Option<&str>) -> Result<Foreign, SspError> {
+    if osp::is_osp(path) {
+        return osp::read(path);
+    }
+    if maestro::is_maestro(path) {
+        return maestro::read(path);
+    }
     let (package, file, kept) = package::Package::open(path, variant)?;
     let mut reader = read::Reader::new(kept);
     let root = reader.root(&package, &file)?;
-    Ok(Ssp {
+    Ok(Foreign {
         folder: package.path(""),
         ..flatten::flatten(root, reader)?
     })

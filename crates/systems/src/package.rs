@@ -39,6 +39,14 @@ pub(crate) struct Package {
 }
 
 impl Package {
+    /// The folder of a file, and the file in it.
+    pub(crate) fn beside(path: &Path) -> (Self, String) {
+        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+        let shown = folder.clone();
+        let name = path.file_name().unwrap_or_default();
+        (Self { folder, shown }, name.to_string_lossy().into_owned())
+    }
+
     /// Opens an archive, a folder or an `.ssd`; gives the file of the variant in it, and what is to be kept as long as files
     /// are read.
     pub(crate) fn open(
@@ -47,11 +55,8 @@ impl Package {
     ) -> Result<(Self, String, Kept), SspError> {
         let mut kept = Kept::default();
         if !path.is_dir() && has_extension(path, "ssd") {
-            let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-            let shown = folder.clone();
-            let name = path.file_name().unwrap_or_default();
-            let file = name.to_string_lossy().into_owned();
-            return Ok((Self { folder, shown }, file, kept));
+            let (package, file) = Self::beside(path);
+            return Ok((package, file, kept));
         }
         let folder = match path.is_dir() {
             true => path.to_owned(),
@@ -212,7 +217,7 @@ pub(crate) fn file_of(uri: &str) -> Result<(String, Option<&str>), String> {
 }
 
 /// Text with `%20` and the like decoded.
-fn unescaped(text: &str) -> Option<String> {
+pub(crate) fn unescaped(text: &str) -> Option<String> {
     let mut parts = text.split('%');
     let mut bytes = parts.next()?.as_bytes().to_vec();
     for part in parts {

@@ -19,7 +19,7 @@ pub(crate) fn text_of(bytes: &[u8], file: &str) -> Result<String, SspError> {
         let text = error.to_string();
         let fault = text.strip_prefix(pilotage_fmi::archive::DESCRIPTION);
         let fault = fault.unwrap_or(&text).trim_start_matches([',', ' ']);
-        SspError::NotXml {
+        SspError::Malformed {
             file: file.to_owned(),
             position: None,
             fault: fault.to_owned(),
@@ -33,7 +33,7 @@ impl<'t> Xml<'t> {
     pub(crate) fn parse(text: &'t str, file: &'t str) -> Result<Self, SspError> {
         let document = roxmltree::Document::parse(text).map_err(|error| {
             let at = error.pos();
-            SspError::NotXml {
+            SspError::Malformed {
                 file: file.to_owned(),
                 position: Some((at.row, at.col)),
                 fault: format!("not well-formed XML: {error}"),

@@ -49,7 +49,7 @@ Examples:
   # A system file with instances, wires and values (docs/systems.md); --save-system writes one.
   pilotage cosim system.toml --stop-time 15 --step 0.05
 
-  # A system of another tool (SSP): an archive, a folder or an .ssd.
+  # A system of another tool: SSP (archive, folder or .ssd), OspSystemStructure.xml, mm.json of maestro.
   pilotage cosim system.ssp --variant heavy --step 0.05
 
   # The same with another vehicle and another target: arguments take precedence over the file.

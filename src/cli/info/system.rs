@@ -7,7 +7,7 @@ use crate::cli::terminal;
 use crate::cosim::description::{InstanceDescription, InstanceSource, SystemDescription};
 use crate::cosim::system::Link;
 use crate::cosim::{Conversion, System, Variable};
-use pilotage_systems::is_ssp;
+use pilotage_systems::{is_foreign, is_ssp};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -29,10 +29,12 @@ pub(super) fn of(file: &Path, variant: Option<&str>, as_json: bool) -> Result<St
     }
     if as_json {
         let mut json = to_json(file, &system, &description);
-        if let Some(variants) = variants {
-            json["variants"] = json!(variants);
+        if is_foreign(file) {
             json["annotations"] = json!(read.annotations);
             json["notes"] = json!(read.notes);
+        }
+        if let Some(variants) = variants {
+            json["variants"] = json!(variants);
         }
         return Ok(format!("{json:#}\n"));
     }

@@ -2,7 +2,7 @@
 
 use super::super::Failure;
 use crate::cosim::SystemDescription;
-use pilotage_systems::is_ssp;
+use pilotage_systems::{is_foreign, is_ssp};
 use std::path::{Path, PathBuf};
 
 /// What a system file says.
@@ -19,17 +19,17 @@ pub struct Read {
 
 /// Reads a system file; `variant` is one of several in an SSP.
 pub fn read(path: &Path, variant: Option<&str>) -> Result<Read, Failure> {
-    if is_ssp(path) {
-        let ssp = pilotage_systems::read(path, variant)?;
-        return Ok(Read {
-            unpacked: (!ssp.description.kept.is_empty()).then_some(ssp.folder),
-            description: ssp.description,
-            notes: ssp.notes,
-            annotations: ssp.annotations,
-        });
-    }
-    if variant.is_some() {
+    if variant.is_some() && !is_ssp(path) {
         return Err(no_variants().hint("--variant selects one of several .ssd in an .ssp"));
+    }
+    if is_foreign(path) {
+        let own = pilotage_systems::read(path, variant)?;
+        return Ok(Read {
+            unpacked: (is_ssp(path) && !own.description.kept.is_empty()).then_some(own.folder),
+            description: own.description,
+            notes: own.notes,
+            annotations: own.annotations,
+        });
     }
     Ok(Read {
         description: SystemDescription::read(path)?,

@@ -214,6 +214,7 @@ pub fn described(name: String, source: InstanceSource) -> InstanceDescription {
         source: source.into(),
         order: None,
         interface: None,
+        at_once: false,
     }
 }
 

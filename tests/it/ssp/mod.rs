@@ -4,6 +4,7 @@
 mod convert;
 mod mistakes;
 mod mutations;
+pub mod osp;
 mod parts;
 
 use crate::command::{Ended, Folder};

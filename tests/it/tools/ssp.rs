@@ -1,5 +1,5 @@
 //! Systems that `pilotage convert` wrote, in FMPy and Ecos: read by the schemas, simulated, and compared with our Jacobi
-//! coupling.
+//! coupling; systems of OSP in libcosim.
 
 use super::python;
 use crate::command::{Folder, exported};
@@ -55,6 +55,40 @@ fn fmpy_simulates_a_converted_system() {
             assert!((a - b).abs() <= 1e-12, "{ours:?} {theirs:?}");
         }
     }
+}
+
+/// libcosim runs a system of OSP with functions and variable groups.
+#[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn libcosim_runs_a_system_of_osp_as_our_master_does() {
+    let folder = crate::ssp::osp::osp();
+    let file = folder.path("OspSystemStructure.xml");
+    let printed = python::run("osp.py", [file.as_os_str(), "2".as_ref()]);
+    let run = ["cosim", "OspSystemStructure.xml", "--step", "0.1"];
+    let ended = folder.pilotage(&run);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let text = folder.read("result.csv");
+    let cells = |line: &str| -> Vec<String> { line.split(',').map(str::to_owned).collect() };
+    let (names, last) = (
+        cells(text.lines().next().unwrap()),
+        cells(text.lines().last().unwrap()),
+    );
+    let mut count = 0;
+    for line in printed
+        .lines()
+        .filter_map(|line| line.strip_prefix("value "))
+    {
+        let (name, theirs) = line.split_once(' ').unwrap();
+        let is_it = |own: &String| own.split(' ').next() == Some(name);
+        let ours: f64 = last[names.iter().position(is_it).unwrap()].parse().unwrap();
+        let theirs: f64 = theirs.parse().unwrap();
+        assert!(
+            (ours - theirs).abs() <= 1e-12 * theirs.abs().max(1.0),
+            "{name}: {ours} {theirs}"
+        );
+        count += 1;
+    }
+    assert_eq!(count, 7, "{printed}");
 }
 
 /// Ecos applies transformations, and values of both instances.

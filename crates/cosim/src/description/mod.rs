@@ -91,6 +91,8 @@ pub struct InstanceDescription {
     pub order: Option<Spanned<u32>>,
     /// Interface to use for an FMU that supports both.
     pub interface: Option<Interface>,
+    /// Whether its outputs follow its inputs at once: see [`System::set_at_once`].
+    pub at_once: bool,
 }
 
 /// Source of an instance.
@@ -218,6 +220,9 @@ impl SystemDescription {
                 },
                 error: Box::new(error),
             })?;
+        }
+        for own in self.instances.iter().filter(|own| own.at_once) {
+            system.set_at_once(&own.name);
         }
         for Setting { name, value } in &self.settings {
             let set = system.set(&name.value, value);

@@ -168,6 +168,7 @@ impl SystemDescription {
             source,
             order: order(table, name)?,
             interface: interface(table)?,
+            at_once: table.boolean("at_once")?.unwrap_or(false),
         });
         Ok(())
     }
@@ -207,7 +208,7 @@ fn source(
         let source = InstanceSource::Table(folder.join(file));
         return Ok(Some(spanned("table", source)));
     }
-    table.only(&["model", "set", "order", "kind", "table"])?;
+    table.only(&["model", "set", "order", "kind", "at_once", "table"])?;
     let source = |model: &str| match is_identifier(model) {
         true => InstanceSource::BuiltIn(model.to_owned()),
         false => InstanceSource::Model(folder.join(model)),

@@ -87,6 +87,9 @@ impl SystemDescription {
         if let Some(interface) = instance.interface {
             text += &format!("kind = \"{}\"\n", interface.name());
         }
+        if instance.at_once {
+            text += "at_once = true\n";
+        }
         let lines: String = (self.settings_of(name))
             .map(|(variable, text)| format!("{} = {}\n", document::key(variable), value(text)))
             .collect();
@@ -214,6 +217,7 @@ mod tests {
                 source: InstanceSource::Model(PathBuf::from(format!("/{file}.fmu"))).into(),
                 order: None,
                 interface: None,
+                at_once: true,
             };
             let described = SystemDescription {
                 instances: vec![instance],
@@ -222,13 +226,14 @@ mod tests {
                 ..SystemDescription::default()
             };
             let text = described.to_toml(Path::new("/")).unwrap();
-            prop_assert_eq!(text.lines().count(), 9, "{}", text);
+            prop_assert_eq!(text.lines().count(), 10, "{}", text);
             let read = SystemDescription::parse(&text, Path::new("/s.toml")).unwrap();
             prop_assert_eq!(&read.connections[0].from.value, &described.connections[0].from.value);
             prop_assert_eq!(&read.connections[0].to.value, &described.connections[0].to.value);
             prop_assert_eq!(read.connections[0].transformation, transformation);
             prop_assert_eq!(&read.settings[0].name.value, &described.settings[0].name.value);
             prop_assert_eq!(&read.settings[0].value, &described.settings[0].value);
+            prop_assert!(read.instances[0].at_once);
             prop_assert_eq!(&read.instances[0].source.value, &described.instances[0].source.value);
         }
     }

@@ -4,7 +4,7 @@ use super::exchange::Exchange;
 use super::history::{History, InputProfile, Traits};
 use super::wired::{Values, Wired};
 use super::wires::{Inputs, Outlets, Outputs, Reading, Wire};
-use crate::algorithms::Coupling;
+use crate::algorithms::{Coupling, gauss_seidel_order};
 use crate::component::{Role, Value, ValueKind};
 use crate::recorder::Signal;
 use crate::system::{Connection, Instance, System};
@@ -31,6 +31,10 @@ impl Exchange {
             mut traits,
             ..
         } = assembly;
+        let has_any = system.instances.iter().any(|own| own.at_once);
+        let order = has_any.then(|| gauss_seidel_order(&system));
+        let order = order.into_iter().flatten();
+        let at_once: Vec<usize> = order.filter(|&i| system.instances[i].at_once).collect();
         let parts = system.instances.into_iter().zip(outlets).zip(wires);
         let wired = parts
             .enumerate()
@@ -45,12 +49,14 @@ impl Exchange {
                     name,
                     component,
                     parts,
+                    at_once,
                     ..
                 } = instance;
                 Wired::new(
                     name,
                     component,
                     parts,
+                    at_once,
                     Inputs::new(&wires),
                     outputs,
                     coupling,
@@ -65,6 +71,7 @@ impl Exchange {
         let n = fed.len();
         Self {
             wired,
+            at_once,
             signals,
             unrecorded,
             fed,

@@ -12,6 +12,8 @@ use rayon::prelude::*;
 /// The components and the exchanged values. Nothing is allocated after construction, except for strings.
 pub(super) struct Exchange {
     pub(super) wired: Vec<Wired>,
+    /// Positions of the components whose outputs are read with the inputs of the same time, each after those that feed it.
+    pub(super) at_once: Vec<usize>,
     pub(super) values: Values,
     pub(super) signals: Vec<Signal>,
     pub(super) unrecorded: Vec<String>,
@@ -59,7 +61,12 @@ impl Exchange {
             true => step_in_parallel(&mut self.wired, t, h)?,
             false => (self.wired.iter_mut()).try_for_each(|wired| wired.step(t, h, false))?,
         }
-        for wired in &mut self.wired {
+        for wired in self.wired.iter_mut().filter(|own| !own.at_once) {
+            wired.get_next_outputs(values).map_err(failed)?;
+        }
+        for &i in &self.at_once {
+            let wired = &mut self.wired[i];
+            wired.set_newest(values).map_err(failed)?;
             wired.get_next_outputs(values).map_err(failed)?;
         }
         Ok(())
@@ -91,6 +98,11 @@ impl Exchange {
             if algorithm == Algorithm::GaussSeidel {
                 self.interpolate(i, degree, h);
             }
+        }
+        for &i in &self.at_once {
+            let wired = &mut self.wired[i];
+            wired.set_newest(&self.values).map_err(failed)?;
+            wired.get_outputs(&mut self.values).map_err(failed)?;
         }
         Ok(())
     }

@@ -38,6 +38,8 @@ pub(super) struct Wired {
     pub(super) abilities: Abilities,
     /// Number of parts into which it divides each communication step.
     pub(super) parts: u32,
+    /// Whether its outputs are read with the inputs of the same time.
+    pub(super) at_once: bool,
     pub(super) inputs: Inputs,
     pub(super) outputs: Outputs,
     pub(super) within: Within,
@@ -79,6 +81,7 @@ impl Wired {
         name: String,
         component: Box<dyn Component>,
         parts: u32,
+        at_once: bool,
         inputs: Inputs,
         outputs: Outputs,
         coupling: &Coupling,
@@ -94,6 +97,7 @@ impl Wired {
             component,
             abilities,
             parts: if is_halved { 2 * parts } else { parts },
+            at_once,
             inputs,
             outputs,
             within,

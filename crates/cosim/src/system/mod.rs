@@ -65,6 +65,8 @@ pub(super) struct Instance {
     pub(super) observed: Vec<usize>,
     /// Number of parts into which it divides each communication step.
     pub(super) parts: u32,
+    /// Whether its outputs are read with the inputs of the same time.
+    pub(super) at_once: bool,
 }
 
 /// Components, connections and start values.
@@ -102,6 +104,7 @@ impl System {
             component,
             observed: Vec::new(),
             parts: 1,
+            at_once: false,
         });
         Ok(())
     }
@@ -110,6 +113,14 @@ impl System {
     pub fn components(self) -> Vec<(String, Box<dyn Component>)> {
         let own = self.instances.into_iter();
         own.map(|own| (own.name, own.component)).collect()
+    }
+
+    /// Reads an instance's outputs after all others have stepped, with the inputs of that time, so that they are not a
+    /// communication step late with Jacobi: for sums, gains and the like, whose outputs depend on inputs alone. Unknown
+    /// names have no effect.
+    pub fn set_at_once(&mut self, name: &str) {
+        let own = self.instances.iter_mut().find(|own| own.name == name);
+        own.into_iter().for_each(|own| own.at_once = true);
     }
 
     /// Makes an instance divide every communication step into that many equal parts (multi-rate), with inputs
