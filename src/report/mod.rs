@@ -4,6 +4,7 @@
 mod axis;
 pub mod certainty;
 pub mod describing;
+pub mod diagram;
 pub mod figure;
 mod formula;
 mod frame;

@@ -11,6 +11,7 @@ mod system;
 mod text;
 
 use super::model::{check, open};
+use super::overwrite::Overwrite;
 use super::recognise::{self, FileKind};
 use super::{Failure, Outcome, terminal};
 use crate::fmi::description::{
@@ -23,15 +24,20 @@ use std::path::PathBuf;
 /// Arguments of `pilotage info`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  pilotage info pilot.fmu\n  pilotage info pilot.fmu --json | jq '.variables[].name'\n  pilotage info pilot.fmu --json | jq '.structure.outputs'\n  pilotage info system.toml"
+    after_help = "Examples:\n  pilotage info pilot.fmu\n  pilotage info pilot.fmu --json | jq '.variables[].name'\n  pilotage info pilot.fmu --json | jq '.structure.outputs'\n  pilotage info system.toml --figure system.svg"
 )]
 pub struct Args {
-    /// The FMU: its file, or the folder that it was unpacked into. Or a system file (TOML or SSP), of which the instances,
+    /// The FMU: its file, or the folder that it was unpacked into. Or a system file (TOML, SSP, OSP, maestro), of which the instances,
     /// connections, free inputs and outputs are shown, or a model file, as of `pilotage model check`.
     fmu: PathBuf,
     /// Variant of an SSP with several .ssd, by its name or its file's.
     #[arg(long, value_name = "NAME")]
     variant: Option<String>,
+    /// Draw a system into this file, .svg or .png.
+    #[arg(long, value_name = "FILE")]
+    figure: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print one JSON object instead of text.
     #[arg(long)]
     json: bool,
@@ -49,12 +55,15 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         ],
         "an FMU, a system file or a model file",
     )?;
-    if recognise::is_model(&args.fmu) {
+    if recognise::is_model(&args.fmu) && args.figure.is_none() {
         return check::run(open::read(&args.fmu)?, args.json);
     }
     if recognise::may_be_system(&args.fmu) {
-        terminal::print(&system::of(&args.fmu, args.variant.as_deref(), args.json)?)?;
+        terminal::print(&system::of(&args)?)?;
         return Ok(Outcome::Done);
+    }
+    if args.figure.is_some() {
+        return Err(Failure::new("--figure draws systems, and this is one FMU"));
     }
     let fmu = Fmu::open(&args.fmu)?;
     let text = match args.json {

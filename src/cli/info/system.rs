@@ -2,18 +2,26 @@
 
 use super::super::Failure;
 use super::super::format::aligned;
+use super::super::overwrite::{self, OutputKind, Overwrite};
 use super::super::system::{Built, file, open};
+use super::Args;
 use crate::cli::terminal;
 use crate::cosim::description::{InstanceDescription, InstanceSource, SystemDescription};
 use crate::cosim::system::Link;
 use crate::cosim::{Conversion, System, Variable};
+use crate::report::diagram::{Arrow, Block, to_svg};
+use crate::report::png::to_png;
 use pilotage_systems::{is_foreign, is_ssp};
 use serde_json::{Value, json};
 use std::path::Path;
 
+/// Pixels per inch of a .png.
+const PIXELS: f32 = 200.0;
+
 /// The system of a file as text or JSON.
-pub(super) fn of(file: &Path, variant: Option<&str>, as_json: bool) -> Result<String, Failure> {
-    let read = file::read(file, variant)?;
+pub(super) fn of(args: &Args) -> Result<String, Failure> {
+    let file = args.fmu.as_path();
+    let read = file::read(file, args.variant.as_deref())?;
     let variants = match is_ssp(file) {
         true => Some(pilotage_systems::variants(file)?),
         false => None,
@@ -27,7 +35,10 @@ pub(super) fn of(file: &Path, variant: Option<&str>, as_json: bool) -> Result<St
     if let Some(folder) = &read.unpacked {
         name_in(&mut description, file, folder);
     }
-    if as_json {
+    if let Some(figure) = &args.figure {
+        draw(file, figure, &system, &description, &args.overwrite)?;
+    }
+    if args.json {
         let mut json = to_json(file, &system, &description);
         if is_foreign(file) {
             json["annotations"] = json!(read.annotations);
@@ -54,6 +65,71 @@ pub(super) fn of(file: &Path, variant: Option<&str>, as_json: bool) -> Result<St
         }
     }
     Ok(text)
+}
+
+/// Draws the system into a file.
+fn draw(
+    file: &Path,
+    figure: &Path,
+    system: &System,
+    description: &SystemDescription,
+    overwrite: &Overwrite,
+) -> Result<(), Failure> {
+    overwrite.check(&[file.to_owned()], &[(figure, OutputKind::Figure)])?;
+    let blocks: Vec<Block> = (description.instances.iter())
+        .map(|own| {
+            let what = source(own).1;
+            let what = Path::new(&what)
+                .file_name()
+                .map_or(what.clone(), |own| own.to_string_lossy().into_owned());
+            Block {
+                lines: [own.name.clone(), what],
+            }
+        })
+        .collect();
+    let mut arrows: Vec<Arrow> = Vec::new();
+    for Link { from, to, .. } in system.links() {
+        let end = |name: &str| {
+            let (instance, variable) = description.split(name)?;
+            let number = description
+                .instances
+                .iter()
+                .position(|own| own.name == instance)?;
+            Some((number, variable.to_owned()))
+        };
+        let (Some((from, output)), Some((to, input))) = (end(&from.0), end(&to.0)) else {
+            continue;
+        };
+        let line = if output == input {
+            output
+        } else {
+            format!("{output} → {input}")
+        };
+        match arrows
+            .iter_mut()
+            .find(|own| (own.from, own.to) == (from, to))
+        {
+            Some(own) => own.lines.push(line),
+            None => arrows.push(Arrow {
+                from,
+                to,
+                lines: vec![line],
+            }),
+        }
+    }
+    let title = file.file_name().unwrap_or_default().to_string_lossy();
+    let svg = to_svg(&title, &blocks, &arrows);
+    let bytes = match figure.extension().and_then(|own| own.to_str()) {
+        Some("svg") => svg.into_bytes(),
+        Some("png") => to_png(&svg, PIXELS)?,
+        _ => {
+            return Err(Failure::new(format!(
+                "{} is neither .svg nor .png",
+                figure.display()
+            )));
+        }
+    };
+    overwrite::save(figure, bytes)
 }
 
 /// Names files of an unpacked archive as those of the archive.

@@ -138,6 +138,20 @@ fn a_system_of_osp_is_what_its_file_says() {
         .pilotage(&["info", "OspSystemStructure.xml", "--json"])
         .json();
     assert_eq!(info["notes"], serde_json::json!([]), "{info}");
+    let draw = |to: &str| folder.pilotage(&["info", "OspSystemStructure.xml", "--figure", to]);
+    assert_eq!(draw("system.svg").code, 0);
+    let svg = folder.read("system.svg");
+    for name in ["third", "sum.toml", "in_0_1", "out_1 → v"] {
+        assert!(svg.contains(name), "{name}: {svg}");
+    }
+    // An input stays as it is, and so does what is no figure.
+    folder.write("notes.svg", "mine");
+    for to in ["OspSystemStructure.xml", "notes.svg", "system.pdf"] {
+        let ended = draw(to);
+        assert_eq!(ended.code, 2, "{ended:?}");
+    }
+    assert_eq!(folder.read("notes.svg"), "mine");
+    assert_eq!(folder.read("OspSystemStructure.xml"), SYSTEM);
 }
 
 #[test]
