@@ -18,7 +18,9 @@ ROOT = Path(__file__).resolve().parents[2]
 ABOVE = ("SECURITY.md", "CONTRIBUTING.md", "CHANGELOG.md")
 # What any other file above docs/ is copied to.
 SOURCES = "source"
-LINK = re.compile(r"(\]\()([^)\s#]+)((?:#[^)\s]*)?\))")
+LINK = re.compile(r"\[([^\]\n]*)\]\(([^)\s#]+)((?:#[^)\s]*)?)\)")
+# Lines of code are longer than Material's column.
+STYLE = ".md-grid { max-width: 84rem; }\n.md-typeset pre > code { font-size: 0.76em; }\n"
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -26,6 +28,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(File.generated(config, name, content=(ROOT / name).read_text()))
     files.append(File.generated(config, "options.md", content=options()))
     files.append(File.generated(config, "module.md", content=names()))
+    files.append(File.generated(config, "book.css", content=STYLE))
     for page in files.documentation_pages():
         for _, link, _ in LINK.findall(page.content_string):
             path = beside(page.src_uri, link)
@@ -36,9 +39,15 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, files: Files, **_: object) -> str:
     def target(link: re.Match[str]) -> str:
-        begin, path, end = link.groups()
-        other = place(page.file.src_uri, path)
-        return begin + (relpath(other, dirname(page.file.src_uri) or ".") if other else path) + end
+        text, path, anchor = link.groups()
+        uri = place(page.file.src_uri, path)
+        if uri is None:
+            return link[0]
+        other = files.get_file_from_path(uri)
+        # On GitHub a link is the name of a file, here the title of a page.
+        if other and other.is_documentation_page() and text.removeprefix("docs/") == path.rpartition("/")[2]:
+            text = re.search(r"^# (.+)", other.content_string, re.M)[1]
+        return f"[{text}]({relpath(uri, dirname(page.file.src_uri) or '.')}{anchor})"
 
     return LINK.sub(target, markdown)
 

@@ -4,6 +4,7 @@ use super::{module, python};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::OnceLock;
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -66,7 +67,12 @@ fn chapters_on_disk() -> Vec<String> {
 }
 
 /// MkDocs takes broken links, missing anchors and pages that no list names for errors.
-fn built() -> PathBuf {
+fn built() -> &'static Path {
+    static BUILT: OnceLock<PathBuf> = OnceLock::new();
+    BUILT.get_or_init(build)
+}
+
+fn build() -> PathBuf {
     let folder = target().join("book");
     done(
         Command::new(python::bookbinder())
@@ -114,8 +120,8 @@ fn attributes<'a>(page: &'a str, name: &str) -> Vec<(&'a str, &'a str)> {
 fn is_whole_and_asks_nothing_of_other_servers() {
     let folder = built();
     let (mut pages, mut styles) = (BTreeMap::new(), BTreeMap::new());
-    texts(&folder, ".html", &mut pages);
-    texts(&folder, ".css", &mut styles);
+    texts(folder, ".html", &mut pages);
+    texts(folder, ".css", &mut styles);
     for (path, text) in &styles {
         assert!(!text.contains("url(http"), "{path:?}");
         assert!(!text.contains("@import"), "{path:?}");
