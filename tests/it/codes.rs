@@ -42,7 +42,7 @@ fn the_table_of_diagnostics_is_that_of_the_code() {
     );
     let rows = CODES.map(|(code, meaning)| format!("| `{code}` | {meaning} |\n"));
     check(
-        "problems.md",
+        "diagnostics.md",
         "| code | what it means |\n| --- | --- |\n",
         &rows,
     );
@@ -51,7 +51,7 @@ fn the_table_of_diagnostics_is_that_of_the_code() {
 /// What a check of flights finds that no fit looks for has a line of its own.
 #[test]
 fn the_table_of_checks_is_that_of_the_code() {
-    let text = include_str!("../../docs/problems.md");
+    let text = include_str!("../../docs/diagnostics.md");
     let (_, table) = text
         .split_once("| of flights alone | what it means |\n")
         .unwrap();

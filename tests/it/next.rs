@@ -90,7 +90,7 @@ fn what_readme_says_to_type_works() {
         .chain(inline)
         .filter(|line| line.starts_with("pilotage "))
         .collect();
-    assert_eq!(commands.len(), 11, "{commands:?}");
+    assert_eq!(commands.len(), 12, "{commands:?}");
     for command in commands {
         typed_with(&folder, command, &path_with_program());
     }

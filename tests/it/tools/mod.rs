@@ -1,6 +1,7 @@
 //! The second tier: tests that need more than Rust. Python with fmpy and other tools, which the tests install
 //! themselves (network); cargo, which builds models, the Python module, and finds the built examples; binutils; valgrind.
 
+mod book;
 mod dependencies;
 mod describing;
 mod examples;

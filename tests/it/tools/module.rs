@@ -94,8 +94,13 @@ fn wheel(folder: &Path) -> PathBuf {
         .expect("a wheel")
 }
 
+/// A Python with the module, and with the packages of the tests.
+pub fn whole() -> &'static Path {
+    &installed().whole
+}
+
 /// A Python that Ctrl-C reaches, with what the scripts ask for.
-fn python(python: &Path, script: &str) -> Command {
+pub fn python(python: &Path, script: &str) -> Command {
     let mut command = Command::new("env");
     command
         .arg("--default-signal=INT")
@@ -109,7 +114,7 @@ fn python(python: &Path, script: &str) -> Command {
 }
 
 fn run(script: &str) -> String {
-    done(&mut python(&installed().whole, script))
+    done(&mut python(whole(), script))
 }
 
 #[test]
@@ -123,7 +128,7 @@ fn simulations() {
     let crashing = folder.path().join("crashing.fmu");
     std::fs::write(&crashing, foreign::fmu("crash@0.5")).unwrap();
     for script in ["test_simulate.py", "test_command.py"] {
-        let mut command = python(&installed().whole, script);
+        let mut command = python(whole(), script);
         done(command.env("CRASHING_FMU", &crashing));
     }
 }
@@ -133,7 +138,7 @@ fn other_commands() {
     run("test_tools.py");
 }
 
-/// The snippets of docs/python.md and the notebook, one after the other.
+/// What docs/python.md says of the module, and the code of README and the notebooks.
 #[test]
 fn guide_and_notebook() {
     run("guide.py");

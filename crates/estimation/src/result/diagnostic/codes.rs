@@ -1,6 +1,6 @@
 //! What each code means.
 
-/// Code and meaning of each diagnostic, of which a test makes the table of docs/problems.md (`tests/it/codes.rs`).
+/// Code and meaning of each diagnostic, of which a test makes the table of docs/diagnostics.md (`tests/it/codes.rs`).
 pub const CODES: [(&str, &str); 48] = [
     (
         "not-converged",
