@@ -82,8 +82,9 @@ def licences(target: str) -> bytes:
         if key not in reached:
             reached.add(key)
             left += [d["pkg"] for d in nodes[key]["deps"] if any(kind["kind"] is None for kind in d["dep_kinds"])]
-    texts: dict[str, list[str]] = {}
-    names = []
+    vendored = sorted((ROOT / "src/report/vendor").glob("*.LICENSE"))
+    texts = {file.read_text().strip(): [file.stem] for file in vendored}
+    names = [file.stem for file in vendored]
     for package in sorted((packages[key] for key in reached), key=lambda p: (p["name"], p["version"])):
         if package["source"] is None:
             continue
@@ -161,8 +162,8 @@ def main() -> None:
             made = Path(folder) / "dist"
             dist(made, options.profile, options.command)
             made.rename(place)
-    except subprocess.CalledProcessError as error:
-        sys.exit(f"{shlex.join(error.cmd)} failed ({error.returncode})")
+    except (OSError, subprocess.CalledProcessError) as error:
+        sys.exit(f"error: {error}")
     for file in sorted(place.iterdir()):
         print(f"{file.stat().st_size / 1e6:8.2f} MB  {file}")
 
@@ -199,7 +200,7 @@ def dist(out: Path, profile: str, built: Path | None) -> None:
     tarball = packed({f"{name}/{path}": text for path, text in tree.items()}, time)
     (out / f"{name}.tar.gz").write_bytes(compressed(tarball))
 
-    if "linux" in target:
+    if "linux-gnu" in target:
         # Where Debian's shells look, and its manual pages are compressed.
         tree = common | {"share/zsh/vendor-completions/_pilotage": completions["zsh"]}
         tree |= {f"share/doc/pilotage/{file}": text for file, text in texts.items()}

@@ -18,8 +18,14 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
+    // The generators know nothing of hidden commands.
+    let whole = Cli::command();
+    let shown = whole.get_subcommands().filter(|own| !own.is_hide_set());
+    let mut command = clap::Command::new("pilotage")
+        .version(env!("CARGO_PKG_VERSION"))
+        .subcommands(shown.cloned());
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut Cli::command(), "pilotage", &mut script);
+    clap_complete::generate(args.shell, &mut command, "pilotage", &mut script);
     terminal::print(&String::from_utf8_lossy(&script))?;
     Ok(Outcome::Done)
 }
