@@ -242,7 +242,11 @@ fn manual_pages_are_sound() {
     assert_eq!(succeeded(groff), "");
     let mut groff = Command::new("groff");
     let fit = tree.join("share/man/man1/pilotage-fit.1");
-    let set = succeeded(groff.args(["-man", "-Kutf8", "-Tascii", "-P-cbou"]).arg(fit));
+    let set = succeeded(
+        groff
+            .args(["-man", "-Kutf8", "-Tascii", "-P-cbou"])
+            .arg(fit),
+    );
     for part in [
         "NAME",
         "SYNOPSIS",
