@@ -4,6 +4,8 @@
 //! This is a nested `cargo build` of the workspace's package `pilotage-fmu`, in a separate target folder so that the
 //! two cargo processes do not wait for each other's lock. It needs no network if the outer build needs none: both use
 //! the same `Cargo.lock`, and it is locked.
+//!
+//! The library, the command and the Python module (`crates/python/build.rs`) run on older systems too.
 
 #[path = "src/export/old_glibc.rs"]
 mod old_glibc;
@@ -20,6 +22,8 @@ fn main() {
     for input in [
         "build.rs",
         "src/export/old_glibc.rs",
+        "src/export/old_glibc.c",
+        "src/export/old_glibc_start.c",
         "Cargo.toml",
         "Cargo.lock",
         "fmu",
@@ -34,7 +38,13 @@ fn main() {
     let out = PathBuf::from(variable("OUT_DIR"));
     let target = variable("TARGET");
     let folder = target_folder(&out);
-    let flags = [portable_flags(), flags_for_old_systems(&out, &target)].concat();
+    let mut flags = portable_flags();
+    if let Some(folder) = stand_ins(&out, &target) {
+        let folder = folder.display();
+        flags.push(format!("-Lnative={folder}"));
+        println!("cargo::rustc-link-arg-bins=-L{folder}");
+        println!("cargo::metadata=stand_ins={folder}");
+    }
     build(&folder, &target, &flags);
     let built = folder.join(&target).join(PROFILE).join(file_name());
     let embedded = out.join("fmu-binary");
@@ -108,18 +118,18 @@ fn portable_flags() -> Vec<String> {
     kept
 }
 
-/// Flags for libraries that run on older systems too. If the linker's files are not as expected, FMUs only run on
-/// systems like this one.
-fn flags_for_old_systems(out: &Path, target: &str) -> Vec<String> {
+/// What to link with for older systems. If the linker's files are not as expected, what is built only runs on systems like this
+/// one.
+fn stand_ins(out: &Path, target: &str) -> Option<PathBuf> {
     if !(old_glibc::IS_HERE && target == old_glibc::TARGET) {
-        return Vec::new();
+        return None;
     }
-    old_glibc::flags(&out.join("glibc")).unwrap_or_else(|error| {
+    let made = old_glibc::stand_ins(out).inspect_err(|error| {
         println!(
-            "cargo::warning=exported FMUs will not run on systems older than this one: {error}"
+            "cargo::warning=exported FMUs, the command and the Python module will not run on systems older than this one: {error}"
         );
-        Vec::new()
-    })
+    });
+    made.ok()
 }
 
 fn file_name() -> &'static str {

@@ -4,6 +4,7 @@
 
 pub mod call;
 mod compare;
+mod completions;
 mod convert;
 pub mod cosim;
 mod deadline;
@@ -111,6 +112,11 @@ enum Command {
     Validate(validate::Args),
     /// Show the contents of an FMU: interfaces, variables, units.
     Info(info::Args),
+    /// Print what a shell needs to complete commands and options.
+    Completions(completions::Args),
+    /// Write the manual pages.
+    #[command(hide = true)]
+    Man(completions::ManArgs),
     /// Test one FMU and report each stage: `validate` runs it in a separate process.
     #[command(hide = true)]
     Probe(validate::ProbeArgs),
@@ -259,6 +265,8 @@ fn done(command: Command) -> Result<Outcome, Failure> {
         Command::Linearize(args) => linearize::run(*args),
         Command::Validate(args) => validate::run(args),
         Command::Info(args) => info::run(args),
+        Command::Completions(args) => completions::run(&args),
+        Command::Man(args) => completions::man(&args),
         Command::Probe(args) => validate::probe(args),
         Command::Isolated(args) => {
             match crate::cosim::fmu_component::isolated::serve(&args.channel) {
@@ -317,6 +325,8 @@ impl Command {
             | Self::Models(_)
             | Self::Export(_)
             | Self::Pack(_)
+            | Self::Completions(_)
+            | Self::Man(_)
             | Self::Probe(_)
             | Self::Isolated(_) => false,
         }

@@ -1,17 +1,17 @@
-//! Links libraries such that they also run on old Linux systems.
+//! Links libraries and programs such that they also run on old Linux systems.
 //!
 //! A library refers to each function of glibc in the newest version available when it was linked, and older systems
-//! then refuse to load it. Therefore FMUs are linked against stand-ins for glibc's libraries, which provide every
-//! function in its version of glibc 2.17 (2012; RHEL 7 and everything later). Newer functions are provided without a
-//! version: they are used where available, as in Rust's standard library with `statx`. Functions that are always needed
-//! are in the SDK (`fmu/sdk/src/old_glibc.rs`). The unwinder is added as a static library, so that `libgcc_s` is not
-//! required.
+//! then refuse to load it. Therefore FMUs, the command and the Python module are linked against stand-ins for glibc's libraries,
+//! which provide every function in its version of glibc 2.17 (2012; RHEL 7 and everything later). Newer functions are provided
+//! without a version: they are used where available, as in Rust's standard library with `statx`. Functions that are always needed
+//! are added ([`ADDED`]). The unwinder is added as a static library, so that `libgcc_s` is not required.
 //!
 //! This file is used both by the build script and by [`super::pack`].
 
 use object::read::elf::ElfFile64;
 use object::{Endianness, Object, ObjectSymbol, SymbolKind};
 use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs};
@@ -34,6 +34,16 @@ const LIBRARIES: [(&str, &str); 5] = [
     ("ld-linux-x86-64.so.2", "ld-stand-in.so"),
 ];
 
+/// Functions that glibc 2.17 lacks: names and sources of the objects in a static library, of which only those are linked that
+/// something asks for.
+const ADDED: [(&str, &str); 2] = [
+    ("functions", include_str!("old_glibc.c")),
+    ("start", include_str!("old_glibc_start.c")),
+];
+
+/// That static library.
+const LIBRARY: &str = "libadded.a";
+
 /// A function or variable of a stand-in; without a version if glibc 2.17 does not have it.
 struct Symbol {
     name: String,
@@ -51,27 +61,25 @@ pub const IS_HERE: bool = cfg!(all(
     target_arch = "x86_64"
 ));
 
-/// Flags of rustc for linking with the stand-ins in `folder`, which are created if the folder does not exist.
+/// The folder in which the linker finds the stand-ins. It lies in this one, and is made if it does not exist.
 ///
 /// # Errors
 /// If the C compiler with which Rust links is missing or does not find its libraries.
-pub fn flags(folder: &Path) -> Result<Vec<String>, String> {
+pub fn stand_ins(within: &Path) -> Result<PathBuf, String> {
+    let folder = within.join("glibc-2.17");
     if !folder.exists() {
         // Other processes may do the same concurrently, so the folder appears only when complete.
         let (process, thread) = (std::process::id(), std::thread::current().id());
         let new = folder.with_added_extension(format!("{process}-{thread:?}"));
-        let made = make(&new, folder);
+        let made = make(&new, &folder);
         if made.is_ok() {
             // If another process was faster, its folder has the same content.
-            let _ = fs::rename(&new, folder);
+            let _ = fs::rename(&new, &folder);
         }
         let _ = fs::remove_dir_all(&new);
         made?;
     }
-    Ok(vec![
-        format!("-Lnative={}", folder.display()),
-        "--cfg=old_glibc".to_owned(),
-    ])
+    Ok(folder)
 }
 
 /// Creates the stand-ins in `folder`, which will be renamed to `named`.
@@ -87,12 +95,18 @@ fn make(folder: &Path, named: &Path) -> Result<(), String> {
         let symbols = stand_ins.remove(library).unwrap_or_default();
         link(folder, library, file, &symbols)?;
     }
-    // Linker scripts, as glibc's own libc.so. The static parts are linked into each library anyway.
-    let [libc, threads, loader] = ["libc-stand-in.so", "libpthread.so", "ld-stand-in.so"]
-        .map(|file| format!("\"{}\"", named.join(file).display()));
+    add(folder)?;
+    // Linker scripts, as glibc's own libc.so. What is added comes first, and hides what the stand-in has of the same name.
+    let [added, libc, threads, loader] = [
+        LIBRARY,
+        "libc-stand-in.so",
+        "libpthread.so",
+        "ld-stand-in.so",
+    ]
+    .map(|file| format!("\"{}\"", named.join(file).display()));
     let rest = known("libc_nonshared.a")?;
     let libc = format!(
-        "GROUP ( {libc} \"{}\" AS_NEEDED ( {loader} {threads} ) )\n",
+        "GROUP ( {added} {libc} \"{}\" AS_NEEDED ( {loader} {threads} ) )\n",
         rest.display()
     );
     let unwinder = format!("GROUP ( \"{}\" )\n", known("libgcc_eh.a")?.display());
@@ -185,31 +199,50 @@ fn link(folder: &Path, library: &str, file: &str, symbols: &[Symbol]) -> Result<
         ["s", "map"].map(|extension| folder.join(library).with_added_extension(extension));
     write(&source, &assembly)?;
     write(&map, &nodes.collect::<String>())?;
-    let linked = Command::new(compiler())
+    let mut linked = Command::new(compiler());
+    linked
         .args(["-shared", "-nostdlib"])
         .arg(format!("-Wl,-soname,{library}"))
         .arg(format!("-Wl,--version-script={}", map.display()))
         .arg(&source)
         .arg("-o")
-        .arg(folder.join(file))
+        .arg(folder.join(file));
+    done(&mut linked, &format!("the stand-in for {library}"))
+}
+
+/// Makes the static library of what is added.
+fn add(folder: &Path) -> Result<(), String> {
+    let archiver = asked("-print-prog-name=ar")?;
+    let mut archive = Command::new(&archiver);
+    archive.arg("rcs").arg(folder.join(LIBRARY));
+    for (name, text) in ADDED {
+        let [source, object] = ["c", "o"].map(|own| folder.join(name).with_extension(own));
+        write(&source, text)?;
+        let mut compile = Command::new(compiler());
+        compile.args(["-O2", "-fPIC", "-g0", "-c"]).arg(&source);
+        done(compile.arg("-o").arg(&object), name)?;
+        archive.arg(object);
+    }
+    done(&mut archive, LIBRARY)
+}
+
+/// Runs a command that makes something.
+fn done(command: &mut Command, what: &str) -> Result<(), String> {
+    let output = command
         .output()
-        .map_err(no_compiler)?;
-    match linked.status.success() {
+        .map_err(|error| not_started(command.get_program(), &error))?;
+    match output.status.success() {
         true => Ok(()),
         false => Err(format!(
-            "the stand-in for {library} could not be linked: {}",
-            String::from_utf8_lossy(&linked.stderr)
+            "{what} could not be made: {}",
+            String::from_utf8_lossy(&output.stderr)
         )),
     }
 }
 
 /// Path at which the C compiler finds a library.
 fn known(file: &str) -> Result<PathBuf, String> {
-    let asked = Command::new(compiler())
-        .arg(format!("-print-file-name={file}"))
-        .output();
-    let answer = asked.map_err(no_compiler)?;
-    let path = PathBuf::from(String::from_utf8_lossy(&answer.stdout).trim());
+    let path = PathBuf::from(asked(&format!("-print-file-name={file}"))?);
     // The compiler prints the name of an unknown file unchanged.
     match path.is_absolute() {
         true => Ok(path),
@@ -217,16 +250,20 @@ fn known(file: &str) -> Result<PathBuf, String> {
     }
 }
 
+/// The C compiler's answer to a question.
+fn asked(question: &str) -> Result<String, String> {
+    let answer = Command::new(compiler()).arg(question).output();
+    let answer = answer.map_err(|error| not_started(&compiler(), &error))?;
+    Ok(String::from_utf8_lossy(&answer.stdout).trim().to_owned())
+}
+
 /// The C compiler with which Rust links.
-fn compiler() -> std::ffi::OsString {
+fn compiler() -> OsString {
     env::var_os("RUSTC_LINKER").unwrap_or_else(|| "cc".into())
 }
 
-fn no_compiler(error: std::io::Error) -> String {
-    format!(
-        "the C compiler {} cannot be started: {error}",
-        compiler().display()
-    )
+fn not_started(program: &OsStr, error: &std::io::Error) -> String {
+    format!("{} cannot be started: {error}", program.display())
 }
 
 fn write(path: &Path, text: &str) -> Result<(), String> {

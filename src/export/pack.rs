@@ -96,8 +96,8 @@ fn flags(workspace: Option<PathBuf>, target: Option<PathBuf>) -> String {
     // The folder is kept, so that the flags do not change and cargo need not rebuild everything.
     let for_old_systems = target
         .filter(|_| old_glibc::IS_HERE)
-        .and_then(|folder| old_glibc::flags(&folder.join("glibc")).ok())
-        .unwrap_or_default();
+        .and_then(|folder| old_glibc::stand_ins(&folder).ok())
+        .map(|folder| format!("-Lnative={}", folder.display()));
     let flags: Vec<String> = renamed
         .chain(for_old_systems)
         .map(|flag| toml::Value::String(flag).to_string())

@@ -56,7 +56,6 @@
 //! | [`unit`](mod@unit) | units of the variables |
 //! | `guid` | the fingerprint that links description, binary and resources |
 //! | `json` | what a library tells `pilotage pack` |
-//! | `old_glibc` | functions that old glibc lacks |
 //!
 //! There is no global state: instances share nothing.
 
@@ -73,8 +72,6 @@ pub mod interface;
 mod json;
 pub mod log;
 pub mod lti;
-#[cfg(all(old_glibc, target_os = "linux", target_arch = "x86_64"))]
-mod old_glibc;
 pub mod problem;
 pub mod resources;
 pub mod shared;

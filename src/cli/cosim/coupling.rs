@@ -35,7 +35,7 @@ pub struct CouplingArgs {
     parts: Vec<(String, String)>,
     /// Step all FMUs at the same time (jacobi with held inputs and fixed steps). It is faster if each step takes more
     /// than about 1 µs and processors are free. Instances of one FMU then run on several threads.
-    #[arg(long, conflicts_with_all = ["extrapolation", "tolerance", "parts", "details", "report"])]
+    #[arg(long, conflicts_with_all = ["extrapolation", "tolerance", "parts", "details"])]
     parallel: bool,
     /// Time each call, and report the lag and error of each connection and the time of all calls.
     #[arg(long)]

@@ -91,7 +91,7 @@ pub struct Args {
     output: PathBuf,
     /// Write a page with the recorded signals over time, the lag and error of each connection, and the time of all
     /// calls.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "parallel")]
     report: Option<PathBuf>,
     /// Accept NaN and infinite signals: no error, exit code 0.
     #[arg(long)]

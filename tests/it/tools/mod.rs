@@ -1,9 +1,10 @@
 //! The second tier: tests that need more than Rust. Python with fmpy and other tools, which the tests install
-//! themselves (network); cargo, which builds models, the Python module, and finds the built examples; binutils; valgrind.
+//! themselves (network); cargo, which builds models, what is released, and finds the built examples; binutils; valgrind.
 
 mod book;
 mod dependencies;
 mod describing;
+mod dist;
 mod examples;
 mod fmpy;
 mod guidance;

@@ -1,6 +1,8 @@
-//! The Python module: pip makes its wheel, which is installed into fresh environments and tried there by
+//! The Python module: pip makes its wheel ([`dist`]), which is installed into fresh environments and tried there by
 //! `tests/python/module`.
 
+use super::dist;
+use super::library::asks_for_no_new_glibc;
 use super::python::{compiled_elsewhere, interpreter};
 use crate::foreign;
 use std::ffi::OsString;
@@ -26,11 +28,6 @@ fn done(command: &mut Command) -> String {
     stdout
 }
 
-/// The folder of an environment's programs.
-fn programs(python: &Path) -> &Path {
-    python.parent().expect("it lies in bin/")
-}
-
 /// The environments with the wheel, made once in each run: one with the packages of the tests, and one into which pip has put the
 /// wheel and what it asks for.
 struct Installed {
@@ -44,7 +41,7 @@ fn installed() -> &'static Installed {
     static INSTALLED: OnceLock<Installed> = OnceLock::new();
     INSTALLED.get_or_init(|| {
         let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
-        let wheel = wheel(folder.path());
+        let wheel = dist::file(".whl");
         let [whole, bare] = ["whole", "bare"].map(|name| {
             let home = folder.path().join(name);
             done(Command::new(interpreter()).args(["-m", "venv"]).arg(&home));
@@ -67,31 +64,6 @@ fn installed() -> &'static Installed {
             wheel,
         }
     })
-}
-
-/// What `pip install .` builds, in the profile of the tests.
-fn wheel(folder: &Path) -> PathBuf {
-    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap();
-    let others = std::env::var_os("PATH").unwrap_or_default();
-    let cargo = Path::new(env!("CARGO")).parent().unwrap().to_owned();
-    let folders = [programs(interpreter()).to_owned(), cargo];
-    let search = folders.into_iter().chain(std::env::split_paths(&others));
-    done(
-        Command::new(interpreter())
-            .args(["-m", "pip", "wheel", "--quiet", "--no-deps"])
-            // maturin stands beside it.
-            .args(["--no-build-isolation", "--config-settings"])
-            .arg("build-args=--profile quick")
-            .arg("--wheel-dir")
-            .args([folder, root()])
-            .env("PATH", std::env::join_paths(search).unwrap())
-            .env("CARGO_TARGET_DIR", target),
-    );
-    let files = std::fs::read_dir(folder).unwrap();
-    let mut files = files.map(|entry| entry.unwrap().path());
-    files
-        .find(|path| path.extension().is_some_and(|own| own == "whl"))
-        .expect("a wheel")
 }
 
 /// A Python with the module, and with the packages of the tests.
@@ -198,5 +170,9 @@ fn the_wheel_is_whole() {
         );
     }
     let place = names.iter().position(|own| own.ends_with(".abi3.so"));
-    assert!(archive.by_index(place.unwrap()).is_ok());
+    let mut module = archive.by_index(place.unwrap()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let unpacked = folder.path().join("_pilotage.abi3.so");
+    std::io::copy(&mut module, &mut std::fs::File::create(&unpacked).unwrap()).unwrap();
+    asks_for_no_new_glibc(&unpacked);
 }
