@@ -60,9 +60,9 @@ pub trait Component: Send {
     /// Steps from time `t` by `h` \[s\], with the inputs set last.
     fn step(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError>;
 
-    /// Suggested stop time \[s\].
-    fn suggested_stop(&self) -> Option<f64> {
-        None
+    /// Times that it suggests for a run.
+    fn suggested(&self) -> Suggested {
+        Suggested::default()
     }
 
     /// What a user should know of what is not simulated.
@@ -213,6 +213,15 @@ pub enum Progress {
         /// Time reached \[s\].
         reached: f64,
     },
+}
+
+/// Times of a run that a component suggests (FMI 2.0, section 2.2.5, and FMI 3.0, section 2.4.5: `DefaultExperiment`).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Suggested {
+    /// Stop time \[s\].
+    pub stop: Option<f64>,
+    /// Communication step \[s\].
+    pub step: Option<f64>,
 }
 
 /// Start time, stop time and tolerance of a simulation.

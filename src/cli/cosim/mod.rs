@@ -6,13 +6,15 @@ pub mod prepared;
 mod report;
 mod rows;
 mod summary;
+pub mod times;
 mod watch;
 
 use self::coupling::CouplingArgs;
 use self::rows::Rows;
 use self::summary::Summary;
+use self::times::Times;
 use self::watch::{ProgressFormat, Watch};
-use super::number::{number, positive};
+use super::number::positive;
 use super::overwrite::{self, OutputKind, Overwrite};
 use super::system::Built;
 use super::system::flags::Wiring;
@@ -67,15 +69,8 @@ kept), or signals are NaN or infinite, 2 bad use or input.";
 pub struct Args {
     #[command(flatten)]
     pub wiring: Wiring,
-    /// Start time [s] [default: that of the system file, or 0].
-    #[arg(long, value_name = "SECONDS", value_parser = number, allow_hyphen_values = true)]
-    start_time: Option<f64>,
-    /// Stop time [s] [default: that of the system file, or what the FMUs suggest, if they agree].
-    #[arg(long, value_name = "SECONDS", value_parser = number, allow_hyphen_values = true)]
-    stop_time: Option<f64>,
-    /// Communication step [s]; must divide the duration.
-    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
-    step: f64,
+    #[command(flatten)]
+    times: Times,
     #[command(flatten)]
     coupling: CouplingArgs,
     /// Signals to record, in this order: `instance.variable`, where `*` stands for any characters and `?` for one
@@ -109,10 +104,9 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     // Errors that can be detected without the files are reported before the files are opened.
-    if let Some(stop) = args.stop_time.filter(|_| !args.wiring.has_system_file()) {
-        args.clock(args.start_time.unwrap_or(0.0), stop)?;
+    if !args.wiring.has_system_file() {
+        args.times.check()?;
     }
-    args.rows_between()?;
     args.check_report()?;
     let built = args.wiring.build(&args.overwrite, &args.outputs())?;
     let (done, built) = simulated(&args, built)?;
@@ -148,8 +142,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 /// A run whose rows are saved.
 pub struct Simulated {
     pub algorithm: Algorithm,
-    /// Start time \[s\].
-    pub start: f64,
+    pub clock: Clock,
     pub run: Run,
     pub ending: ending::Words,
     /// Wall-clock time \[s\].
@@ -180,13 +173,9 @@ impl Simulated {
 
 /// Simulates a system and saves its rows; gives what is left of what was built.
 fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failure> {
-    let every = args.rows_between()?;
     let mut system = std::mem::take(&mut built.system);
-    let times = built.description.experiment;
-    let start = args.start_time.or(times.start).unwrap_or(0.0);
-    let stop = args.stop_time.or(times.stop);
-    let stop = stop.or_else(|| system.suggested_stop());
-    let clock = args.clock(start, stop.ok_or_else(no_stop)?)?;
+    let (clock, assumed) = args.times.clock(&system, built.description.experiment)?;
+    let every = args.rows_between(&clock)?;
     let mut coupling = args.coupling.coupling(&clock)?;
     coupling.measure |= args.report.is_some();
     if coupling.parallel {
@@ -197,7 +186,8 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
     let notes = built.tables.iter().flat_map(|table| table.notes(&clock));
     let notes = (built.notes.iter().cloned().chain(notes))
         .chain(unfed(&system))
-        .chain(system.limitations());
+        .chain(system.limitations())
+        .chain(assumed);
     let notes = notes.collect();
     let converted = system.converted();
     interrupt::listen("stopping after this step")?;
@@ -218,7 +208,7 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
     let run = match run {
         Ok(run) => run,
         Err(error) => {
-            watch.end("failed", start, None);
+            watch.end("failed", clock.start(), None);
             return Err(sink.explain(error, &built.description));
         }
     };
@@ -230,7 +220,7 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
     sink.save(&args.output)?;
     let done = Simulated {
         algorithm: coupling.algorithm,
-        start,
+        clock,
         run,
         ending,
         seconds,
@@ -261,11 +251,6 @@ pub fn end(mut components: Components, outcome: Outcome) {
     }
 }
 
-fn no_stop() -> Failure {
-    Failure::new("no --stop-time, and the FMUs suggest none, or different ones")
-        .hint("say when the simulation ends, such as --stop-time 10")
-}
-
 impl Args {
     /// Parses arguments; the first word is the command name used in messages. Ends the process if they ask for help.
     pub fn of(words: &[OsString]) -> Result<Self, Failure> {
@@ -285,10 +270,6 @@ impl Args {
             Failure::new(message).below(below)
         };
         Ok(Line::try_parse_from(words).map_err(refused)?.args)
-    }
-
-    fn clock(&self, start: f64, stop: f64) -> Result<Clock, Failure> {
-        Ok(Clock::new(start, stop, self.step)?)
     }
 
     fn check_report(&self) -> Result<(), Failure> {
@@ -316,17 +297,17 @@ impl Args {
     }
 
     /// Number of communication steps between two recorded rows.
-    fn rows_between(&self) -> Result<u64, Failure> {
+    fn rows_between(&self, clock: &Clock) -> Result<u64, Failure> {
         let Some(interval) = self.record_every else {
             return Ok(1);
         };
-        let ratio = interval / self.step;
+        let ratio = interval / clock.step();
         let whole = ratio.round();
         match whole >= 1.0 && (ratio - whole).abs() <= 1e-9 * ratio {
             true => Ok(whole as u64),
             false => Err(Failure::new(format!(
                 "--record-every {interval} s is no multiple of the step of {} s",
-                self.step
+                clock.step()
             ))),
         }
     }

@@ -41,7 +41,7 @@ impl Summary<'_> {
             "algorithm": self.done.algorithm.to_string(),
             "order": self.done.run.order,
             "steps": self.done.run.steps,
-            "step": self.args.step,
+            "step": self.done.clock.step(),
             "report": report::to_json(&self.done.run.report),
             "time": self.done.run.time,
             "seconds": self.done.seconds,
@@ -63,8 +63,8 @@ impl Summary<'_> {
         let mut text = format!(
             "{} of {} s from {} s to {} s ({}{order})\n{} of {} in {}\n",
             counted(self.done.run.steps as usize, "step"),
-            self.args.step,
-            self.done.start,
+            self.done.clock.step(),
+            self.done.clock.start(),
             self.done.run.time,
             self.done.algorithm,
             counted(self.done.rows as usize, "row"),
@@ -115,10 +115,10 @@ impl Summary<'_> {
         let message = self.done.ending.message.iter().cloned();
         let notes = self.notes().into_iter();
         let notes = notes.chain(report::notes(&run.report));
-        let duration = format!("{} to {} s", self.done.start, run.time);
+        let duration = format!("{} to {} s", self.done.clock.start(), run.time);
         let facts = [
             ("simulated", duration),
-            ("step", format!("{} s", self.args.step)),
+            ("step", format!("{} s", self.done.clock.step())),
             ("algorithm", self.done.algorithm.to_string()),
             ("communication steps", run.report.steps.accepted.to_string()),
             ("rejected", run.report.steps.rejected.to_string()),

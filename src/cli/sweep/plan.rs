@@ -2,6 +2,7 @@
 
 use super::run::Opened;
 use super::{Args, Failure, reducers};
+use crate::cli::terminal;
 use crate::cosim::SystemDescription;
 use crate::cosim::description::InstanceSource;
 use crate::inference::sample::square_root;
@@ -49,16 +50,14 @@ impl Plan {
     /// That of the arguments, and its measures.
     pub fn new(args: &Args, opened: &Opened) -> Result<(Self, Vec<Measure>), Failure> {
         let measures = measures(args, opened)?;
-        let stop = opened.stop(args)?;
+        let (clock, assumed) = opened.clock(args)?;
+        if let Some(assumed) = assumed {
+            terminal::note(&assumed);
+        }
         let plan = Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             system: sum(opened.description())?,
-            simulation: format!(
-                "{:?} {stop:?} {:?} {:?}",
-                opened.start(args),
-                args.step,
-                args.coupling
-            ),
+            simulation: format!("{clock:?} {:?}", args.coupling),
             design: design(args, opened)?,
             measures: measures
                 .iter()

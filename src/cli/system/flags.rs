@@ -238,9 +238,18 @@ pub fn instance(argument: &OsStr) -> (String, PathBuf) {
                 Some(_) => path.to_owned(),
                 None => path.canonicalize().unwrap_or_default(),
             };
-            let stem = full.file_stem().unwrap_or_default();
-            (stem.to_string_lossy().into_owned(), path.to_owned())
+            (named_after(&full), path.to_owned())
         }
+    }
+}
+
+/// The name of an instance of a file: no dot is in it, since dots separate instances from variables. `vdp.model.toml` is
+/// `vdp`; names of other files, such as those of Modelica's FMUs, are whole.
+fn named_after(file: &Path) -> String {
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+    match stem.split_once('.') {
+        Some((name, _)) if recognise::is_toml(file) && !name.is_empty() => name.to_owned(),
+        _ => stem.replace('.', "_"),
     }
 }
 

@@ -18,7 +18,7 @@ use self::fmi3::Fmi3;
 use self::linear::Knowns;
 use self::variables::variables;
 use super::component::{
-    Abilities, Component, ComponentError, Experiment, Linear, Progress, Value, ValueKind, Variable,
+    Abilities, Component, ComponentError, Experiment, Linear, Progress, Suggested, Value, ValueKind, Variable,
 };
 use pilotage_fmi::description::{
     Causality, DefaultExperiment, FmiVersion, ModelDescription, ScalarVariable, VariableKind,
@@ -67,8 +67,8 @@ pub struct Outline {
     pub variables: Vec<Variable>,
     /// Its capabilities.
     pub abilities: Abilities,
-    /// Suggested stop time \[s\].
-    pub suggested_stop: Option<f64>,
+    /// Times that it suggests.
+    pub suggested: Suggested,
     /// What is not simulated.
     pub limitation: Option<String>,
 }
@@ -95,7 +95,7 @@ impl Outline {
         let experiment = description.default_experiment.unwrap_or_default();
         Ok(Self {
             abilities,
-            suggested_stop: experiment.stop_time,
+            suggested: suggested(&experiment),
             limitation: limitation(description, &variables),
             variables,
         })
@@ -167,6 +167,14 @@ impl FmuComponent {
             variables,
             experiment: description.default_experiment.unwrap_or_default(),
         })
+    }
+}
+
+/// What an FMU suggests. A step that is no positive number is none.
+fn suggested(experiment: &DefaultExperiment) -> Suggested {
+    Suggested {
+        stop: experiment.stop_time,
+        step: (experiment.step_size).filter(|step| *step > 0.0 && step.is_finite()),
     }
 }
 
@@ -275,8 +283,8 @@ impl Component for FmuComponent {
         }
     }
 
-    fn suggested_stop(&self) -> Option<f64> {
-        self.experiment.stop_time
+    fn suggested(&self) -> Suggested {
+        suggested(&self.experiment)
     }
 
     fn limitation(&self) -> Option<String> {

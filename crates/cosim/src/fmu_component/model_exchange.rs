@@ -5,7 +5,7 @@ use super::arrays::Arrays;
 use super::linear::Knowns;
 use super::variables::variables;
 use crate::component::{
-    Abilities, Component, ComponentError, Experiment, Linear, Progress, Value, ValueKind, Variable,
+    Abilities, Component, ComponentError, Experiment, Linear, Progress, Suggested, Value, ValueKind, Variable,
 };
 use pilotage_fmi::description::{DefaultExperiment, ModelDescription};
 use pilotage_fmi::simulate::{RunWork, SavedRun};
@@ -161,8 +161,8 @@ impl Component for ModelExchangeComponent {
         self.run.next_event().filter(|&next| next > t)
     }
 
-    fn suggested_stop(&self) -> Option<f64> {
-        self.experiment.stop_time
+    fn suggested(&self) -> Suggested {
+        super::suggested(&self.experiment)
     }
 
     fn limitation(&self) -> Option<String> {

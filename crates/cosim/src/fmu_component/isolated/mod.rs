@@ -20,7 +20,7 @@ mod wire;
 pub use serve::serve;
 
 use crate::component::{
-    Abilities, Component, ComponentError, Experiment, Linear, Progress, Value, ValueKind, Variable,
+    Abilities, Component, ComponentError, Experiment, Linear, Progress, Suggested, Value, ValueKind, Variable,
 };
 use crate::fmu_component::Outline;
 use pilotage_fmi::{ASKING, InterfaceType, call_name};
@@ -450,8 +450,8 @@ impl Component for Isolated {
         self.stepped(t, h, false)
     }
 
-    fn suggested_stop(&self) -> Option<f64> {
-        self.outline.suggested_stop
+    fn suggested(&self) -> Suggested {
+        self.outline.suggested
     }
 
     fn limitation(&self) -> Option<String> {
