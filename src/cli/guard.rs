@@ -113,7 +113,8 @@ impl Late {
             let known = known.find(|(name, count, ..)| (name, *count) == (&own.name, own.count));
             let (since, was_told) = known.map_or((now, false), |own| (own.2, own.3));
             let is_told = now - since >= LATE;
-            self.going.push((own.name.clone(), own.count, since, is_told));
+            self.going
+                .push((own.name.clone(), own.count, since, is_told));
             if is_told && !was_told {
                 late.push(own);
             }
@@ -265,7 +266,12 @@ mod tests {
     fn a_long_call_is_told_once_and_many_short_ones_are_not() {
         let going = |count: u32| {
             let (name, time) = ("`a`".to_owned(), Some(1.0));
-            vec![Going { name, call: 1, count, time }]
+            vec![Going {
+                name,
+                call: 1,
+                count,
+                time,
+            }]
         };
         let (mut late, begin) = (Late::default(), Instant::now());
         let mut told = |count: u32, seconds: f64| {
@@ -278,6 +284,9 @@ mod tests {
         let expected: Vec<usize> = (30..60).map(|k| usize::from(k == 40)).collect();
         assert_eq!(found, expected);
         // The next call.
-        assert_eq!([told(100, 60.0), told(100, 69.9), told(100, 70.0)], [0, 0, 1]);
+        assert_eq!(
+            [told(100, 60.0), told(100, 69.9), told(100, 70.0)],
+            [0, 0, 1]
+        );
     }
 }

@@ -106,6 +106,17 @@ pub trait Component: Send {
         Err(format!("the state cannot be restored (from place {place})").into())
     }
 
+    /// The complete state as bytes.
+    fn serialize(&mut self) -> Result<Vec<u8>, ComponentError> {
+        Err("the state cannot be written as bytes".into())
+    }
+
+    /// Restores a state from the bytes that this or another instance of the same component has written. The instance is
+    /// initialized.
+    fn deserialize(&mut self, bytes: &[u8]) -> Result<(), ComponentError> {
+        Err(format!("the state cannot be read from {} bytes", bytes.len()).into())
+    }
+
     /// As [`step`](Self::step), but the component can be restored to a state saved before the step.
     fn step_revocably(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError> {
         self.step(t, h)
@@ -187,6 +198,8 @@ impl From<StateSpace> for Linear {
 pub struct Abilities {
     /// [`save`](Component::save) and [`restore`](Component::restore) its complete state (rollback).
     pub rollback: bool,
+    /// Write its complete state [as bytes](Component::serialize).
+    pub serialization: bool,
     /// Take communication steps of different lengths.
     pub variable_steps: bool,
     /// Accept [the derivatives of inputs](Component::set_input_derivatives), so that inputs are ramps within a step

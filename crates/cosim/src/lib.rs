@@ -51,7 +51,9 @@ pub use finite::{Finite, NotFinite, NotFiniteSignal};
 pub use fmu_component::isolated::{Isolated, Limits, Program};
 pub use fmu_component::{FmuComponent, ModelExchangeComponent};
 pub use linearize::{Linearization, LinearizeError, Loop, linearize};
-pub use master::{Components, Ending, MasterError, Run, run, run_open};
+pub use master::{
+    Checkpoints, Components, Ending, MasterError, Run, State, run, run_between, run_open,
+};
 pub use native_component::NativeComponent;
 pub use recorder::{CsvRecorder, Recorder, SeriesRecorder};
 pub use report::{

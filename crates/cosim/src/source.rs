@@ -276,6 +276,7 @@ impl Component for Source {
     fn abilities(&self) -> Abilities {
         Abilities {
             rollback: true,
+            serialization: true,
             variable_steps: true,
             ..Abilities::default()
         }
@@ -299,6 +300,15 @@ impl Component for Source {
             Some(&time) => self.time = time,
             None => return Err(format!("no time is saved in place {place}").into()),
         }
+        Ok(())
+    }
+
+    fn serialize(&mut self) -> Result<Vec<u8>, ComponentError> {
+        Ok(self.time.to_le_bytes().to_vec())
+    }
+
+    fn deserialize(&mut self, bytes: &[u8]) -> Result<(), ComponentError> {
+        self.time = f64::from_le_bytes(bytes.try_into()?);
         Ok(())
     }
 

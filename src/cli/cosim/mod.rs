@@ -5,12 +5,14 @@ pub mod ending;
 pub mod prepared;
 mod report;
 mod rows;
+mod state;
 mod summary;
 pub mod times;
 mod watch;
 
 use self::coupling::CouplingArgs;
 use self::rows::Rows;
+pub use self::state::HEADER as STATE;
 use self::summary::Summary;
 use self::times::Times;
 use self::watch::{ProgressFormat, Watch};
@@ -23,7 +25,8 @@ use super::{Failure, Outcome, call, interrupt, terminal};
 use crate::atomic_file;
 use crate::cosim::recorder::Signal;
 use crate::cosim::{
-    Algorithm, Clock, Components, Ending, Finite, NotFinite, Run, Selection, System, Thinned,
+    Algorithm, Checkpoints, Clock, Components, Ending, Finite, NotFinite, Run, Selection, System,
+    Thinned,
 };
 use crate::error_chain::error_chain;
 use clap::Parser;
@@ -57,6 +60,10 @@ Examples:
   # The same with another vehicle and another target: arguments take precedence over the file.
   pilotage cosim system.toml vehicle=heavy.fmu --set pilot.target=20 --stop-time 15 --step 0.05
 
+  # The state at 10 s, and a run that goes on from it, as after a crash.
+  pilotage cosim system.toml --stop-time 15 --step 0.05 --save-state 10=run.state
+  pilotage cosim system.toml --from-state run.state -o rest.csv
+
 The result has a column `time` [s] and a column `instance.variable [unit]` for every output; --input
 reads it. During the run it is in RESULT.part, and is renamed at the end. After a crash RESULT.part
 remains; the next run renames it and reports that.
@@ -84,6 +91,14 @@ pub struct Args {
     /// Result file (CSV).
     #[arg(short, long, value_name = "FILE", default_value = "result.csv")]
     output: PathBuf,
+    /// Write the state of the run at a time [s], or where it ends or Ctrl-C stops it; may be repeated. All FMUs need to write
+    /// theirs (co-simulation, canGetAndSetFMUstate, canSerializeFMUstate).
+    #[arg(long, value_name = "[TIME=]FILE", value_parser = state::save)]
+    save_state: Vec<state::Save>,
+    /// Go on from a state that --save-state wrote, with the same system and arguments: the rows from its time on are those of a
+    /// run without a stop, to the last bit.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["start_time", "step"])]
+    from_state: Option<PathBuf>,
     /// Write a page with the recorded signals over time, the lag and error of each connection, and the time of all
     /// calls.
     #[arg(long, value_name = "FILE")]
@@ -108,7 +123,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         args.times.check()?;
     }
     args.check_report()?;
-    let built = args.wiring.build(&args.overwrite, &args.outputs())?;
+    let read = args.from_state.as_slice();
+    let built = args.wiring.build(&args.overwrite, read, &args.outputs())?;
     let (done, built) = simulated(&args, built)?;
     let summary = Summary {
         args: &args,
@@ -174,9 +190,22 @@ impl Simulated {
 /// Simulates a system and saves its rows; gives what is left of what was built.
 fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failure> {
     let mut system = std::mem::take(&mut built.system);
-    let (clock, assumed) = args.times.clock(&system, built.description.experiment)?;
+    let before = args.from_state.as_deref().map(state::Read::new);
+    let before = before.transpose()?;
+    let (clock, assumed) = match &before {
+        Some(before) => (before.clock(args.times.stop_time)?, None),
+        None => args.times.clock(&system, built.description.experiment)?,
+    };
+    let first = before.as_ref().map_or(0, |own| own.state.step());
     let every = args.rows_between(&clock)?;
     let mut coupling = args.coupling.coupling(&clock)?;
+    if let Some(before) = &before {
+        before.check(args, &built, &clock, coupling)?;
+    }
+    let saves = match args.save_state.is_empty() {
+        true => None,
+        false => Some(state::Saves::new(args, &built, &clock, coupling, first)?),
+    };
     coupling.measure |= args.report.is_some();
     if coupling.parallel {
         super::start_threads()?;
@@ -194,15 +223,17 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
 
     let mut sink = Rows::open(&args.output, clock.steps() / every + 2)?;
     let mut finite = Finite::new(sink.recorder());
-    let mut thinned = Thinned::new(&mut finite, selection, every);
+    let mut thinned = Thinned::new(&mut finite, selection, every).after(first);
     let mut watch = Watch::new(&mut thinned, args.progress, &clock);
-    let run = crate::cosim::run_open(
-        system,
-        &clock,
-        args.coupling.component_tolerance(),
-        coupling,
-        &mut watch,
-    );
+    let checkpoints = Checkpoints {
+        from: before.map(|before| before.state),
+        at: saves.as_ref().map_or(Vec::new(), |own| own.at.clone()),
+        at_end: saves.as_ref().is_some_and(state::Saves::has_end),
+        keep: Some(&mut |which, state| saves.as_ref().map_or(Ok(()), |own| own.keep(which, state))),
+    };
+    let tolerance = args.coupling.component_tolerance();
+    let run =
+        crate::cosim::run_between(system, &clock, tolerance, coupling, &mut watch, checkpoints);
     // An FMU may have changed the working folder.
     atomic_file::go_back();
     let run = match run {
@@ -293,7 +324,9 @@ impl Args {
         let page = self.report.as_deref().map(|path| (path, OutputKind::Page));
         // Who calls the command takes the rows from memory.
         let result = (!call::is_on()).then_some((self.output.as_path(), OutputKind::Result));
-        result.into_iter().chain(page).collect()
+        let states = self.save_state.iter();
+        let states = states.map(|own| (own.file.as_path(), OutputKind::State));
+        result.into_iter().chain(page).chain(states).collect()
     }
 
     /// Number of communication steps between two recorded rows.

@@ -64,7 +64,7 @@ impl Summary<'_> {
             "{} of {} s from {} s to {} s ({}{order})\n{} of {} in {}\n",
             counted(self.done.run.steps as usize, "step"),
             self.done.clock.step(),
-            self.done.clock.start(),
+            self.done.run.begin,
             self.done.run.time,
             self.done.algorithm,
             counted(self.done.rows as usize, "row"),
@@ -115,7 +115,7 @@ impl Summary<'_> {
         let message = self.done.ending.message.iter().cloned();
         let notes = self.notes().into_iter();
         let notes = notes.chain(report::notes(&run.report));
-        let duration = format!("{} to {} s", self.done.clock.start(), run.time);
+        let duration = format!("{} to {} s", run.begin, run.time);
         let facts = [
             ("simulated", duration),
             ("step", format!("{} s", self.done.clock.step())),

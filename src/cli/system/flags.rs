@@ -90,10 +90,11 @@ impl Wiring {
     }
 
     /// Opens and connects everything, after checking that no input file is overwritten; saves the system if requested.
-    /// `outputs` are the other files that the command writes.
+    /// `inputs` and `outputs` are the other files that the command reads and writes.
     pub fn build(
         &self,
         overwrite: &Overwrite,
+        inputs: &[PathBuf],
         outputs: &[(&Path, OutputKind)],
     ) -> Result<Built, Failure> {
         self.expect()?;
@@ -101,6 +102,7 @@ impl Wiring {
         let (description, connections) = self.describe(&mut notes)?;
         let files = (description.instances.iter()).filter_map(|i| i.source.value.file());
         let files = files.map(Path::to_owned).chain(self.system_files());
+        let files = files.chain(inputs.iter().cloned());
         let read: Vec<PathBuf> = files.chain(self.parameters.iter().cloned()).collect();
         let saved = self
             .save_system

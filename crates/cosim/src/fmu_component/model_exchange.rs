@@ -5,7 +5,8 @@ use super::arrays::Arrays;
 use super::linear::Knowns;
 use super::variables::variables;
 use crate::component::{
-    Abilities, Component, ComponentError, Experiment, Linear, Progress, Suggested, Value, ValueKind, Variable,
+    Abilities, Component, ComponentError, Experiment, Linear, Progress, Suggested, Value,
+    ValueKind, Variable,
 };
 use pilotage_fmi::description::{DefaultExperiment, ModelDescription};
 use pilotage_fmi::simulate::{RunWork, SavedRun};
@@ -74,6 +75,8 @@ pub(super) fn abilities(description: &ModelDescription, access: &Access) -> Abil
     let me = description.model_exchange.as_ref();
     Abilities {
         rollback: me.is_some_and(|me| me.can_get_and_set_fmu_state),
+        // The solver's state is not among that of the FMU.
+        serialization: false,
         variable_steps: true,
         input_derivatives: access.has_simple_inputs(),
         output_derivatives: access.has_simple_outputs(),

@@ -44,8 +44,8 @@ pub(super) struct Stepper {
     order: Vec<usize>,
     /// Whether every input is held at its newest value, with equal steps.
     pub(super) is_plain: bool,
-    strong: Option<Strong>,
-    control: Option<(Control, Controller)>,
+    pub(super) strong: Option<Strong>,
+    pub(super) control: Option<(Control, Controller)>,
     /// Whether inputs change within a step, which would turn jumps into ramps.
     pub(super) has_input_profiles: bool,
     /// Whether all components support rollback, and variable steps.
@@ -57,9 +57,9 @@ pub(super) struct Stepper {
     /// Remaining halvings of the current step.
     parts_left: u32,
     /// Number of successive very short steps whose corrections did not converge.
-    unconverged: u32,
+    pub(super) unconverged: u32,
     /// Number of successive shortest steps.
-    shortest: u32,
+    pub(super) shortest: u32,
     room: Vec<f64>,
     /// Errors of the fed outputs in the last step.
     errors: Vec<f64>,

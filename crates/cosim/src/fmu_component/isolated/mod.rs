@@ -20,7 +20,8 @@ mod wire;
 pub use serve::serve;
 
 use crate::component::{
-    Abilities, Component, ComponentError, Experiment, Linear, Progress, Suggested, Value, ValueKind, Variable,
+    Abilities, Component, ComponentError, Experiment, Linear, Progress, Suggested, Value,
+    ValueKind, Variable,
 };
 use crate::fmu_component::Outline;
 use pilotage_fmi::{ASKING, InterfaceType, call_name};
@@ -501,6 +502,17 @@ impl Component for Isolated {
 
     fn restore(&mut self, place: usize) -> Result<(), ComponentError> {
         self.moved(Question::Restore(place)).map(drop)
+    }
+
+    fn serialize(&mut self) -> Result<Vec<u8>, ComponentError> {
+        match self.ask(Question::Serialize)? {
+            Answer::Bytes(bytes) => Ok(bytes),
+            _ => Err(self.nonsense()),
+        }
+    }
+
+    fn deserialize(&mut self, bytes: &[u8]) -> Result<(), ComponentError> {
+        self.moved(Question::Deserialize(bytes.into())).map(drop)
     }
 
     fn step_revocably(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError> {
