@@ -18,6 +18,7 @@ mod command;
 mod compare;
 mod cosim;
 mod cosim_command;
+mod defaults;
 mod delays;
 mod demo;
 mod describing;
@@ -69,6 +70,7 @@ mod selection;
 mod shipped;
 mod ssp;
 mod starts;
+mod states;
 #[cfg(target_os = "linux")]
 mod strangers;
 mod sweep;

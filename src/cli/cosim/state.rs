@@ -8,6 +8,7 @@ use crate::cli::system::sum::sum;
 use crate::cli::{Failure, overwrite};
 use crate::cosim::{Clock, Coupling, State};
 use crate::file;
+use pilotage_text::number::rounded;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::io;
@@ -211,7 +212,7 @@ fn step_at(time: f64, clock: &Clock, first: u64) -> Result<u64, Failure> {
     };
     if (ratio - whole).abs() > 1e-9 * ratio.abs().max(1.0) {
         let (below, above) = (ratio.floor().max(0.0) as u64, ratio.ceil().max(0.0) as u64);
-        let (below, above) = (clock.time(below), clock.time(above));
+        let [below, above] = [below, above].map(|step| rounded(clock.time(step), 9));
         let step = clock.step();
         return Err(refused(format!(
             "no step of {step} s ends there, but at {below} s and {above} s"
