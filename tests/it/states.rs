@@ -230,7 +230,7 @@ fn states_that_cannot_be_are_refused() {
         ),
         (
             format!("{system} --from-state s.state --algorithm strong"),
-            "error: s.state is of a run with another coupling\n",
+            "error: s.state is of a run with another coupling or scenario\n",
         ),
         (
             format!("{system} --from-state target.csv"),

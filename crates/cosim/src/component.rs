@@ -209,6 +209,8 @@ pub struct Abilities {
     pub output_derivatives: bool,
     /// Provide [directional derivatives](Component::directional_derivative), during initialization too.
     pub directional_derivatives: bool,
+    /// Nothing that it does, but what is done to it: steps of every algorithm are cut at its [jumps](Component::next_jump).
+    pub cuts_steps: bool,
 }
 
 /// Result of a step.

@@ -267,6 +267,7 @@ impl<E: Equations + Send> Component for NativeComponent<E> {
             input_derivatives: true,
             output_derivatives: true,
             directional_derivatives: true,
+            cuts_steps: false,
         }
     }
 

@@ -222,7 +222,7 @@ impl Samples {
 
 /// Whether `time` is at or after a sample. Communication points are counted and samples are decimals: 3 · 0.3 is
 /// slightly less than 0.9 but means the same time.
-fn is_reached(sample: f64, time: f64) -> bool {
+pub(crate) fn is_reached(sample: f64, time: f64) -> bool {
     const ROUNDING: f64 = 4.0 * f64::EPSILON;
     sample <= time + ROUNDING * time.abs().max(sample.abs())
 }

@@ -2,15 +2,18 @@
 
 pub mod coupling;
 pub mod ending;
+mod pace;
 pub mod prepared;
 mod report;
 mod rows;
+mod scenario;
 mod state;
 mod summary;
 pub mod times;
 mod watch;
 
 use self::coupling::CouplingArgs;
+use self::pace::{Deadlines, Pace};
 use self::rows::Rows;
 pub use self::state::HEADER as STATE;
 use self::summary::Summary;
@@ -91,6 +94,13 @@ pub struct Args {
     /// Result file (CSV).
     #[arg(short, long, value_name = "FILE", default_value = "result.csv")]
     output: PathBuf,
+    /// What happens in the run (TOML, docs/cosim.md): from a time or a condition on, inputs are set, frozen, shifted, scaled,
+    /// delayed or noisy, or the run ends.
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
+    /// Pace the run by the clock: so many simulated seconds in a second; missed deadlines are counted.
+    #[arg(long, value_name = "FACTOR", value_parser = positive, num_args = 0..=1, default_missing_value = "1", allow_hyphen_values = true)]
+    real_time: Option<f64>,
     /// Write the state of the run at a time [s], or where it ends or Ctrl-C stops it; may be repeated. All FMUs need to write
     /// theirs (co-simulation, canGetAndSetFMUstate, canSerializeFMUstate).
     #[arg(long, value_name = "[TIME=]FILE", value_parser = state::save)]
@@ -123,8 +133,13 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         args.times.check()?;
     }
     args.check_report()?;
-    let read = args.from_state.as_slice();
-    let built = args.wiring.build(&args.overwrite, read, &args.outputs())?;
+    let read: Vec<PathBuf> = args
+        .from_state
+        .iter()
+        .chain(&args.scenario)
+        .cloned()
+        .collect();
+    let built = args.wiring.build(&args.overwrite, &read, &args.outputs())?;
     let (done, built) = simulated(&args, built)?;
     let summary = Summary {
         args: &args,
@@ -170,6 +185,8 @@ pub struct Simulated {
     /// Connections whose values are converted: output, its unit, input, its unit.
     pub converted: Vec<[String; 4]>,
     pub notes: Vec<String>,
+    /// Of a run that is paced by the clock.
+    pub deadlines: Option<Deadlines>,
     /// Signals of the result with NaN or infinite values.
     pub not_finite: NotFinite,
 }
@@ -196,15 +213,18 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
         Some(before) => (before.clock(args.times.stop_time)?, None),
         None => args.times.clock(&system, built.description.experiment)?,
     };
+    let scenario = args.scenario.as_deref().map(scenario::Read::new);
+    let scenario = scenario.transpose()?.unwrap_or_default();
     let first = before.as_ref().map_or(0, |own| own.state.step());
     let every = args.rows_between(&clock)?;
     let mut coupling = args.coupling.coupling(&clock)?;
+    let run_of = |coupling| state::Of::run(args, &built, &clock, coupling, &scenario.scenario);
     if let Some(before) = &before {
-        before.check(args, &built, &clock, coupling)?;
+        before.check(&run_of(coupling)?)?;
     }
     let saves = match args.save_state.is_empty() {
         true => None,
-        false => Some(state::Saves::new(args, &built, &clock, coupling, first)?),
+        false => Some(state::Saves::new(args, run_of(coupling)?, &clock, first)?),
     };
     coupling.measure |= args.report.is_some();
     if coupling.parallel {
@@ -219,12 +239,15 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
         .chain(assumed);
     let notes = notes.collect();
     let converted = system.converted();
+    let triggers = scenario.apply(&mut system)?;
     interrupt::listen("stopping after this step")?;
 
     let mut sink = Rows::open(&args.output, clock.steps() / every + 2)?;
     let mut finite = Finite::new(sink.recorder());
     let mut thinned = Thinned::new(&mut finite, selection, every).after(first);
     let mut watch = Watch::new(&mut thinned, args.progress, &clock);
+    let mut conditions = triggers.over(&mut watch);
+    let mut pace = Pace::new(&mut conditions, args.real_time);
     let checkpoints = Checkpoints {
         from: before.map(|before| before.state),
         at: saves.as_ref().map_or(Vec::new(), |own| own.at.clone()),
@@ -233,7 +256,8 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
     };
     let tolerance = args.coupling.component_tolerance();
     let run =
-        crate::cosim::run_between(system, &clock, tolerance, coupling, &mut watch, checkpoints);
+        crate::cosim::run_between(system, &clock, tolerance, coupling, &mut pace, checkpoints);
+    let deadlines = pace.deadlines;
     // An FMU may have changed the working folder.
     atomic_file::go_back();
     let run = match run {
@@ -259,6 +283,7 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
         signals,
         converted,
         notes,
+        deadlines,
         not_finite,
     };
     Ok((done, built))

@@ -6,7 +6,7 @@ use crate::cli::number::number;
 use crate::cli::system::Built;
 use crate::cli::system::sum::sum;
 use crate::cli::{Failure, overwrite};
-use crate::cosim::{Clock, Coupling, State};
+use crate::cosim::{Clock, Coupling, Scenario, State};
 use crate::file;
 use pilotage_text::number::rounded;
 use serde::{Deserialize, Serialize};
@@ -39,18 +39,25 @@ pub fn save(text: &str) -> Result<Save, String> {
 
 /// What a file says beside the state: that it is of the same run.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
-struct Of {
+pub struct Of {
     version: String,
     /// Of the files, wires and values of the system.
     system: String,
-    /// Algorithm and tolerances.
+    /// Algorithm and tolerances, and the scenario.
     coupling: String,
     /// Start, stop and step \[s\].
     times: [f64; 3],
 }
 
 impl Of {
-    fn run(args: &Args, built: &Built, clock: &Clock, coupling: Coupling) -> Result<Self, Failure> {
+    /// That of a run.
+    pub fn run(
+        args: &Args,
+        built: &Built,
+        clock: &Clock,
+        coupling: Coupling,
+        scenario: &Scenario,
+    ) -> Result<Self, Failure> {
         // Neither changes a result.
         let coupling = Coupling {
             measure: false,
@@ -61,7 +68,7 @@ impl Of {
         Ok(Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             system: sum(&built.description)?,
-            coupling: format!("{coupling:?} {tolerance:?} {parts:?}"),
+            coupling: format!("{coupling:?} {tolerance:?} {parts:?} {scenario:?}"),
             times: [clock.start(), clock.stop(), clock.step()],
         })
     }
@@ -111,14 +118,7 @@ impl Read {
     }
 
     /// Refuses a run that is not the one whose state it is.
-    pub fn check(
-        &self,
-        args: &Args,
-        built: &Built,
-        clock: &Clock,
-        coupling: Coupling,
-    ) -> Result<(), Failure> {
-        let own = Of::run(args, built, clock, coupling)?;
+    pub fn check(&self, own: &Of) -> Result<(), Failure> {
         let shown = self.file.display();
         let (what, hint) = if own.version != self.of.version {
             (
@@ -132,8 +132,8 @@ impl Read {
             )
         } else if own.coupling != self.of.coupling {
             (
-                "of a run with another coupling".to_owned(),
-                "give --algorithm, --extrapolation, --tolerance and the like as they were",
+                "of a run with another coupling or scenario".to_owned(),
+                "give --algorithm, --extrapolation, --tolerance, --scenario and the like as they were",
             )
         } else {
             return Ok(());
@@ -153,13 +153,7 @@ pub struct Saves {
 
 impl Saves {
     /// Those of the arguments.
-    pub fn new(
-        args: &Args,
-        built: &Built,
-        clock: &Clock,
-        coupling: Coupling,
-        first: u64,
-    ) -> Result<Self, Failure> {
+    pub fn new(args: &Args, of: Of, clock: &Clock, first: u64) -> Result<Self, Failure> {
         let (mut at, mut files, mut at_end) = (Vec::new(), Vec::new(), Vec::new());
         for Save { time, file } in &args.save_state {
             match time {
@@ -170,7 +164,6 @@ impl Saves {
                 None => at_end.push(file.clone()),
             }
         }
-        let of = Of::run(args, built, clock, coupling)?;
         Ok(Self {
             of,
             at,

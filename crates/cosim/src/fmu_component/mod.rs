@@ -460,6 +460,7 @@ fn abilities(description: &ModelDescription, access: &Access, fmi3: Option<&Fmi3
         },
         output_derivatives: cs.max_output_derivative_order >= 1 && outputs,
         directional_derivatives: cs.provides_directional_derivative && inputs && outputs,
+        cuts_steps: false,
     }
 }
 

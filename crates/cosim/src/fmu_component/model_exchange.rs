@@ -83,6 +83,7 @@ pub(super) fn abilities(description: &ModelDescription, access: &Access) -> Abil
         directional_derivatives: me.is_some_and(|me| me.provides_directional_derivative)
             && access.has_simple_inputs()
             && access.has_simple_outputs(),
+        cuts_steps: false,
     }
 }
 

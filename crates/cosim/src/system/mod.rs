@@ -404,7 +404,7 @@ impl System {
     }
 
     /// The port of `instance.variable`. Both parts may contain dots; the longest instance name wins.
-    fn resolve(&self, text: &str) -> Result<Port, SystemError> {
+    pub(super) fn resolve(&self, text: &str) -> Result<Port, SystemError> {
         let split = |instance: &Instance| {
             let rest = text.strip_prefix(instance.name.as_str())?;
             rest.strip_prefix('.').map(str::len)
