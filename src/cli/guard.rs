@@ -54,7 +54,7 @@ pub fn watched() -> Result<u8, Failure> {
             terminal::say("warning", &what);
             terminal::say(
                 "hint",
-                "Ctrl-C, pressed three times, ends it; with --isolate a call has a limit, and the rows until then are kept",
+                "Ctrl-C, pressed twice or three times, ends it; with --isolate a call has a limit, and the rows until then are kept",
             );
         }
     };

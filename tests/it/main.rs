@@ -66,6 +66,7 @@ mod problems;
 mod recordings;
 mod recovery;
 mod refits;
+mod scenarios;
 mod selection;
 mod shipped;
 mod ssp;

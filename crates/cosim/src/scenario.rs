@@ -14,6 +14,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use thiserror::Error;
 
+/// Name of the instance that ends a run.
+pub const NAME: &str = "scenario";
+
 /// Events, each at a time or under a condition.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Scenario {
@@ -183,7 +186,7 @@ impl Scenario {
             .collect();
         if let Some(first) = ends.first() {
             let end = Box::new(End::new(ends.clone(), Arc::clone(&starts)));
-            let added = system.add("scenario", end);
+            let added = system.add(NAME, end);
             added.map_err(|error| (*first, ScenarioError::Name(error)))?;
         }
         Ok(Triggers { waiting, starts })

@@ -120,7 +120,7 @@ impl Disturbed {
 impl Own {
     fn is_on(&self, time: f64, starts: &Starts) -> bool {
         let start = starts.of(self.event);
-        is_reached(start, time) && !is_reached(start + self.duration, time)
+        has_come(start, time) && !has_come(start + self.duration, time)
     }
 }
 
@@ -150,7 +150,7 @@ impl Input {
 
     /// What it was given at a time, or first.
     fn at(&self, time: f64) -> Option<f64> {
-        let before = self.given.iter().rev().find(|own| is_reached(own.0, time));
+        let before = self.given.iter().rev().find(|own| has_come(own.0, time));
         before.or(self.given.front()).map(|own| own.1)
     }
 
@@ -175,13 +175,17 @@ impl Input {
         self.all.iter().any(|one| match one.effect {
             Effect::Freeze => {
                 let start = starts.of(one.event);
-                k == 0 && !is_reached(own, start)
-                    || is_reached(own, start) && !is_reached(next, start)
+                k == 0 && !has_come(own, start) || has_come(own, start) && !has_come(next, start)
             }
-            Effect::Delay(delay) => !is_reached(next, last - delay),
+            Effect::Delay(delay) => !has_come(next, last - delay),
             _ => false,
         })
     }
+}
+
+/// Whether a time has come; what is infinite never does.
+fn has_come(event: f64, time: f64) -> bool {
+    event.is_finite() && is_reached(event, time)
 }
 
 /// A normally distributed number: another one for each seed, event and time.
@@ -371,7 +375,7 @@ impl Component for Disturbed {
             let start = self.starts.of(own.event);
             [start, start + own.duration]
         });
-        let ends = ends.filter(|time| time.is_finite() && !is_reached(*time, t));
+        let ends = ends.filter(|time| time.is_finite() && !has_come(*time, t));
         ends.chain(self.inner.next_jump(t)).reduce(f64::min)
     }
 
@@ -420,7 +424,7 @@ impl Component for End {
 
     fn step(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError> {
         let end = self.time();
-        Ok(match end < t + h && !is_reached(t + h, end) {
+        Ok(match end < t + h && !has_come(t + h, end) {
             true => Progress::EndRequested {
                 reached: end.max(t),
             },
@@ -463,6 +467,6 @@ impl Component for End {
 
     fn next_jump(&self, t: f64) -> Option<f64> {
         let end = self.time();
-        (end.is_finite() && !is_reached(end, t)).then_some(end)
+        (end.is_finite() && !has_come(end, t)).then_some(end)
     }
 }
