@@ -99,7 +99,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
     /// Pace the run by the clock: so many simulated seconds in a second; missed deadlines are counted.
-    #[arg(long, value_name = "FACTOR", value_parser = positive, num_args = 0..=1, default_missing_value = "1", allow_hyphen_values = true)]
+    #[arg(long, value_name = "FACTOR", value_parser = positive, num_args = 0..=1, default_missing_value = "1")]
     real_time: Option<f64>,
     /// Write the state of the run at a time [s], or where it ends or Ctrl-C stops it; may be repeated. All FMUs need to write
     /// theirs (co-simulation, canGetAndSetFMUstate, canSerializeFMUstate).
