@@ -1,7 +1,7 @@
 //! What happens in a run: signals that are replaced, frozen, shifted, scaled, delayed or noisy from some time on, and the end.
 //!
-//! The instance that has the input is [wrapped](Disturbed): it is given other values than the wire carries. So there is no lag, and
-//! the master knows nothing of it but that steps are [cut](Abilities::cuts_steps) where something changes.
+//! The instance that has the input is wrapped: it is given other values than the wire carries. So there is no lag, and
+//! the master knows nothing of it but that steps are cut where something changes.
 
 mod disturbed;
 
