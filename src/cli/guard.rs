@@ -7,18 +7,24 @@
 use super::{Failure, call, recognise, terminal};
 use crate::file;
 use crate::fmi::call_name;
-use pilotage_process::{Child, Ended, Going, program};
+use pilotage_process::{Child, Ended, Going, Page, program};
 use pilotage_systems::is_foreign;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitStatus;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Prefix of the record with the path of the rows.
 pub const ROWS: &str = "rows ";
 
 /// Maximum time for freeing FMUs when the work is done.
 const AFTERWARDS: Duration = Duration::from_secs(5);
+
+/// Time of a call that is told.
+const LATE: Duration = Duration::from_secs(10);
+
+/// Interval between looks at the calls.
+const LOOKS: Duration = Duration::from_millis(100);
 
 /// Exit code of a command that an FMU has ended.
 const FAILED: u8 = 1;
@@ -40,7 +46,19 @@ pub fn watched() -> Result<u8, Failure> {
     let mut child = Child::start(command, false).map_err(cannot)?;
     // If interrupts cannot be forwarded, the child ends by itself shortly after this process.
     let _ = child.hand_on_interrupts();
-    let ended = child.wait(None, AFTERWARDS).map_err(cannot)?;
+    let mut late = Late::default();
+    let say_late = |page: &Page| {
+        for going in late.look(page, Instant::now()) {
+            let who = whose(&[going]).unwrap_or_default();
+            let what = format!("{who} has not come back for {} s", LATE.as_secs());
+            terminal::say("warning", &what);
+            terminal::say(
+                "hint",
+                "Ctrl-C, pressed twice or three times, ends it; with --isolate a call has a limit, and the rows until then are kept",
+            );
+        }
+    };
+    let ended = child.wait(None, AFTERWARDS, say_late).map_err(cannot)?;
     pilotage_process::leftovers::stay_if_ending();
     let going = child.page().going();
     Ok(match ended {
@@ -66,6 +84,43 @@ pub fn watched() -> Result<u8, Failure> {
         Ended::Early(status) => early(status, &going, &child),
         Ended::Late => FAILED,
     })
+}
+
+/// Calls that have not come back for long.
+#[derive(Default)]
+struct Late {
+    /// When a look was due last.
+    looked: Option<Instant>,
+    /// Names and numbers of the calls in progress, since when, and whether they were told.
+    going: Vec<(String, u32, Instant, bool)>,
+}
+
+impl Late {
+    /// Calls that are to be told now, each once.
+    fn look(&mut self, page: &Page, now: Instant) -> Vec<Going> {
+        if self.looked.is_some_and(|last| now - last < LOOKS) {
+            return Vec::new();
+        }
+        self.looked = Some(now);
+        self.of(page.going(), now)
+    }
+
+    fn of(&mut self, going: Vec<Going>, now: Instant) -> Vec<Going> {
+        let before = std::mem::take(&mut self.going);
+        let mut late = Vec::new();
+        for own in going {
+            let mut known = before.iter();
+            let known = known.find(|(name, count, ..)| (name, *count) == (&own.name, own.count));
+            let (since, was_told) = known.map_or((now, false), |own| (own.2, own.3));
+            let is_told = now - since >= LATE;
+            self.going
+                .push((own.name.clone(), own.count, since, is_told));
+            if is_told && !was_told {
+                late.push(own);
+            }
+        }
+        late
+    }
 }
 
 /// The child ended before its work was done.
@@ -201,4 +256,37 @@ fn names_fmu(path: &Path, deep: usize) -> bool {
     paths
         .iter()
         .any(|named| named != path && names_fmu(named, deep - 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_call_is_told_once_and_many_short_ones_are_not() {
+        let going = |count: u32| {
+            let (name, time) = ("`a`".to_owned(), Some(1.0));
+            vec![Going {
+                name,
+                call: 1,
+                count,
+                time,
+            }]
+        };
+        let (mut late, begin) = (Late::default(), Instant::now());
+        let mut told = |count: u32, seconds: f64| {
+            let now = begin + Duration::from_secs_f64(seconds);
+            late.of(going(count), now).len()
+        };
+        // Each of these came back between two looks.
+        assert_eq!((0..30).map(|k| told(k, f64::from(k))).sum::<usize>(), 0);
+        let found: Vec<usize> = (30..60).map(|k| told(99, f64::from(k))).collect();
+        let expected: Vec<usize> = (30..60).map(|k| usize::from(k == 40)).collect();
+        assert_eq!(found, expected);
+        // The next call.
+        assert_eq!(
+            [told(100, 60.0), told(100, 69.9), told(100, 70.0)],
+            [0, 0, 1]
+        );
+    }
 }

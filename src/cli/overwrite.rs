@@ -1,6 +1,7 @@
 //! Output files of the commands, and how they are distinguished from other files at the same path.
 
 use super::Failure;
+use super::cosim::STATE;
 use super::fit::{FITTED, REFITS};
 use super::recognise::{self, FileKind};
 use super::system;
@@ -49,6 +50,8 @@ pub enum OutputKind {
     Refits,
     /// A figure or its table.
     Figure,
+    /// The state of a run.
+    State,
 }
 
 impl Overwrite {
@@ -183,6 +186,7 @@ impl OutputKind {
                     .iter()
                     .any(is_figure)
             }),
+            Self::State => ("a state of a run", |path| head(path).starts_with(STATE)),
             Self::System => ("a saved system", |path| first_line(path) == HEADER),
             Self::Ssp => ("a system that pilotage wrote", is_own_ssp),
             Self::Matrices => ("a table of matrices", |path| {

@@ -212,6 +212,25 @@ fn the_second_interrupt_tells_who_hangs() {
     }
 }
 
+/// After 10 s it is told who does not come back, in which call and when; then the run is as it was.
+#[test]
+fn who_does_not_come_back_is_told_in_time() {
+    let folder = folder("hang@fmi2DoStep");
+    let begun = std::time::Instant::now();
+    let mut child = folder.start(arguments("cosim"), &[]);
+    let mut stderr = std::io::BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    waiting(|| std::io::BufRead::read_line(&mut stderr, &mut line)).unwrap();
+    assert_eq!(
+        line,
+        "warning: `a` of a.fmu, in fmi2DoStep at 0.2 s, has not come back for 10 s\n"
+    );
+    assert!(begun.elapsed() >= Duration::from_secs(10));
+    assert!(child.try_wait().unwrap().is_none());
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
 /// What is not as a row says.
 fn misses(row: &str) -> Option<String> {
     let (what, expected) = row.split_once(" => ").unwrap();

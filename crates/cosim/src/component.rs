@@ -60,9 +60,9 @@ pub trait Component: Send {
     /// Steps from time `t` by `h` \[s\], with the inputs set last.
     fn step(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError>;
 
-    /// Suggested stop time \[s\].
-    fn suggested_stop(&self) -> Option<f64> {
-        None
+    /// Times that it suggests for a run.
+    fn suggested(&self) -> Suggested {
+        Suggested::default()
     }
 
     /// What a user should know of what is not simulated.
@@ -104,6 +104,17 @@ pub trait Component: Send {
     /// Restores the state saved in a slot, any number of times.
     fn restore(&mut self, place: usize) -> Result<(), ComponentError> {
         Err(format!("the state cannot be restored (from place {place})").into())
+    }
+
+    /// The complete state as bytes.
+    fn serialize(&mut self) -> Result<Vec<u8>, ComponentError> {
+        Err("the state cannot be written as bytes".into())
+    }
+
+    /// Restores a state from the bytes that this or another instance of the same component has written. The instance is
+    /// initialized.
+    fn deserialize(&mut self, bytes: &[u8]) -> Result<(), ComponentError> {
+        Err(format!("the state cannot be read from {} bytes", bytes.len()).into())
     }
 
     /// As [`step`](Self::step), but the component can be restored to a state saved before the step.
@@ -187,6 +198,8 @@ impl From<StateSpace> for Linear {
 pub struct Abilities {
     /// [`save`](Component::save) and [`restore`](Component::restore) its complete state (rollback).
     pub rollback: bool,
+    /// Write its complete state [as bytes](Component::serialize).
+    pub serialization: bool,
     /// Take communication steps of different lengths.
     pub variable_steps: bool,
     /// Accept [the derivatives of inputs](Component::set_input_derivatives), so that inputs are ramps within a step
@@ -196,6 +209,8 @@ pub struct Abilities {
     pub output_derivatives: bool,
     /// Provide [directional derivatives](Component::directional_derivative), during initialization too.
     pub directional_derivatives: bool,
+    /// Nothing that it does, but what is done to it: steps of every algorithm are cut at its [jumps](Component::next_jump).
+    pub cuts_steps: bool,
 }
 
 /// Result of a step.
@@ -213,6 +228,15 @@ pub enum Progress {
         /// Time reached \[s\].
         reached: f64,
     },
+}
+
+/// Times of a run that a component suggests (FMI 2.0, section 2.2.5, and FMI 3.0, section 2.4.5: `DefaultExperiment`).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Suggested {
+    /// Stop time \[s\].
+    pub stop: Option<f64>,
+    /// Communication step \[s\].
+    pub step: Option<f64>,
 }
 
 /// Start time, stop time and tolerance of a simulation.

@@ -21,6 +21,7 @@
 //! | [`mod@linearize`] | linearization of the coupled system about its current state, and its loops |
 //! | [`recorder`] | output of recorded rows |
 //! | [`report`] | statistics of a run and estimates of its coupling error |
+//! | [`scenario`] | what happens in a run: signals that are replaced, frozen, delayed, ... |
 //! | [`selection`] | selection of recorded signals and their sampling |
 //! | [`source`] | signals over time from a table |
 //! | [`linearize`](mod@linearize) | the coupled system about its current state |
@@ -36,6 +37,7 @@ pub mod master;
 pub mod native_component;
 pub mod recorder;
 pub mod report;
+pub mod scenario;
 pub mod selection;
 pub mod source;
 pub mod system;
@@ -51,12 +53,15 @@ pub use finite::{Finite, NotFinite, NotFiniteSignal};
 pub use fmu_component::isolated::{Isolated, Limits, Program};
 pub use fmu_component::{FmuComponent, ModelExchangeComponent};
 pub use linearize::{Linearization, LinearizeError, Loop, linearize};
-pub use master::{Components, Ending, MasterError, Run, run, run_open};
+pub use master::{
+    Checkpoints, Components, Ending, MasterError, Run, State, run, run_between, run_open,
+};
 pub use native_component::NativeComponent;
 pub use recorder::{CsvRecorder, Recorder, SeriesRecorder};
 pub use report::{
     Calls, ConnectionReport, CouplingError, Divergence, InstanceReport, Report, Steps, Transfer,
 };
+pub use scenario::{Scenario, ScenarioError};
 pub use selection::{Selection, SelectionError, Thinned};
 pub use source::{Source, SourceError};
 pub use system::{System, SystemError};

@@ -3,7 +3,7 @@
 use super::algorithms::Coupling;
 use super::clock::Clock;
 use super::component::{Component, Linear};
-use super::master::{Look, MasterError, Run, run_and_look};
+use super::master::{Checkpoints, Look, MasterError, Run, run_and_look};
 use super::recorder::Recorder;
 use super::system::System;
 use nalgebra::Complex;
@@ -140,7 +140,17 @@ pub fn linearize(
         Ok(())
     };
     let look: Option<Look> = Some(&mut look);
-    let run = run_and_look(system, clock, tolerance, coupling.into(), recorder, look)?;
+    let mut checkpoints = Checkpoints::default();
+    let coupling = coupling.into();
+    let run = run_and_look(
+        system,
+        clock,
+        tolerance,
+        coupling,
+        recorder,
+        &mut checkpoints,
+        look,
+    )?;
     let is_complete = parts.len() == names.len();
     let linearization = is_complete.then(|| Linearization {
         notes,

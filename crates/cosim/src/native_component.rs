@@ -6,6 +6,8 @@ use super::component::{
 };
 use pilotage_linear::StateSpace;
 use pilotage_models::AnyModel;
+use pilotage_sdk::checkpoint::Checkpoint;
+use pilotage_sdk::instance::InterfaceType;
 use pilotage_sdk::simulation::Snapshot;
 use pilotage_sdk::structure::{Structure, Unknown};
 use pilotage_sdk::{Equations, Simulation, Table, variable};
@@ -260,10 +262,12 @@ impl<E: Equations + Send> Component for NativeComponent<E> {
     fn abilities(&self) -> Abilities {
         Abilities {
             rollback: true,
+            serialization: true,
             variable_steps: true,
             input_derivatives: true,
             output_derivatives: true,
             directional_derivatives: true,
+            cuts_steps: false,
         }
     }
 
@@ -284,6 +288,26 @@ impl<E: Equations + Send> Component for NativeComponent<E> {
             return Err(NativeError::NothingSaved { place }.into());
         };
         self.simulation.restore(saved);
+        Ok(())
+    }
+
+    /// As an exported FMU does.
+    fn serialize(&mut self) -> Result<Vec<u8>, ComponentError> {
+        let checkpoint = Checkpoint {
+            guid: self.simulation.table().guid(),
+            version: 0,
+            kind: InterfaceType::CoSimulation,
+            state: 0,
+            clock: None,
+            snapshot: self.simulation.snapshot().clone(),
+        };
+        Ok(checkpoint.to_bytes())
+    }
+
+    fn deserialize(&mut self, bytes: &[u8]) -> Result<(), ComponentError> {
+        let table = self.simulation.table();
+        let checkpoint = Checkpoint::from_bytes(bytes, table, &table.guid())?;
+        self.simulation.restore(&checkpoint.snapshot);
         Ok(())
     }
 

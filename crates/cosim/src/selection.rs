@@ -190,6 +190,13 @@ impl<'r> Thinned<'r> {
 }
 
 impl Thinned<'_> {
+    /// Goes on as after that number of rows.
+    #[must_use]
+    pub fn after(mut self, rows: u64) -> Self {
+        self.wait = (self.every - rows % self.every) % self.every;
+        self
+    }
+
     fn record(&mut self, time: f64, values: &[f64]) -> io::Result<()> {
         self.rows += 1;
         if self.selection.is_none() {

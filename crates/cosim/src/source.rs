@@ -222,7 +222,7 @@ impl Samples {
 
 /// Whether `time` is at or after a sample. Communication points are counted and samples are decimals: 3 · 0.3 is
 /// slightly less than 0.9 but means the same time.
-fn is_reached(sample: f64, time: f64) -> bool {
+pub(crate) fn is_reached(sample: f64, time: f64) -> bool {
     const ROUNDING: f64 = 4.0 * f64::EPSILON;
     sample <= time + ROUNDING * time.abs().max(sample.abs())
 }
@@ -276,6 +276,7 @@ impl Component for Source {
     fn abilities(&self) -> Abilities {
         Abilities {
             rollback: true,
+            serialization: true,
             variable_steps: true,
             ..Abilities::default()
         }
@@ -299,6 +300,15 @@ impl Component for Source {
             Some(&time) => self.time = time,
             None => return Err(format!("no time is saved in place {place}").into()),
         }
+        Ok(())
+    }
+
+    fn serialize(&mut self) -> Result<Vec<u8>, ComponentError> {
+        Ok(self.time.to_le_bytes().to_vec())
+    }
+
+    fn deserialize(&mut self, bytes: &[u8]) -> Result<(), ComponentError> {
+        self.time = f64::from_le_bytes(bytes.try_into()?);
         Ok(())
     }
 

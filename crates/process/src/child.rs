@@ -118,12 +118,17 @@ impl Child {
     }
 
     /// Waits for the process to end: at most `limit` for its work, and at most `after` once it has reported that this
-    /// is done. Removes what it left in the temporary folder.
+    /// is done; every few milliseconds `look` sees what it does. Removes what it left in the temporary folder.
     ///
     /// # Errors
     /// If the system does not report the status.
-    pub fn wait(&mut self, limit: Option<Duration>, after: Duration) -> io::Result<Ended> {
-        let ended = self.wait_for_end(limit, after)?;
+    pub fn wait(
+        &mut self,
+        limit: Option<Duration>,
+        after: Duration,
+        look: impl FnMut(&Page),
+    ) -> io::Result<Ended> {
+        let ended = self.wait_for_end(limit, after, look)?;
         match ended {
             // The code that it called may have kept it from removing its own folders.
             Ended::Done { badly: None, .. } => self.sweep(),
@@ -132,7 +137,12 @@ impl Child {
         Ok(ended)
     }
 
-    fn wait_for_end(&mut self, limit: Option<Duration>, after: Duration) -> io::Result<Ended> {
+    fn wait_for_end(
+        &mut self,
+        limit: Option<Duration>,
+        after: Duration,
+        mut look: impl FnMut(&Page),
+    ) -> io::Result<Ended> {
         let started = Instant::now();
         let mut done: Option<Instant> = None;
         loop {
@@ -162,6 +172,7 @@ impl Child {
                 self.kill();
                 return Ok(Ended::Late);
             }
+            look(&self.page);
             thread::sleep(BETWEEN);
         }
     }

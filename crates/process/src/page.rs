@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicPtr, AtomicU8, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// First word of every page with this layout.
-const MAGIC: u64 = 0x7069_6c6f_7461_6701;
+const MAGIC: u64 = 0x7069_6c6f_7461_6702;
 /// Maximum number of places; the last is shared by all further ones.
 const PLACES: usize = 512;
 /// Maximum length of a place's name \[bytes\].
@@ -24,6 +24,8 @@ const RECORDS: usize = 1 << 20;
 struct Slot {
     /// The current call; 0 if none.
     call: AtomicU32,
+    /// Number of calls so far, which tells a long call from many short ones.
+    count: AtomicU32,
     length: AtomicU32,
     /// Bits of the time of the last call that had one \[s\].
     time: AtomicU64,
@@ -56,6 +58,8 @@ pub struct Going {
     pub name: String,
     /// Number of the call.
     pub call: u32,
+    /// Its number among the calls of that place.
+    pub count: u32,
     /// Time of the last call that had one \[s\].
     pub time: Option<f64>,
 }
@@ -100,6 +104,7 @@ impl Page {
             (call != 0).then(|| Going {
                 name,
                 call,
+                count: place.count.load(Ordering::Relaxed),
                 time: (!time.is_nan()).then_some(time),
             })
         };
@@ -265,7 +270,11 @@ impl Place {
         let Some(page) = attached() else {
             return 0;
         };
-        let call = &page.all[self.0].call;
+        let Slot { call, count, .. } = &page.all[self.0];
+        count.store(
+            count.load(Ordering::Relaxed).wrapping_add(1),
+            Ordering::Relaxed,
+        );
         let outer = match self.0 + 1 == PLACES {
             true => 0,
             false => call.load(Ordering::Relaxed),

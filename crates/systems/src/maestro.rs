@@ -55,10 +55,11 @@ pub(crate) fn read(path: &Path) -> Result<Foreign, SspError> {
         let (text, shown) = package.text(TIMES)?;
         times = parsed(&text, &shown)?;
     }
-    let time = |name| times.get(name).and_then(Value::as_f64);
+    let time = |name| times.pointer(name).and_then(Value::as_f64);
     reader.plain.description.experiment = Experiment {
-        start: time("startTime"),
-        stop: time("endTime"),
+        start: time("/startTime"),
+        stop: time("/endTime"),
+        step: time("/algorithm/size"),
     };
     let is_variable = times.pointer("/algorithm/type") == Some(&Value::from("var-step"));
     let note = format!(

@@ -120,11 +120,12 @@ impl Reader {
         for own in root.all("Connections").flat_map(|own| own.children()) {
             self.connection(own)?;
         }
+        let base = number_in(root, "BaseStepSize")?;
         self.plain.description.experiment = Experiment {
             start: number_in(root, "StartTime")?,
             stop: number_in(root, "EndTime")?,
+            step: base,
         };
-        let base = number_in(root, "BaseStepSize")?;
         let simulators = root.listed("Simulators", "Simulator");
         let mut steps = simulators.filter_map(|own| own.attribute("stepSize"));
         if steps.any(|own| own.trim().parse().ok() != base) {

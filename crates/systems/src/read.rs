@@ -150,6 +150,7 @@ impl Reader {
             Some(own) => Experiment {
                 start: time(own, "startTime")?,
                 stop: time(own, "stopTime")?,
+                step: None,
             },
             None => Experiment::default(),
         };

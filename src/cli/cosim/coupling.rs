@@ -90,6 +90,11 @@ impl CouplingArgs {
         self.fmu_tolerance.or(self.tolerance.map(|t| 0.1 * t))
     }
 
+    /// Instances that divide their steps, and into how many.
+    pub fn parts(&self) -> &[(String, String)] {
+        &self.parts
+    }
+
     /// Sets which components divide their steps into parts.
     pub fn apply_parts(&self, system: &mut System) -> Result<(), Failure> {
         for (name, parts) in &self.parts {

@@ -1,6 +1,6 @@
 //! How a run ended.
 
-use crate::cosim::{Ending, Run};
+use crate::cosim::{Ending, Run, scenario};
 use crate::error_chain::error_chain;
 
 /// How a run ended, in words.
@@ -73,6 +73,8 @@ impl Words {
             && let Ending::EndRequested { instance, .. } | Ending::Discarded { instance, .. } =
                 &run.ending
             && run.ends_within_step
+            // It has no values, and steps of the others are cut where it ends the run.
+            && instance != scenario::NAME
             && run.order.len() > 1
         {
             *message += &format!(

@@ -2,17 +2,24 @@
 
 pub mod coupling;
 pub mod ending;
+mod pace;
 pub mod prepared;
 mod report;
 mod rows;
+mod scenario;
+mod state;
 mod summary;
+pub mod times;
 mod watch;
 
 use self::coupling::CouplingArgs;
+use self::pace::{Deadlines, Pace};
 use self::rows::Rows;
+pub use self::state::HEADER as STATE;
 use self::summary::Summary;
+use self::times::Times;
 use self::watch::{ProgressFormat, Watch};
-use super::number::{number, positive};
+use super::number::positive;
 use super::overwrite::{self, OutputKind, Overwrite};
 use super::system::Built;
 use super::system::flags::Wiring;
@@ -21,7 +28,8 @@ use super::{Failure, Outcome, call, interrupt, terminal};
 use crate::atomic_file;
 use crate::cosim::recorder::Signal;
 use crate::cosim::{
-    Algorithm, Clock, Components, Ending, Finite, NotFinite, Run, Selection, System, Thinned,
+    Algorithm, Checkpoints, Clock, Components, Ending, Finite, NotFinite, Run, Selection, System,
+    Thinned,
 };
 use crate::error_chain::error_chain;
 use clap::Parser;
@@ -55,6 +63,10 @@ Examples:
   # The same with another vehicle and another target: arguments take precedence over the file.
   pilotage cosim system.toml vehicle=heavy.fmu --set pilot.target=20 --stop-time 15 --step 0.05
 
+  # The state at 10 s, and a run that goes on from it, as after a crash.
+  pilotage cosim system.toml --stop-time 15 --step 0.05 --save-state 10=run.state
+  pilotage cosim system.toml --from-state run.state -o rest.csv
+
 The result has a column `time` [s] and a column `instance.variable [unit]` for every output; --input
 reads it. During the run it is in RESULT.part, and is renamed at the end. After a crash RESULT.part
 remains; the next run renames it and reports that.
@@ -67,15 +79,8 @@ kept), or signals are NaN or infinite, 2 bad use or input.";
 pub struct Args {
     #[command(flatten)]
     pub wiring: Wiring,
-    /// Start time [s] [default: that of the system file, or 0].
-    #[arg(long, value_name = "SECONDS", value_parser = number, allow_hyphen_values = true)]
-    start_time: Option<f64>,
-    /// Stop time [s] [default: that of the system file, or what the FMUs suggest, if they agree].
-    #[arg(long, value_name = "SECONDS", value_parser = number, allow_hyphen_values = true)]
-    stop_time: Option<f64>,
-    /// Communication step [s]; must divide the duration.
-    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
-    step: f64,
+    #[command(flatten)]
+    times: Times,
     #[command(flatten)]
     coupling: CouplingArgs,
     /// Signals to record, in this order: `instance.variable`, where `*` stands for any characters and `?` for one
@@ -89,6 +94,21 @@ pub struct Args {
     /// Result file (CSV).
     #[arg(short, long, value_name = "FILE", default_value = "result.csv")]
     output: PathBuf,
+    /// What happens in the run (TOML, docs/cosim.md): from a time or a condition on, inputs are set, frozen, shifted, scaled,
+    /// delayed or noisy, or the run ends.
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
+    /// Pace the run by the clock: so many simulated seconds in a second; missed deadlines are counted.
+    #[arg(long, value_name = "FACTOR", value_parser = positive, num_args = 0..=1, default_missing_value = "1")]
+    real_time: Option<f64>,
+    /// Write the state of the run at a time [s], or where it ends or Ctrl-C stops it; may be repeated. All FMUs need to write
+    /// theirs (co-simulation, canGetAndSetFMUstate, canSerializeFMUstate).
+    #[arg(long, value_name = "[TIME=]FILE", value_parser = state::save)]
+    save_state: Vec<state::Save>,
+    /// Go on from a state that --save-state wrote, with the same system and arguments: the rows from its time on are those of a
+    /// run without a stop, to the last bit.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["start_time", "step"])]
+    from_state: Option<PathBuf>,
     /// Write a page with the recorded signals over time, the lag and error of each connection, and the time of all
     /// calls.
     #[arg(long, value_name = "FILE", conflicts_with = "parallel")]
@@ -109,12 +129,17 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: Args) -> Result<Outcome, Failure> {
     // Errors that can be detected without the files are reported before the files are opened.
-    if let Some(stop) = args.stop_time.filter(|_| !args.wiring.has_system_file()) {
-        args.clock(args.start_time.unwrap_or(0.0), stop)?;
+    if !args.wiring.has_system_file() {
+        args.times.check()?;
     }
-    args.rows_between()?;
     args.check_report()?;
-    let built = args.wiring.build(&args.overwrite, &args.outputs())?;
+    let read: Vec<PathBuf> = args
+        .from_state
+        .iter()
+        .chain(&args.scenario)
+        .cloned()
+        .collect();
+    let built = args.wiring.build(&args.overwrite, &read, &args.outputs())?;
     let (done, built) = simulated(&args, built)?;
     let summary = Summary {
         args: &args,
@@ -148,8 +173,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
 /// A run whose rows are saved.
 pub struct Simulated {
     pub algorithm: Algorithm,
-    /// Start time \[s\].
-    pub start: f64,
+    pub clock: Clock,
     pub run: Run,
     pub ending: ending::Words,
     /// Wall-clock time \[s\].
@@ -161,6 +185,8 @@ pub struct Simulated {
     /// Connections whose values are converted: output, its unit, input, its unit.
     pub converted: Vec<[String; 4]>,
     pub notes: Vec<String>,
+    /// Of a run that is paced by the clock.
+    pub deadlines: Option<Deadlines>,
     /// Signals of the result with NaN or infinite values.
     pub not_finite: NotFinite,
 }
@@ -180,14 +206,26 @@ impl Simulated {
 
 /// Simulates a system and saves its rows; gives what is left of what was built.
 fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failure> {
-    let every = args.rows_between()?;
     let mut system = std::mem::take(&mut built.system);
-    let times = built.description.experiment;
-    let start = args.start_time.or(times.start).unwrap_or(0.0);
-    let stop = args.stop_time.or(times.stop);
-    let stop = stop.or_else(|| system.suggested_stop());
-    let clock = args.clock(start, stop.ok_or_else(no_stop)?)?;
+    let before = args.from_state.as_deref().map(state::Read::new);
+    let before = before.transpose()?;
+    let (clock, assumed) = match &before {
+        Some(before) => (before.clock(args.times.stop_time)?, None),
+        None => args.times.clock(&system, built.description.experiment)?,
+    };
+    let scenario = args.scenario.as_deref().map(scenario::Read::new);
+    let scenario = scenario.transpose()?.unwrap_or_default();
+    let first = before.as_ref().map_or(0, |own| own.state.step());
+    let every = args.rows_between(&clock)?;
     let mut coupling = args.coupling.coupling(&clock)?;
+    let run_of = |coupling| state::Of::run(args, &built, &clock, coupling, &scenario.scenario);
+    if let Some(before) = &before {
+        before.check(&run_of(coupling)?)?;
+    }
+    let saves = match args.save_state.is_empty() {
+        true => None,
+        false => Some(state::Saves::new(args, run_of(coupling)?, &clock, first)?),
+    };
     coupling.measure |= args.report.is_some();
     if coupling.parallel {
         super::start_threads()?;
@@ -197,28 +235,35 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
     let notes = built.tables.iter().flat_map(|table| table.notes(&clock));
     let notes = (built.notes.iter().cloned().chain(notes))
         .chain(unfed(&system))
-        .chain(system.limitations());
+        .chain(system.limitations())
+        .chain(assumed);
     let notes = notes.collect();
     let converted = system.converted();
+    let triggers = scenario.apply(&mut system)?;
     interrupt::listen("stopping after this step")?;
 
     let mut sink = Rows::open(&args.output, clock.steps() / every + 2)?;
     let mut finite = Finite::new(sink.recorder());
-    let mut thinned = Thinned::new(&mut finite, selection, every);
+    let mut thinned = Thinned::new(&mut finite, selection, every).after(first);
     let mut watch = Watch::new(&mut thinned, args.progress, &clock);
-    let run = crate::cosim::run_open(
-        system,
-        &clock,
-        args.coupling.component_tolerance(),
-        coupling,
-        &mut watch,
-    );
+    let mut conditions = triggers.over(&mut watch);
+    let mut pace = Pace::new(&mut conditions, args.real_time);
+    let checkpoints = Checkpoints {
+        from: before.map(|before| before.state),
+        at: saves.as_ref().map_or(Vec::new(), |own| own.at.clone()),
+        at_end: saves.as_ref().is_some_and(state::Saves::has_end),
+        keep: Some(&mut |which, state| saves.as_ref().map_or(Ok(()), |own| own.keep(which, state))),
+    };
+    let tolerance = args.coupling.component_tolerance();
+    let run =
+        crate::cosim::run_between(system, &clock, tolerance, coupling, &mut pace, checkpoints);
+    let deadlines = pace.deadlines;
     // An FMU may have changed the working folder.
     atomic_file::go_back();
     let run = match run {
         Ok(run) => run,
         Err(error) => {
-            watch.end("failed", start, None);
+            watch.end("failed", clock.start(), None);
             return Err(sink.explain(error, &built.description));
         }
     };
@@ -230,7 +275,7 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
     sink.save(&args.output)?;
     let done = Simulated {
         algorithm: coupling.algorithm,
-        start,
+        clock,
         run,
         ending,
         seconds,
@@ -238,6 +283,7 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
         signals,
         converted,
         notes,
+        deadlines,
         not_finite,
     };
     Ok((done, built))
@@ -261,11 +307,6 @@ pub fn end(mut components: Components, outcome: Outcome) {
     }
 }
 
-fn no_stop() -> Failure {
-    Failure::new("no --stop-time, and the FMUs suggest none, or different ones")
-        .hint("say when the simulation ends, such as --stop-time 10")
-}
-
 impl Args {
     /// Parses arguments; the first word is the command name used in messages. Ends the process if they ask for help.
     pub fn of(words: &[OsString]) -> Result<Self, Failure> {
@@ -285,10 +326,6 @@ impl Args {
             Failure::new(message).below(below)
         };
         Ok(Line::try_parse_from(words).map_err(refused)?.args)
-    }
-
-    fn clock(&self, start: f64, stop: f64) -> Result<Clock, Failure> {
-        Ok(Clock::new(start, stop, self.step)?)
     }
 
     fn check_report(&self) -> Result<(), Failure> {
@@ -312,21 +349,23 @@ impl Args {
         let page = self.report.as_deref().map(|path| (path, OutputKind::Page));
         // Who calls the command takes the rows from memory.
         let result = (!call::is_on()).then_some((self.output.as_path(), OutputKind::Result));
-        result.into_iter().chain(page).collect()
+        let states = self.save_state.iter();
+        let states = states.map(|own| (own.file.as_path(), OutputKind::State));
+        result.into_iter().chain(page).chain(states).collect()
     }
 
     /// Number of communication steps between two recorded rows.
-    fn rows_between(&self) -> Result<u64, Failure> {
+    fn rows_between(&self, clock: &Clock) -> Result<u64, Failure> {
         let Some(interval) = self.record_every else {
             return Ok(1);
         };
-        let ratio = interval / self.step;
+        let ratio = interval / clock.step();
         let whole = ratio.round();
         match whole >= 1.0 && (ratio - whole).abs() <= 1e-9 * ratio {
             true => Ok(whole as u64),
             false => Err(Failure::new(format!(
                 "--record-every {interval} s is no multiple of the step of {} s",
-                self.step
+                clock.step()
             ))),
         }
     }

@@ -1,6 +1,6 @@
 //! The summary of a run for people and for scripts.
 
-use super::{Args, Simulated, report};
+use super::{Args, Deadlines, Simulated, report};
 use crate::cli::Failure;
 use crate::cli::made::{made, with_sums};
 use crate::cli::terminal;
@@ -41,7 +41,7 @@ impl Summary<'_> {
             "algorithm": self.done.algorithm.to_string(),
             "order": self.done.run.order,
             "steps": self.done.run.steps,
-            "step": self.args.step,
+            "step": self.done.clock.step(),
             "report": report::to_json(&self.done.run.report),
             "time": self.done.run.time,
             "seconds": self.done.seconds,
@@ -50,6 +50,7 @@ impl Summary<'_> {
             "unrecorded": self.done.run.unrecorded,
             "conversions": conversions,
             "notes": self.done.notes,
+            "realTime": self.done.deadlines.as_ref().map(Deadlines::to_json),
             "not_finite": self.done.not_finite.0.iter().map(not_finite).collect::<Value>(),
             "output": self.args.output.display().to_string(),
         })
@@ -63,8 +64,8 @@ impl Summary<'_> {
         let mut text = format!(
             "{} of {} s from {} s to {} s ({}{order})\n{} of {} in {}\n",
             counted(self.done.run.steps as usize, "step"),
-            self.args.step,
-            self.done.start,
+            self.done.clock.step(),
+            self.done.run.begin,
             self.done.run.time,
             self.done.algorithm,
             counted(self.done.rows as usize, "row"),
@@ -96,6 +97,7 @@ impl Summary<'_> {
         let unrecorded = unrecorded.map(|name| format!("`{name}` is text and not in the table"));
         (converted.chain(self.done.notes.iter().cloned()))
             .chain(unrecorded)
+            .chain(self.done.deadlines.as_ref().map(Deadlines::words))
             .collect()
     }
 
@@ -115,10 +117,10 @@ impl Summary<'_> {
         let message = self.done.ending.message.iter().cloned();
         let notes = self.notes().into_iter();
         let notes = notes.chain(report::notes(&run.report));
-        let duration = format!("{} to {} s", self.done.start, run.time);
+        let duration = format!("{} to {} s", run.begin, run.time);
         let facts = [
             ("simulated", duration),
-            ("step", format!("{} s", self.args.step)),
+            ("step", format!("{} s", self.done.clock.step())),
             ("algorithm", self.done.algorithm.to_string()),
             ("communication steps", run.report.steps.accepted.to_string()),
             ("rejected", run.report.steps.rejected.to_string()),

@@ -143,7 +143,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         description,
         files,
         notes: read,
-    } = args.wiring.build(&args.overwrite, &args.outputs())?;
+    } = args.wiring.build(&args.overwrite, &[], &args.outputs())?;
     let of_tables = tables.iter().flat_map(|table| table.notes(&clock));
     for note in read.into_iter().chain(of_tables) {
         terminal::note(&note);

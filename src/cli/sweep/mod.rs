@@ -7,8 +7,9 @@ mod store;
 mod summary;
 
 use super::cosim::coupling::CouplingArgs;
+use super::cosim::times::Times;
 use super::deadline::Deadline;
-use super::number::{number, positive};
+use super::number::positive;
 use super::progress::Counter;
 use super::system::flags::Wiring;
 use super::{Failure, Outcome, folder, interrupt, overwrite, terminal};
@@ -68,15 +69,8 @@ pub struct Args {
     /// integral, at(x, t), when(x), settling(x, part), overshoot, rise [default: the last values of all outputs].
     #[arg(long, value_name = "EXPRESSION")]
     measure: Vec<String>,
-    /// Start time [s] [default: that of the system file, or 0].
-    #[arg(long, value_name = "SECONDS", value_parser = number, allow_hyphen_values = true)]
-    start_time: Option<f64>,
-    /// Stop time [s] [default: that of the system file, or what the FMUs suggest, if they agree].
-    #[arg(long, value_name = "SECONDS", value_parser = number, allow_hyphen_values = true)]
-    stop_time: Option<f64>,
-    /// Communication step [s]; must divide the duration.
-    #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
-    step: f64,
+    #[command(flatten)]
+    times: Times,
     #[command(flatten)]
     coupling: CouplingArgs,
     /// Only part I of N of the samples; `pilotage merge` joins all parts.

@@ -2,15 +2,15 @@
 
 use super::run::Opened;
 use super::{Args, Failure, reducers};
+use crate::cli::system::sum::sum;
+use crate::cli::terminal;
 use crate::cosim::SystemDescription;
-use crate::cosim::description::InstanceSource;
 use crate::inference::sample::square_root;
 use crate::series::Rows;
 use nalgebra::DMatrix;
 use pilotage_language::ModelFile;
 use pilotage_sweep::{Design, Joint, Measure, Method, Vary};
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 use std::path::Path;
 
 /// [`Method`] by name.
@@ -49,16 +49,14 @@ impl Plan {
     /// That of the arguments, and its measures.
     pub fn new(args: &Args, opened: &Opened) -> Result<(Self, Vec<Measure>), Failure> {
         let measures = measures(args, opened)?;
-        let stop = opened.stop(args)?;
+        let (clock, assumed) = opened.clock(args)?;
+        if let Some(assumed) = assumed {
+            terminal::note(&assumed);
+        }
         let plan = Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             system: sum(opened.description())?,
-            simulation: format!(
-                "{:?} {stop:?} {:?} {:?}",
-                opened.start(args),
-                args.step,
-                args.coupling
-            ),
+            simulation: format!("{clock:?} {:?}", args.coupling),
             design: design(args, opened)?,
             measures: measures
                 .iter()
@@ -243,50 +241,4 @@ fn fitted(instance: &str, description: &SystemDescription) -> Result<Joint, Fail
             .map(|i| root.row(i).iter().copied().collect())
             .collect(),
     })
-}
-
-/// A sum of what instances are made of, and of how they are wired.
-fn sum(description: &SystemDescription) -> Result<String, Failure> {
-    let mut all = Sha256::new();
-    for own in &description.instances {
-        all.update(format!(
-            "{} {:?} {:?}\n",
-            own.name,
-            own.order.as_ref().map(|own| own.value),
-            own.interface
-        ));
-        match (&own.source.value, own.source.value.file()) {
-            (InstanceSource::BuiltIn(name), _) => all.update(name),
-            (_, Some(file)) => {
-                // An unpacked FMU is told by its description.
-                let file = if file.is_dir() {
-                    file.join("modelDescription.xml")
-                } else {
-                    file.to_owned()
-                };
-                let bytes = crate::file::bytes(&file);
-                all.update(bytes.map_err(|error| {
-                    Failure::new(format!("cannot read {}: {error}", file.display()))
-                })?);
-                if crate::cli::recognise::is_model(&file) {
-                    for (name, table) in &pilotage_language::read(&file)?.tables {
-                        all.update(format!("{name}\n{}", table.text));
-                    }
-                }
-            }
-            (_, None) => {}
-        }
-    }
-    for own in &description.connections {
-        let by = own.transformation;
-        all.update(format!("{}={} {by:?}\n", own.from.value, own.to.value));
-    }
-    for own in &description.settings {
-        all.update(format!("{}={}\n", own.name.value, own.value));
-    }
-    Ok(all
-        .finalize()
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect())
 }

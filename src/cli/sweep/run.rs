@@ -78,23 +78,10 @@ impl Opened {
         }
     }
 
-    /// When a run begins \[s\].
-    pub fn start(&self, args: &Args) -> f64 {
-        let of_system = self.description().experiment.start;
-        args.start_time.or(of_system).unwrap_or(0.0)
-    }
-
-    /// When a run ends \[s\].
-    pub fn stop(&self, args: &Args) -> Result<f64, Failure> {
-        let suggested = || self.0.built.system.suggested_stop();
-        let of_system = self.description().experiment.stop;
-        args.stop_time
-            .or(of_system)
-            .or_else(suggested)
-            .ok_or_else(|| {
-                Failure::new("no --stop-time, and the FMUs suggest none, or different ones")
-                    .hint("say when the simulation ends, such as --stop-time 10")
-            })
+    /// When a run begins and ends, and its steps.
+    pub fn clock(&self, args: &Args) -> Result<(Clock, Option<String>), Failure> {
+        let system = &self.0.built.system;
+        args.times.clock(system, self.description().experiment)
     }
 
     /// Whether an FMU can be instantiated but once in a process.
@@ -157,7 +144,7 @@ impl<'a> Runs<'a> {
             .flat_map(|own| own.signals().iter().cloned());
         let used: BTreeSet<String> = used.collect();
         let mut own = Self {
-            clock: Clock::new(opened.start(args), opened.stop(args)?, args.step)?,
+            clock: opened.clock(args)?.0,
             is_only_once: opened.is_only_once(),
             args,
             plan,

@@ -90,10 +90,11 @@ impl Wiring {
     }
 
     /// Opens and connects everything, after checking that no input file is overwritten; saves the system if requested.
-    /// `outputs` are the other files that the command writes.
+    /// `inputs` and `outputs` are the other files that the command reads and writes.
     pub fn build(
         &self,
         overwrite: &Overwrite,
+        inputs: &[PathBuf],
         outputs: &[(&Path, OutputKind)],
     ) -> Result<Built, Failure> {
         self.expect()?;
@@ -101,6 +102,7 @@ impl Wiring {
         let (description, connections) = self.describe(&mut notes)?;
         let files = (description.instances.iter()).filter_map(|i| i.source.value.file());
         let files = files.map(Path::to_owned).chain(self.system_files());
+        let files = files.chain(inputs.iter().cloned());
         let read: Vec<PathBuf> = files.chain(self.parameters.iter().cloned()).collect();
         let saved = self
             .save_system
@@ -239,9 +241,18 @@ pub fn instance(argument: &OsStr) -> (String, PathBuf) {
                 Some(_) => path.to_owned(),
                 None => path.canonicalize().unwrap_or_default(),
             };
-            let stem = full.file_stem().unwrap_or_default();
-            (stem.to_string_lossy().into_owned(), path.to_owned())
+            (named_after(&full), path.to_owned())
         }
+    }
+}
+
+/// The name of an instance of a file: no dot is in it, since dots separate instances from variables. `vdp.model.toml` is
+/// `vdp`; names of other files, such as those of Modelica's FMUs, are whole.
+fn named_after(file: &Path) -> String {
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+    match stem.split_once('.') {
+        Some((name, _)) if recognise::is_toml(file) && !name.is_empty() => name.to_owned(),
+        _ => stem.replace('.', "_"),
     }
 }
 

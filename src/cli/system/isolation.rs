@@ -19,6 +19,9 @@ pub const COMMAND: &str = "__run-fmu";
 /// Name that stands for all FMUs.
 const ALL: &str = "all";
 
+/// Maximum time of a call to an isolated FMU unless it is said \[s\].
+const STEP_LIMIT: f64 = 60.0;
+
 /// Whether an error is due to an isolated FMU that ended by itself or had to be killed.
 pub fn is_gone(error: &(dyn Error + 'static)) -> bool {
     let mut next = Some(error);
@@ -39,7 +42,7 @@ pub struct Isolation {
     /// microseconds longer.
     #[arg(long, value_name = "INSTANCE", value_delimiter = ',')]
     isolate: Vec<String>,
-    /// Maximum time of a call to an isolated FMU [s].
+    /// Maximum time of a call to an isolated FMU [s] [default: 60].
     #[arg(long, value_name = "SECONDS", value_parser = positive, requires = "isolate", allow_hyphen_values = true)]
     step_limit: Option<f64>,
     /// Maximum memory of the process of an isolated FMU [MB].
@@ -112,7 +115,8 @@ impl Isolation {
         arguments.push(COMMAND.into());
         let program = Program { path, arguments };
         let limits = Limits {
-            time: self.step_limit.map(Duration::from_secs_f64),
+            // A time that is too long for the computer's clock is none.
+            time: Duration::try_from_secs_f64(self.step_limit.unwrap_or(STEP_LIMIT)).ok(),
             memory: self.memory_limit.map(|megabytes| (1e6 * megabytes) as u64),
         };
         let isolated = Isolated::open(&program, limits, file, name, kind).map_err(failed)?;

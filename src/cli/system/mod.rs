@@ -9,6 +9,7 @@
 //! | `resolve` | resolves `model = "..."` |
 //! | `tables` | tables that feed inputs |
 //! | `parameters` | start values from a file |
+//! | `sum` | by what a system is told from others |
 //! | `save` | saves systems as files |
 //! | `advice` | hints for connections and values that do not fit |
 
@@ -22,6 +23,7 @@ pub mod opened;
 mod parameters;
 mod resolve;
 mod save;
+pub mod sum;
 pub mod tables;
 
 use self::isolation::Isolation;

@@ -18,7 +18,7 @@ pub struct Opened {
 impl Opened {
     /// Opens everything.
     pub fn new(wiring: &Wiring) -> Result<Self, Failure> {
-        let mut built = wiring.build(&Overwrite::default(), &[])?;
+        let mut built = wiring.build(&Overwrite::default(), &[], &[])?;
         // That was a check of the wires; values may still be replaced.
         built.system = joined(built.system.components())?;
         let description = built.description.clone();

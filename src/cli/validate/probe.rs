@@ -145,7 +145,9 @@ fn try_one(
     let mut child = Child::start(command, true).map_err(failed)?;
     // Read concurrently: an FMU with much output must not block on a full pipe.
     let noise = child.process().stderr.take().map(Tail::of);
-    let ended = child.wait(Some(limit), AFTERWARDS).map_err(failed)?;
+    let ended = child
+        .wait(Some(limit), AFTERWARDS, |_| {})
+        .map_err(failed)?;
     let (records, lost) = child.page().records();
     let mut findings = Vec::new();
     let mut stage = "starting".to_owned();

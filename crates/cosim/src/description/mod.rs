@@ -71,13 +71,15 @@ pub struct SystemDescription {
     pub kept: Kept,
 }
 
-/// When a simulation begins and ends by default \[s\].
+/// When a simulation begins and ends by default, and its communication step \[s\].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Experiment {
     /// Start time.
     pub start: Option<f64>,
     /// Stop time.
     pub stop: Option<f64>,
+    /// Communication step.
+    pub step: Option<f64>,
 }
 
 /// One instance.

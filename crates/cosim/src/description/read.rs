@@ -101,10 +101,11 @@ impl SystemDescription {
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut description = Self::named(root, folder, (is_instance_name, VISIBLE))?;
         if let Some(table) = root.table("experiment")? {
-            table.only(&["start_time", "stop_time"])?;
+            table.only(&["start_time", "stop_time", "step"])?;
             description.experiment = Experiment {
                 start: table.number("start_time")?,
                 stop: table.number("stop_time")?,
+                step: table.number("step")?,
             };
         }
         Ok(description)

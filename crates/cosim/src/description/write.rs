@@ -42,6 +42,7 @@ impl SystemDescription {
         let times = [
             ("start_time", self.experiment.start),
             ("stop_time", self.experiment.stop),
+            ("step", self.experiment.step),
         ];
         let times = times
             .into_iter()

@@ -8,6 +8,7 @@ use pilotage_fmi::description::{
 };
 use pilotage_fmi::instance::MAX_EVENT_ROUNDS;
 use pilotage_fmi::{Instance, InstanceOptions, Intermediate, IntermediateUpdate, Step};
+use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -36,7 +37,7 @@ pub(super) struct Fmi3 {
 }
 
 /// Linear inputs within a step. An intermediate update gets the values at its own time (FMI 3.0, section 4.2.2).
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Clone, Serialize, Deserialize)]
 struct Ramps {
     is_on: bool,
     handles: Vec<u32>,
@@ -50,6 +51,13 @@ struct Ramps {
     is_asked: Option<bool>,
     /// Whether it did not within the last step. It then holds the inputs from the beginning, and gets their mean.
     is_holding: bool,
+}
+
+/// What is kept of [`Fmi3`] beside the FMU's own state.
+#[derive(Serialize, Deserialize)]
+pub(super) struct KeptFmi3 {
+    next_event: Option<f64>,
+    ramps: Option<Ramps>,
 }
 
 impl Ramps {
@@ -243,6 +251,23 @@ impl Fmi3 {
     pub(super) fn forget(&mut self) {
         self.pending.clear();
         self.is_end_requested = false;
+    }
+
+    /// What goes on between two steps; nothing is pending.
+    pub(super) fn kept(&self) -> KeptFmi3 {
+        KeptFmi3 {
+            next_event: self.next_event,
+            ramps: self.ramps.as_ref().map(|ramps| lock(ramps).clone()),
+        }
+    }
+
+    /// Goes on from there.
+    pub(super) fn take(&mut self, kept: KeptFmi3) {
+        self.forget();
+        self.next_event = kept.next_event;
+        if let (Some(ramps), Some(kept)) = (&self.ramps, kept.ramps) {
+            *lock(ramps) = kept;
+        }
     }
 
     /// Iterates the event, then returns to step mode.

@@ -14,17 +14,19 @@ pub use model_exchange::ModelExchangeComponent;
 
 use self::access::Access;
 use self::arrays::Arrays;
-use self::fmi3::Fmi3;
+use self::fmi3::{Fmi3, KeptFmi3};
 use self::linear::Knowns;
 use self::variables::variables;
 use super::component::{
-    Abilities, Component, ComponentError, Experiment, Linear, Progress, Value, ValueKind, Variable,
+    Abilities, Component, ComponentError, Experiment, Linear, Progress, Suggested, Value,
+    ValueKind, Variable,
 };
 use pilotage_fmi::description::{
     Causality, DefaultExperiment, FmiVersion, ModelDescription, ScalarVariable, VariableKind,
 };
-use pilotage_fmi::instance::Saved;
+use pilotage_fmi::instance::{Saved, Serialized};
 use pilotage_fmi::{Fmu, FmuError, Instance, InterfaceType, Step, fmu};
+use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
@@ -67,8 +69,8 @@ pub struct Outline {
     pub variables: Vec<Variable>,
     /// Its capabilities.
     pub abilities: Abilities,
-    /// Suggested stop time \[s\].
-    pub suggested_stop: Option<f64>,
+    /// Times that it suggests.
+    pub suggested: Suggested,
     /// What is not simulated.
     pub limitation: Option<String>,
 }
@@ -95,7 +97,7 @@ impl Outline {
         let experiment = description.default_experiment.unwrap_or_default();
         Ok(Self {
             abilities,
-            suggested_stop: experiment.stop_time,
+            suggested: suggested(&experiment),
             limitation: limitation(description, &variables),
             variables,
         })
@@ -167,6 +169,23 @@ impl FmuComponent {
             variables,
             experiment: description.default_experiment.unwrap_or_default(),
         })
+    }
+}
+
+/// The state of an FMU between two steps, as bytes.
+#[derive(Serialize, Deserialize)]
+struct Kept {
+    /// In the FMU's own format.
+    bytes: Vec<u8>,
+    time: f64,
+    fmi3: Option<KeptFmi3>,
+}
+
+/// What an FMU suggests. A step that is no positive number is none.
+fn suggested(experiment: &DefaultExperiment) -> Suggested {
+    Suggested {
+        stop: experiment.stop_time,
+        step: (experiment.step_size).filter(|step| *step > 0.0 && step.is_finite()),
     }
 }
 
@@ -275,8 +294,8 @@ impl Component for FmuComponent {
         }
     }
 
-    fn suggested_stop(&self) -> Option<f64> {
-        self.experiment.stop_time
+    fn suggested(&self) -> Suggested {
+        suggested(&self.experiment)
     }
 
     fn limitation(&self) -> Option<String> {
@@ -341,6 +360,38 @@ impl Component for FmuComponent {
         }
     }
 
+    fn serialize(&mut self) -> Result<Vec<u8>, ComponentError> {
+        if let Some(fmi3) = &mut self.fmi3 {
+            fmi3.flush(&self.access, &mut self.instance)?;
+        }
+        let saved = self.instance.save()?;
+        let serialized = self.instance.serialize(saved)?;
+        self.instance.free(saved)?;
+        let kept = Kept {
+            bytes: serialized.bytes,
+            time: self.time,
+            fmi3: self.fmi3.as_ref().map(Fmi3::kept),
+        };
+        Ok(postcard::to_stdvec(&kept)?)
+    }
+
+    fn deserialize(&mut self, bytes: &[u8]) -> Result<(), ComponentError> {
+        let kept: Kept = postcard::from_bytes(bytes)?;
+        // Between two steps, as it was.
+        let serialized = Serialized {
+            bytes: kept.bytes,
+            state: self.instance.state(),
+        };
+        let saved = self.instance.deserialize(&serialized)?;
+        self.instance.restore(saved)?;
+        self.instance.free(saved)?;
+        self.time = kept.time;
+        if let (Some(fmi3), Some(kept)) = (&mut self.fmi3, kept.fmi3) {
+            fmi3.take(kept);
+        }
+        Ok(())
+    }
+
     fn step_revocably(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError> {
         self.time = t + h;
         match &mut self.fmi3 {
@@ -400,6 +451,7 @@ fn abilities(description: &ModelDescription, access: &Access, fmi3: Option<&Fmi3
     let (inputs, outputs) = (access.has_simple_inputs(), access.has_simple_outputs());
     Abilities {
         rollback: cs.can_get_and_set_fmu_state,
+        serialization: cs.can_get_and_set_fmu_state && cs.can_serialize_fmu_state,
         variable_steps: cs.can_handle_variable_communication_step_size,
         // FMI 3.0 uses intermediate updates for this.
         input_derivatives: match fmi3 {
@@ -408,6 +460,7 @@ fn abilities(description: &ModelDescription, access: &Access, fmi3: Option<&Fmi3
         },
         output_derivatives: cs.max_output_derivative_order >= 1 && outputs,
         directional_derivatives: cs.provides_directional_derivative && inputs && outputs,
+        cuts_steps: false,
     }
 }
 

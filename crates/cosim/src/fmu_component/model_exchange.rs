@@ -5,7 +5,8 @@ use super::arrays::Arrays;
 use super::linear::Knowns;
 use super::variables::variables;
 use crate::component::{
-    Abilities, Component, ComponentError, Experiment, Linear, Progress, Value, ValueKind, Variable,
+    Abilities, Component, ComponentError, Experiment, Linear, Progress, Suggested, Value,
+    ValueKind, Variable,
 };
 use pilotage_fmi::description::{DefaultExperiment, ModelDescription};
 use pilotage_fmi::simulate::{RunWork, SavedRun};
@@ -74,12 +75,15 @@ pub(super) fn abilities(description: &ModelDescription, access: &Access) -> Abil
     let me = description.model_exchange.as_ref();
     Abilities {
         rollback: me.is_some_and(|me| me.can_get_and_set_fmu_state),
+        // The solver's state is not among that of the FMU.
+        serialization: false,
         variable_steps: true,
         input_derivatives: access.has_simple_inputs(),
         output_derivatives: access.has_simple_outputs(),
         directional_derivatives: me.is_some_and(|me| me.provides_directional_derivative)
             && access.has_simple_inputs()
             && access.has_simple_outputs(),
+        cuts_steps: false,
     }
 }
 
@@ -161,8 +165,8 @@ impl Component for ModelExchangeComponent {
         self.run.next_event().filter(|&next| next > t)
     }
 
-    fn suggested_stop(&self) -> Option<f64> {
-        self.experiment.stop_time
+    fn suggested(&self) -> Suggested {
+        super::suggested(&self.experiment)
     }
 
     fn limitation(&self) -> Option<String> {

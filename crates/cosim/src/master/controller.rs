@@ -1,11 +1,12 @@
 //! Step-size control.
 
 use crate::algorithms::Control;
+use serde::{Deserialize, Serialize};
 
 /// A proportional-integral controller (K. Gustafsson, "Control-theoretic techniques for stepsize
 /// selection in explicit Runge-Kutta methods", ACM Trans. Math. Softw. 17(4), 1991; Hairer & Wanner,
 /// *Solving Ordinary Differential Equations II*, section IV.2).
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(super) struct Controller {
     shortest: f64,
     longest: f64,

@@ -1,5 +1,7 @@
 //! History of the fed outputs at the last communication points, and polynomials through it.
 
+use serde::{Deserialize, Serialize};
+
 /// Number of stored communication points: with the next one, enough for a polynomial of degree 3.
 const KEPT: usize = 3;
 
@@ -54,7 +56,7 @@ impl InputProfile {
 }
 
 /// An output at the end of a step: its value and, if available, its time derivative.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub(super) struct Outcome {
     pub(super) value: f64,
     pub(super) slope: f64,
@@ -81,7 +83,7 @@ impl Transient {
 }
 
 /// Properties of an output other than its values.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub(super) struct Traits {
     /// Whether its slopes are known.
     pub(super) has_slope: bool,
@@ -90,7 +92,7 @@ pub(super) struct Traits {
 }
 
 /// Values of all fed outputs at the last communication points, newest first.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct History {
     times: [f64; KEPT],
     points: [Vec<Outcome>; KEPT],
@@ -129,6 +131,18 @@ impl History {
             nominals,
             clock_step: 0.0,
         }
+    }
+
+    /// Whether it is one of this number of outputs.
+    pub(super) fn fits(&self, outputs: usize) -> bool {
+        let points = self.points.iter().map(Vec::len);
+        let others = [
+            self.traits.len(),
+            self.nominals.len(),
+            self.magnitudes.len(),
+            self.noise.len(),
+        ];
+        self.len <= KEPT && points.chain(others).all(|own| own == outputs)
     }
 
     /// Adds a communication point.

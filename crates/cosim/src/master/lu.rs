@@ -1,11 +1,13 @@
 //! A dense matrix factored in place, so that it can be updated in the stepping loop without allocation.
 
+use serde::{Deserialize, Serialize};
+
 /// Pivots below this part of the largest entry are noise of finite differences.
 pub(super) const SINGULAR: f64 = 1e-8;
 
 /// A square matrix in row-major order; after [`factor`](Self::factor) its LU decomposition with partial pivoting, of rows and
 /// columns scaled to entries of at most about one: outputs have units of any size.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct Lu {
     n: usize,
     entries: Vec<f64>,
@@ -23,6 +25,15 @@ impl Lu {
             rows: vec![1.0; n],
             columns: vec![1.0; n],
         }
+    }
+
+    /// Whether it is of the size of another one.
+    pub(super) fn fits(&self, other: &Self) -> bool {
+        let sizes = |own: &Self| {
+            let (entries, pivots) = (own.entries.len(), own.pivots.len());
+            (own.n, entries, pivots, own.rows.len(), own.columns.len())
+        };
+        sizes(self) == sizes(other) && self.pivots.iter().all(|own| *own < self.n)
     }
 
     pub(super) fn set_identity(&mut self) {

@@ -8,6 +8,7 @@ mod exchange;
 mod history;
 mod initialize;
 mod lu;
+mod state;
 mod stepper;
 mod stopwatch;
 mod strong;
@@ -19,6 +20,8 @@ mod wires;
 
 use self::exchange::Exchange;
 use self::initialize::initialize;
+use self::state::NotKept;
+pub use self::state::{Checkpoints, State};
 use self::stepper::Stepper;
 use self::summary::Wires;
 use self::wired::Wired;
@@ -110,6 +113,18 @@ pub enum MasterError {
         /// The given degree.
         degree: usize,
     },
+    /// A component whose state cannot be kept.
+    #[error(
+        "`{instance}` cannot write its state: an FMU can if it has canGetAndSetFMUstate and canSerializeFMUstate, and is one for \
+         co-simulation"
+    )]
+    NoState {
+        /// Name of the instance.
+        instance: String,
+    },
+    /// A state of another system.
+    #[error("the state is that of another system")]
+    OtherState,
     /// A row could not be written.
     #[error("cannot write the result at {time} s")]
     Record {
@@ -220,6 +235,8 @@ pub struct Run {
     /// [ended](Ending::EndRequested) or [gave up](Ending::Discarded) within a step. With step-size control, each
     /// consists of one or more [communication steps](super::Steps).
     pub steps: u64,
+    /// Time of the first row \[s\].
+    pub begin: f64,
     /// Time of the last row \[s\].
     pub time: f64,
     /// Whether the last row lies within a step: the component that ended the run is there, all others are elsewhere in the
@@ -318,7 +335,40 @@ pub fn run_open(
     coupling: impl Into<Coupling>,
     recorder: &mut dyn Recorder,
 ) -> Result<Run, MasterError> {
-    run_and_look(system, clock, tolerance, coupling.into(), recorder, None)
+    let coupling = coupling.into();
+    let mut checkpoints = Checkpoints::default();
+    run_and_look(
+        system,
+        clock,
+        tolerance,
+        coupling,
+        recorder,
+        &mut checkpoints,
+        None,
+    )
+}
+
+/// As [`run_open`], from a state that another run has kept, and keeping states.
+///
+/// # Errors
+/// As [`run`]; and if a component cannot write its state, or the state is that of another system.
+pub fn run_between(
+    system: System,
+    clock: &Clock,
+    tolerance: Option<f64>,
+    coupling: Coupling,
+    recorder: &mut dyn Recorder,
+    mut checkpoints: Checkpoints,
+) -> Result<Run, MasterError> {
+    run_and_look(
+        system,
+        clock,
+        tolerance,
+        coupling,
+        recorder,
+        &mut checkpoints,
+        None,
+    )
 }
 
 impl Run {
@@ -342,6 +392,7 @@ pub(super) fn run_and_look(
     tolerance: Option<f64>,
     coupling: Coupling,
     recorder: &mut dyn Recorder,
+    checkpoints: &mut Checkpoints,
     look: Option<Look>,
 ) -> Result<Run, MasterError> {
     if let Some(degree) = coupling.extrapolation.filter(|&d| d > MAX_EXTRAPOLATION) {
@@ -371,15 +422,21 @@ pub(super) fn run_and_look(
         },
         tolerance,
     };
+    checkpoints.check(&system)?;
     initialize(&mut system, &experiment)?;
     let wires = Wires::of(&system);
     let exchange = Exchange::new(system, &coupling);
     let mut stepper = Stepper::new(exchange, &coupling, order)?;
     stepper.begin(clock.start())?;
+    let first = checkpoints.from.as_ref().map_or(0, State::step);
+    if let Some(state) = checkpoints.from.take() {
+        stepper.resume(state)?;
+    }
+    let span = (clock, first);
     let (steps, mut stop, last_row) = match stepper.parallel {
         // Started on a rayon thread, a step need not wake the pool: this costs a tenth of starting from outside.
-        true => rayon::scope(|_| follow(&mut stepper, clock, recorder))?,
-        false => follow(&mut stepper, clock, recorder)?,
+        true => rayon::scope(|_| follow(&mut stepper, span, recorder, checkpoints))?,
+        false => follow(&mut stepper, span, recorder, checkpoints)?,
     };
     let time = clock.time(steps);
     if let (None, Some(look)) = (&stop, look) {
@@ -394,10 +451,11 @@ pub(super) fn run_and_look(
     };
     let name = |&i: &usize| stepper.exchange.wired[i].name.clone();
     let order = stepper.order().iter().map(name).collect();
-    let report = wires.report(&stepper, &coupling, steps, time - clock.start());
+    let report = wires.report(&stepper, &coupling, steps - first, time - clock.time(first));
     Ok(Run {
         ending,
-        steps,
+        steps: steps - first,
+        begin: clock.time(first),
         time: last_row,
         ends_within_step: last_row > time,
         order,
@@ -412,18 +470,19 @@ pub(super) fn run_and_look(
     })
 }
 
-/// Steps and records until the clock's stop or until a component ends the run. Returns the number of completed steps,
-/// the ending, and the time of the last row.
+/// Steps and records, from the clock's step `first`, until its stop or until a component ends the run. Returns the number of
+/// completed steps of the clock, the ending, and the time of the last row.
 fn follow(
     stepper: &mut Stepper,
-    clock: &Clock,
+    (clock, first): (&Clock, u64),
     recorder: &mut dyn Recorder,
+    checkpoints: &mut Checkpoints,
 ) -> Result<(u64, Option<Ending>, f64), MasterError> {
-    let begin = clock.time(0);
+    let begin = clock.time(first);
     let signals = &stepper.exchange.signals;
     recorder.begin(signals).map_err(unwritten(begin))?;
     row(stepper, recorder, begin)?;
-    let done = step_to_end(stepper, clock, recorder)?;
+    let done = step_to_end(stepper, (clock, first), recorder, checkpoints)?;
     recorder.end_rows().map_err(unwritten(done.2))?;
     Ok(done)
 }
@@ -431,11 +490,19 @@ fn follow(
 /// The part of [`follow`] after the first row.
 fn step_to_end(
     stepper: &mut Stepper,
-    clock: &Clock,
+    (clock, first): (&Clock, u64),
     recorder: &mut dyn Recorder,
+    checkpoints: &mut Checkpoints,
 ) -> Result<(u64, Option<Ending>, f64), MasterError> {
-    let mut time = clock.time(0);
-    for step in 0..clock.steps() {
+    let mut time = clock.time(first);
+    let failed = |step, time, why| match why {
+        NotKept::Component(failure) => Ok((step, Some(failure.at(time)), time)),
+        NotKept::File(error) => Err(error),
+    };
+    if let Err(why) = checkpoints.after(stepper, first, time) {
+        return failed(first, time, why);
+    }
+    for step in first..clock.steps() {
         let next = clock.time(step + 1);
         if let Err(ending) = stepper.advance(time, next, clock.step()) {
             if let Some(reached) = stepper.exchange.read_at_end(&ending, time) {
@@ -446,11 +513,21 @@ fn step_to_end(
         }
         row(stepper, recorder, next)?;
         time = next;
+        if let Err(why) = checkpoints.after(stepper, step + 1, time) {
+            return failed(step + 1, time, why);
+        }
         if step + 1 < clock.steps() && recorder.is_stop_asked() {
-            return Ok((step + 1, Some(Ending::Stopped { time }), time));
+            let kept = checkpoints.at_end(stepper, step + 1, time);
+            return match kept {
+                Ok(()) => Ok((step + 1, Some(Ending::Stopped { time }), time)),
+                Err(why) => failed(step + 1, time, why),
+            };
         }
     }
-    Ok((clock.steps(), None, time))
+    match checkpoints.at_end(stepper, clock.steps(), time) {
+        Ok(()) => Ok((clock.steps(), None, time)),
+        Err(why) => failed(clock.steps(), time, why),
+    }
 }
 
 #[inline]

@@ -44,22 +44,24 @@ pub(super) struct Stepper {
     order: Vec<usize>,
     /// Whether every input is held at its newest value, with equal steps.
     pub(super) is_plain: bool,
-    strong: Option<Strong>,
-    control: Option<(Control, Controller)>,
+    pub(super) strong: Option<Strong>,
+    pub(super) control: Option<(Control, Controller)>,
     /// Whether inputs change within a step, which would turn jumps into ramps.
     pub(super) has_input_profiles: bool,
     /// Whether all components support rollback, and variable steps.
     can_reject: bool,
     can_vary: bool,
+    /// Whether steps with held inputs are cut where a component's scenario changes something.
+    is_cut: bool,
     pub(super) steps: Steps,
     /// Number of completed steps of the clock.
     points: u64,
     /// Remaining halvings of the current step.
     parts_left: u32,
     /// Number of successive very short steps whose corrections did not converge.
-    unconverged: u32,
+    pub(super) unconverged: u32,
     /// Number of successive shortest steps.
-    shortest: u32,
+    pub(super) shortest: u32,
     room: Vec<f64>,
     /// Errors of the fed outputs in the last step.
     errors: Vec<f64>,
@@ -97,6 +99,7 @@ impl Stepper {
             control: (coupling.control).map(|c| (c, Controller::new(&c, order_of_error))),
             has_input_profiles: is_strong || degree > 0 || coupling.control.is_some(),
             can_vary: exchange.wired.iter().all(|w| w.abilities.variable_steps),
+            is_cut: exchange.wired.iter().any(|w| w.abilities.cuts_steps),
             can_reject: exchange.wired.iter().all(|w| w.abilities.rollback),
             steps: Steps {
                 shortest: f64::INFINITY,
@@ -151,6 +154,9 @@ impl Stepper {
     #[inline]
     fn step(&mut self, t: f64, end: f64, h: f64) -> Result<(), Ending> {
         if self.is_plain {
+            if self.is_cut && self.can_vary {
+                return self.step_in_cuts(t, end, h);
+            }
             let (algorithm, parallel) = (self.coupling.algorithm, self.parallel);
             (self.exchange).advance_held(algorithm, &self.order, parallel, t, h)?;
             // All steps are equally long.
@@ -170,6 +176,28 @@ impl Stepper {
         self.gather(h);
         stepped?;
         self.follow(end)
+    }
+
+    /// A step with held inputs, cut where scenarios change something.
+    #[cold]
+    fn step_in_cuts(&mut self, begin: f64, end: f64, h: f64) -> Result<(), Ending> {
+        let mut t = begin;
+        while t < end {
+            let instances = self.exchange.wired.iter();
+            let cut = instances.filter(|w| w.abilities.cuts_steps);
+            let jumps = cut.filter_map(|w| w.component.next_jump(t));
+            let next = jumps.filter(|jump| *jump < end - ROUNDING * end.abs());
+            let next = next.fold(end, f64::min);
+            let span = match (t, next) == (begin, end) {
+                true => h,
+                false => next - t,
+            };
+            let (algorithm, parallel) = (self.coupling.algorithm, self.parallel);
+            (self.exchange).advance_held(algorithm, &self.order, parallel, t, span)?;
+            self.count(span);
+            t = next;
+        }
+        Ok(())
     }
 
     /// Tracks the changes of the fed outputs between the clock's points only: steps between these may grow, and the

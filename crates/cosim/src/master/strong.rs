@@ -153,6 +153,23 @@ impl Strong {
         Ok(has_converged)
     }
 
+    /// The matrices that the next steps go on with.
+    pub(super) fn kept(&self) -> Option<[Lu; 2]> {
+        let matrices = [&self.matrix, &self.slope_matrix];
+        self.has_matrix.then(|| matrices.map(Lu::clone))
+    }
+
+    /// Goes on with them; `false` if they are of another system.
+    pub(super) fn take(&mut self, kept: Option<[Lu; 2]>) -> bool {
+        self.has_matrix = kept.is_some();
+        let Some([matrix, slope_matrix]) = kept else {
+            return true;
+        };
+        let fits = matrix.fits(&self.matrix) && slope_matrix.fits(&self.slope_matrix);
+        (self.matrix, self.slope_matrix) = (matrix, slope_matrix);
+        fits
+    }
+
     /// Whether the non-real values at the end equal those given to the components.
     fn others_fit(&self, exchange: &Exchange) -> bool {
         let (given, found) = (&exchange.others_given, &exchange.values.others);

@@ -348,9 +348,15 @@ impl System {
 
     /// Stop time suggested by the instances \[s\]; `None` if none suggests one or they differ.
     pub fn suggested_stop(&self) -> Option<f64> {
-        let mut stops = (self.instances.iter()).filter_map(|i| i.component.suggested_stop());
+        let mut stops = (self.instances.iter()).filter_map(|i| i.component.suggested().stop);
         let first = stops.next()?;
         stops.all(|stop| stop == first).then_some(first)
+    }
+
+    /// The shortest communication step that an instance suggests \[s\].
+    pub fn suggested_step(&self) -> Option<f64> {
+        let steps = (self.instances.iter()).filter_map(|i| i.component.suggested().step);
+        steps.reduce(f64::min)
     }
 
     /// Names of the instances, in the order in which they were added.
@@ -409,7 +415,7 @@ impl System {
     }
 
     /// The port of `instance.variable`. Both parts may contain dots; the longest instance name wins.
-    fn resolve(&self, text: &str) -> Result<Port, SystemError> {
+    pub(super) fn resolve(&self, text: &str) -> Result<Port, SystemError> {
         let split = |instance: &Instance| {
             let rest = text.strip_prefix(instance.name.as_str())?;
             rest.strip_prefix('.').map(str::len)

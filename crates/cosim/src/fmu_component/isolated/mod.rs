@@ -20,7 +20,8 @@ mod wire;
 pub use serve::serve;
 
 use crate::component::{
-    Abilities, Component, ComponentError, Experiment, Linear, Progress, Value, ValueKind, Variable,
+    Abilities, Component, ComponentError, Experiment, Linear, Progress, Suggested, Value,
+    ValueKind, Variable,
 };
 use crate::fmu_component::Outline;
 use pilotage_fmi::{ASKING, InterfaceType, call_name};
@@ -450,8 +451,8 @@ impl Component for Isolated {
         self.stepped(t, h, false)
     }
 
-    fn suggested_stop(&self) -> Option<f64> {
-        self.outline.suggested_stop
+    fn suggested(&self) -> Suggested {
+        self.outline.suggested
     }
 
     fn limitation(&self) -> Option<String> {
@@ -501,6 +502,17 @@ impl Component for Isolated {
 
     fn restore(&mut self, place: usize) -> Result<(), ComponentError> {
         self.moved(Question::Restore(place)).map(drop)
+    }
+
+    fn serialize(&mut self) -> Result<Vec<u8>, ComponentError> {
+        match self.ask(Question::Serialize)? {
+            Answer::Bytes(bytes) => Ok(bytes),
+            _ => Err(self.nonsense()),
+        }
+    }
+
+    fn deserialize(&mut self, bytes: &[u8]) -> Result<(), ComponentError> {
+        self.moved(Question::Deserialize(bytes.into())).map(drop)
     }
 
     fn step_revocably(&mut self, t: f64, h: f64) -> Result<Progress, ComponentError> {

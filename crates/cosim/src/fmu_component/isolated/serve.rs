@@ -138,6 +138,11 @@ impl Served {
                 own.restore(place)?;
                 Answer::Moved(Progress::Done, own.next_jump(f64::NEG_INFINITY), None)
             }
+            Question::Serialize => Answer::Bytes(own.serialize()?),
+            Question::Deserialize(bytes) => {
+                own.deserialize(&bytes)?;
+                Answer::Moved(Progress::Done, own.next_jump(f64::NEG_INFINITY), None)
+            }
             Question::SetInputDerivatives(handles, slopes) => {
                 own.set_input_derivatives(&handles, &slopes)?;
                 Answer::Done

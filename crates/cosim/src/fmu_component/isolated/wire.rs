@@ -50,6 +50,8 @@ pub enum Question<'a> {
     Linearize(f64),
     Save(usize),
     Restore(usize),
+    Serialize,
+    Deserialize(Cow<'a, [u8]>),
     SetInputDerivatives(Cow<'a, [u32]>, Cow<'a, [f64]>),
     GetOutputDerivatives(Cow<'a, [u32]>),
     DirectionalDerivative {
@@ -75,6 +77,7 @@ pub enum Answer {
     Reals(Vec<f64>),
     Value(Value),
     Words(Option<String>),
+    Bytes(Vec<u8>),
     /// Whether it is as it was when it was made.
     Renewed(bool),
     /// Result of a step; time of the next jump of outputs, after a step or any other change of time; and the requested

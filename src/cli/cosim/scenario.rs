@@ -1,0 +1,151 @@
+//! Reads the file of `--scenario`.
+
+use crate::cli::Failure;
+use crate::cli::system::{full_name, only};
+use crate::cosim::scenario::{Effect, Event, Start, Triggers, What};
+use crate::cosim::{Scenario, System};
+use pilotage_text::document::{self, Document, Place, TomlTable};
+use std::path::Path;
+
+/// Keys of what happens to an input, of which an event has one.
+const EFFECTS: [&str; 6] = ["set", "freeze", "bias", "scale", "delay", "noise"];
+
+/// A scenario that was read.
+#[derive(Default)]
+pub struct Read {
+    pub scenario: Scenario,
+    places: Vec<Option<Place>>,
+}
+
+impl Read {
+    /// Reads a file.
+    pub fn new(path: &Path) -> Result<Self, Failure> {
+        let text = document::read(path)?;
+        let file = path.display().to_string();
+        let document = Document::parse(&text, &file)?;
+        let root = document.root();
+        root.only(&["event"])?;
+        let mut own = Self::default();
+        for table in root.tables("event")? {
+            own.places
+                .push(table.place(table.names().first().copied().unwrap_or_default()));
+            own.scenario.events.push(event(table)?);
+        }
+        match own.scenario.events.is_empty() {
+            true => Err(Failure::new(format!("{file}: nothing happens"))
+                .hint("write [[event]] with `time` or `when`, and what happens: docs/cosim.md")),
+            false => Ok(own),
+        }
+    }
+
+    /// Lets it happen in a system.
+    pub fn apply(mut self, system: &mut System) -> Result<Triggers, Failure> {
+        for event in &mut self.scenario.events {
+            let full = |name: &String| full_name(system, name, only(system));
+            if let What::Input(name, _) = &mut event.what {
+                *name = full(name);
+            }
+            if let Start::When { output, .. } = &mut event.start {
+                *output = full(output);
+            }
+        }
+        (self.scenario.apply(system))
+            .map_err(|(event, error)| Failure::from(error).at(self.places[event].as_ref()))
+    }
+}
+
+fn event(table: TomlTable) -> Result<Event, Failure> {
+    let keys = [
+        &["time", "when", "duration", "input", "end", "seed"],
+        &EFFECTS[..],
+    ]
+    .concat();
+    table.only(&keys)?;
+    let at = |key: &str, message: String| Failure::new(message).at(table.place(key).as_ref());
+    let first = table.names().first().copied().unwrap_or_default();
+    let start = match (table.number("time")?, table.string("when")?) {
+        (Some(time), None) if time.is_finite() => Start::Time(time),
+        (None, Some(when)) => condition(when).map_err(|message| at("when", message))?,
+        _ => {
+            let message = "an event has either `time` [s] or `when`, such as \"vehicle.z > 3\"";
+            return Err(at(first, message.to_owned()));
+        }
+    };
+    let duration = table.number("duration")?.unwrap_or(f64::INFINITY);
+    if duration.is_nan() || duration <= 0.0 {
+        return Err(at(
+            "duration",
+            format!("`duration` is {duration} s; expected a time above 0"),
+        ));
+    }
+    let given: Vec<&str> = EFFECTS.into_iter().filter(|key| table.has(key)).collect();
+    let what = match (table.string("input")?, table.boolean("end")?, &given[..]) {
+        (None, Some(true), []) => What::End,
+        (Some(input), None, [key]) => What::Input(input.to_owned(), effect(table, key)?),
+        _ => {
+            let message = format!(
+                "an event has either `end = true`, or `input` and one of {}",
+                EFFECTS.join(", ")
+            );
+            return Err(at(first, message));
+        }
+    };
+    Ok(Event {
+        start,
+        duration,
+        what,
+    })
+}
+
+fn effect(table: TomlTable, key: &str) -> Result<Effect, Failure> {
+    let refused = |message: String| Failure::new(message).at(table.place(key).as_ref());
+    if key == "freeze" {
+        return match table.boolean(key)? {
+            Some(true) => Ok(Effect::Freeze),
+            _ => Err(refused(
+                "`freeze` is false; expected true, or leave it out".to_owned(),
+            )),
+        };
+    }
+    let number = table.required(key, table.number(key)?)?;
+    let is_good = number.is_finite() && (number >= 0.0 || !["delay", "noise"].contains(&key));
+    if !is_good {
+        return Err(refused(format!("`{key}` is {number}, which cannot be")));
+    }
+    let seed = table.number("seed")?.unwrap_or(1.0);
+    if seed < 0.0 || seed.fract() != 0.0 || seed > 2_f64.powi(53) {
+        return Err(refused(format!(
+            "`seed` is {seed}; expected a whole number from 0"
+        )));
+    }
+    Ok(match key {
+        "set" => Effect::Set(number),
+        "bias" => Effect::Bias(number),
+        "scale" => Effect::Scale(number),
+        "delay" => Effect::Delay(number),
+        _ => Effect::Noise {
+            sd: number,
+            seed: seed as u64,
+        },
+    })
+}
+
+/// Reads `instance.output > 3`.
+fn condition(text: &str) -> Result<Start, String> {
+    let parts = text.split_once('>').map(|parts| (parts, true));
+    let parts = parts.or_else(|| text.split_once('<').map(|parts| (parts, false)));
+    let read = parts.and_then(|((output, level), is_above)| {
+        let level: f64 = level.trim().parse().ok()?;
+        level.is_finite().then(|| Start::When {
+            output: output.trim().to_owned(),
+            is_above,
+            level,
+        })
+    });
+    read.ok_or_else(|| {
+        let shown = pilotage_text::printable::excerpt(text);
+        format!(
+            "`when` is `{shown}`; expected an output, `>` or `<`, and a number: \"vehicle.z > 3\""
+        )
+    })
+}
