@@ -39,6 +39,9 @@ pub struct Watch<'r> {
     started: Instant,
     last_report: Instant,
     pace: Pace,
+    /// Number of rows at the end.
+    steps: u64,
+    count: call::Count,
     /// Ctrl-C.
     asked: &'static AtomicBool,
 }
@@ -92,6 +95,8 @@ impl<'r> Watch<'r> {
             started: now,
             last_report: now,
             pace: Pace::new(now),
+            steps: clock.steps(),
+            count: call::Count::to_caller(),
             asked: interrupt::flag(),
         }
     }
@@ -112,6 +117,9 @@ impl<'r> Watch<'r> {
             return;
         }
         self.last_report = now;
+        let part = (time - self.begin) / self.duration;
+        self.count
+            .say((part * self.steps as f64) as u64, self.steps);
         self.print_json("running", time, None);
         let is_bar = self.format == ProgressFormat::Bar && !call::is_on();
         if is_bar && now - self.started > PATIENCE {

@@ -6,6 +6,7 @@ use crate::cli::Failure;
 use crate::cli::overwrite::Overwrite;
 use crate::cosim::description::Setting;
 use crate::cosim::{Component, Components, System, SystemDescription};
+use crate::series::Series;
 
 /// Opened components, and the system that arguments describe.
 pub struct Opened {
@@ -58,6 +59,36 @@ impl Opened {
             description,
         }))
     }
+}
+
+/// Runs twice: with the components of a place, which an earlier run has used and which were made new since, and with opened
+/// ones. Gives what the latter said, and whether it is the same; if not, the place is empty.
+pub fn checked<P, T>(
+    place: &mut Option<P>,
+    mut run: impl FnMut(&mut Option<P>) -> T,
+    is_same: impl FnOnce(&T, &T) -> bool,
+) -> (T, bool) {
+    let renewed = run(place);
+    // Some FMUs can be opened but once.
+    *place = None;
+    let opened = run(place);
+    let is_same = is_same(&renewed, &opened);
+    if !is_same {
+        *place = None;
+    }
+    (opened, is_same)
+}
+
+/// Whether these have the same numbers, to the last bit.
+pub fn same_bits<'a>(
+    a: impl IntoIterator<Item = &'a Series>,
+    b: impl IntoIterator<Item = &'a Series>,
+) -> bool {
+    let columns = |own: &'a Series| own.columns.iter().flat_map(|own| &own.values);
+    let bits = |own: &'a Series| own.time.iter().chain(columns(own)).map(|x| x.to_bits());
+    a.into_iter()
+        .flat_map(bits)
+        .eq(b.into_iter().flat_map(bits))
 }
 
 /// A system of these components, not yet wired.
