@@ -164,7 +164,7 @@ def on_cluster(client: Client, flags: Callable[..., list[str]], folder: Path, pr
                 told(samples_done, count)
     parts = folder / "parts"
     parts.mkdir()
-    for file in folder.glob(f"part-*-{number}/shard-*.txt"):
+    for file in folder.glob(f"part-*-{number}/*.txt"):
         file.rename(parts / file.name)
     return parts
 

@@ -65,7 +65,7 @@ pub struct Stop(Arc<Lent>);
 struct Lent(&'static Shared);
 
 /// What a call and its caller tell each other meanwhile.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Shared {
     stop: AtomicBool,
     done: AtomicU64,
@@ -78,7 +78,7 @@ static FREE: Mutex<Vec<&'static Shared>> = Mutex::new(Vec::new());
 impl Default for Stop {
     fn default() -> Self {
         let mut free = FREE.lock().unwrap_or_else(PoisonError::into_inner);
-        let made = || &*Box::leak(Box::default());
+        let made = || &*Box::leak(Box::new(Shared::new()));
         Self(Arc::new(Lent(free.pop().unwrap_or_else(made))))
     }
 }
@@ -86,7 +86,8 @@ impl Default for Stop {
 impl Drop for Lent {
     fn drop(&mut self) {
         self.0.stop.store(false, Ordering::SeqCst);
-        self.0.count(0, 0);
+        self.0.done.store(0, Ordering::SeqCst);
+        self.0.total.store(0, Ordering::SeqCst);
         let mut free = FREE.lock().unwrap_or_else(PoisonError::into_inner);
         free.push(self.0);
     }
@@ -114,9 +115,20 @@ impl Stop {
 }
 
 impl Shared {
+    const fn new() -> Self {
+        Self {
+            stop: AtomicBool::new(false),
+            done: AtomicU64::new(0),
+            total: AtomicU64::new(0),
+        }
+    }
+
     fn count(&self, done: u64, total: u64) {
-        self.done.store(done, Ordering::Relaxed);
-        self.total.store(total, Ordering::Relaxed);
+        // Several threads count the same work, and may say so in another order.
+        match self.total.swap(total, Ordering::Relaxed) == total {
+            true => self.done.fetch_max(done, Ordering::Relaxed),
+            false => self.done.swap(done, Ordering::Relaxed),
+        };
     }
 }
 
@@ -132,17 +144,25 @@ impl Count {
 
     /// So much of so much is done.
     pub fn say(self, done: u64, total: u64) {
-        static LAST: Mutex<Option<Instant>> = Mutex::new(None);
         if let Some(shared) = self.0 {
             shared.count(done, total);
-        } else if let Some(folder) = folder()
-            && let Ok(mut last) = LAST.try_lock()
-            && last.is_none_or(|last| last.elapsed() > BETWEEN)
-        {
-            *last = Some(Instant::now());
-            // The next one may be written.
-            let _ = std::fs::write(folder.join(COUNT), format!("{done} {total}\n"));
+        } else if let Some(folder) = folder() {
+            write_count(folder, done, total);
         }
+    }
+}
+
+/// Writes how much work this process has done, for who has started it: now and then, and at the end.
+fn write_count(folder: &Path, done: u64, total: u64) {
+    static OWN: Shared = Shared::new();
+    static LAST: Mutex<Option<Instant>> = Mutex::new(None);
+    OWN.count(done, total);
+    let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
+    if done == total || last.is_none_or(|last| last.elapsed() > BETWEEN) {
+        *last = Some(Instant::now());
+        let done = OWN.done.load(Ordering::Relaxed);
+        // The next one may be written.
+        let _ = std::fs::write(folder.join(COUNT), format!("{done} {total}\n"));
     }
 }
 
@@ -288,11 +308,12 @@ fn ended(child: &mut Child, folder: &Path, stop: &Stop) -> std::io::Result<u8> {
     let mut is_told = false;
     let mut last = Instant::now();
     loop {
-        if last.elapsed() > BETWEEN {
+        let ended = child.try_wait()?;
+        if ended.is_some() || last.elapsed() > BETWEEN {
             last = Instant::now();
             pass_on(folder, stop);
         }
-        if let Some(status) = child.try_wait()? {
+        if let Some(status) = ended {
             let code = status.code().and_then(|code| u8::try_from(code).ok());
             return Ok(code.unwrap_or(KILLED));
         }

@@ -138,6 +138,35 @@ class Simulations(Folder):
         # The next one is as if nothing had been.
         self.assertEqual(pl.simulate(LOOP, stop_time=1, step=0.1).status, "completed")
 
+    def test_an_fmu_that_forgets_to_reset_is_opened_anew(self) -> None:
+        for isolate in (False, True):
+            system = pl.System().add("fmu", os.environ["FORGETTING_FMU"])
+            words = {"stop_time": 1, "step": 0.1, "isolate": isolate}
+            first, *others = [pl.simulate(system, **words) for _ in range(4)]
+            self.assertEqual(others, [first] * 3)
+
+    def test_progress_is_told(self) -> None:
+        seen: list[tuple[int, int]] = []
+        words = {"progress": lambda done, total: seen.append((done, total))}
+        pl.simulate(LOOP, stop_time=800, step=0.001, record_every=10.0, **words)
+        self.assertEqual(seen, sorted(seen))
+        self.assertEqual({total for _, total in seen}, {800_000})
+        self.assertGreater(len(seen), 1)
+        for isolate in (False, True):
+            seen.clear()
+            vary = {"quadcopter.mass": "1:2:40"}
+            pl.sweep(self.system(), vary, stop_time=8, step=0.05, isolate=isolate, **words)
+            self.assertEqual(seen, sorted(seen))
+            self.assertGreater(len(seen), 1)
+            self.assertEqual(seen[-1], (40, 40))
+
+        def refuses(done: int, total: int) -> None:
+            raise ZeroDivisionError
+
+        with self.assertRaises(ZeroDivisionError):
+            pl.simulate(LOOP, stop_time=1e7, step=0.001, record_every=1.0, progress=refuses)
+        pl.sweep(LOOP, {"controller.gain": "0.5:1:3"}, stop_time=1, step=0.1, progress=True)
+
     def test_words_that_are_refused(self) -> None:
         for call, words in [
             (lambda: pl.simulate(self.system(), stop_time=1, step=0.1, algorithm="jakobi"), "jacobi"),
