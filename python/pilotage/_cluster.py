@@ -218,8 +218,7 @@ def folders(word: str) -> Iterator[str]:
 
 def slots(client: Client) -> int:
     """How many calls the workers make at once."""
-    workers = client.scheduler_info(n_workers=-1)["workers"].values()
-    return max(1, sum(int(worker["nthreads"]) for worker in workers))
+    return max(1, sum(client.nthreads().values()))
 
 
 def reason(error: Exception) -> Error:

@@ -153,8 +153,9 @@ def on_cluster(client: Client, flags: Callable[..., list[str]], folder: Path, pr
         said = judged(first)
         assert isinstance(first, _cluster.Done)
         count, total = said["of"], said["of"] * said["seconds"]
-        # What a part costs besides its samples is to be little; each worker is to have some.
-        least = max(LEAST, min(3 * (first.seconds - said["seconds"]), total / _cluster.slots(client)))
+        # What a part costs besides its samples is to be little, but each worker is to have three.
+        besides = first.seconds - said["seconds"]
+        least = max(LEAST, min(10 * besides, total / (3 * _cluster.slots(client))))
         number = min(count, max(1, int(total / least)))
         numbers = range(1, number + 1)
         samples_done = 0

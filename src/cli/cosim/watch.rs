@@ -109,6 +109,7 @@ impl<'r> Watch<'r> {
     /// Clears the bar, or reports as JSON how the run ended, with the report if the run has begun.
     pub fn end(&mut self, status: &str, time: f64, report: Option<Value>) {
         self.bar.iter().for_each(ProgressBar::finish_and_clear);
+        self.say(time);
         self.print_json(status, time, report);
     }
 
@@ -117,14 +118,19 @@ impl<'r> Watch<'r> {
             return;
         }
         self.last_report = now;
-        let part = (time - self.begin) / self.duration;
-        self.count
-            .say((part * self.steps as f64) as u64, self.steps);
+        self.say(time);
         self.print_json("running", time, None);
         let is_bar = self.format == ProgressFormat::Bar && !call::is_on();
         if is_bar && now - self.started > PATIENCE {
             self.show_bar(time);
         }
+    }
+
+    /// Tells the caller how many steps are done.
+    fn say(&self, time: f64) {
+        let part = (time - self.begin) / self.duration;
+        let done = (part * self.steps as f64).round();
+        self.count.say(done as u64, self.steps);
     }
 
     fn print_json(&self, status: &str, time: f64, report: Option<Value>) {

@@ -148,16 +148,15 @@ class Simulations(Folder):
     def test_progress_is_told(self) -> None:
         seen: list[tuple[int, int]] = []
         words = {"progress": lambda done, total: seen.append((done, total))}
-        pl.simulate(LOOP, stop_time=800, step=0.001, record_every=10.0, **words)
+        pl.simulate(LOOP, stop_time=1000, step=0.001, record_every=10.0, **words)
         self.assertEqual(seen, sorted(seen))
-        self.assertEqual({total for _, total in seen}, {800_000})
-        self.assertGreater(len(seen), 1)
+        self.assertEqual({total for _, total in seen}, {1_000_000})
+        self.assertEqual(seen[-1], (1_000_000, 1_000_000))
         for isolate in (False, True):
             seen.clear()
             vary = {"quadcopter.mass": "1:2:40"}
-            pl.sweep(self.system(), vary, stop_time=8, step=0.05, isolate=isolate, **words)
+            pl.sweep(self.system(), vary, stop_time=1, step=0.05, isolate=isolate, **words)
             self.assertEqual(seen, sorted(seen))
-            self.assertGreater(len(seen), 1)
             self.assertEqual(seen[-1], (40, 40))
 
         def refuses(done: int, total: int) -> None:
