@@ -534,7 +534,7 @@ def refits(
     if "resume" in flags or "shard" in flags:
         raise InputError("`resume` and `shard` are not for a cluster", "leave them out")
     # Each part makes the fit first, so that there are few.
-    number = min(n, max(_cluster.slots(client), n // 50))
+    number = min(n, max(_cluster.slots(client), n // 100))
     parts = [files.path / f"part-{own}.csv" for own in range(1, number + 1)]
     ready = [
         fit._recipe.ready(**flags, resume=part, shard=f"{own}/{number}") for own, part in enumerate(parts, 1)
