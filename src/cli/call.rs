@@ -330,7 +330,7 @@ fn ended(child: &mut Child, folder: &Path, stop: &Stop) -> std::io::Result<u8> {
 
 /// How much of its work a process has done.
 fn pass_on(folder: &Path, stop: &Stop) {
-    let text = std::fs::read_to_string(folder.join(COUNT)).unwrap_or_default();
+    let text = file::text(&folder.join(COUNT)).unwrap_or_default();
     let numbers = text.trim_end().split_once(' ');
     if let Some((Ok(done), Ok(total))) = numbers.map(|own| (own.0.parse(), own.1.parse())) {
         stop.0.0.count(done, total);

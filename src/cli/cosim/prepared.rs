@@ -2,7 +2,7 @@
 
 use super::{Args, simulated};
 use crate::cli::call::{self, Done, Stop};
-use crate::cli::system::opened::{Opened, checked, same_bits};
+use crate::cli::system::opened::{Opened, Renewal, checked, same_bits};
 use crate::cli::{Failure, terminal};
 use crate::cosim::Ending;
 use serde_json::json;
@@ -13,8 +13,8 @@ pub struct Prepared {
     words: Vec<OsString>,
     args: Args,
     opened: Option<Opened>,
-    /// Whether components that are made new give what opened ones give, once that is known.
-    is_renewable: Option<bool>,
+    /// What components give that are made new, once that is known.
+    renewal: Option<Renewal>,
 }
 
 impl Prepared {
@@ -41,7 +41,7 @@ impl Prepared {
                 words,
                 args,
                 opened: None,
-                is_renewable: None,
+                renewal: None,
             }),
             None => Err(done),
         }
@@ -53,17 +53,15 @@ impl Prepared {
     /// What was opened for a run is made new for the next one (`fmi2Reset`, `fmi3Reset`). The first time it is opened again, too,
     /// for the same run: if the numbers are not the same bits, this FMU forgets to reset something, and all runs open it.
     pub fn run(&mut self, settings: &[(String, String)], stop: &Stop) -> Done {
-        let mut place = self
-            .opened
-            .take()
-            .filter(|_| self.is_renewable != Some(false));
+        let is_used = |_: &Opened| matches!(self.renewal, None | Some(Renewal::Works));
+        let mut place = self.opened.take().filter(is_used);
         let run = |place: &mut _| {
             call::within(self.words.clone(), stop, |_| {
                 let code = simulate(&self.args, place, settings);
                 code.unwrap_or_else(|failure| said(&failure))
             })
         };
-        let done = match place.is_some() && self.is_renewable.is_none() {
+        let done = match place.is_some() && self.renewal.is_none() {
             false => run(&mut place),
             true => {
                 let mut first = None;
@@ -71,8 +69,13 @@ impl Prepared {
                     Some(stopped) => stopped,
                     None => first.insert(run(place)).clone(),
                 };
-                let (done, is_same) = checked(&mut place, once, is_same);
-                self.is_renewable = Some(is_same).filter(|_| done.code == 0 && !stop.is_asked());
+                let (mut done, renewal) = checked(&mut place, once, is_same);
+                if done.code == 0 && !stop.is_asked() {
+                    self.renewal = Some(renewal);
+                    let doubt = renewal.doubt(&self.args.wiring);
+                    done.stderr
+                        .extend(doubt.map(|words| format!("warning: {words}\n")));
+                }
                 done
             }
         };

@@ -4,7 +4,7 @@ use super::plan::Plan;
 use super::store::{Row, Store};
 use super::{Args, Counter, Deadline, Failure};
 use crate::cli::cosim::ending;
-use crate::cli::system::opened::{checked, same_bits};
+use crate::cli::system::opened::{Renewal, checked, same_bits};
 use crate::cli::{system, terminal};
 use crate::cosim::{
     Clock, Ending, Role, Selection, SeriesRecorder, SystemDescription, Thinned, ValueKind,
@@ -167,7 +167,7 @@ impl<'a> Runs<'a> {
             first: Mutex::new(None),
         };
         let mut place = Some(opened);
-        let mut is_repeatable = true;
+        let mut renewal = Renewal::Works;
         let count = own.plan.design.count();
         let is_same = |a: &Traced, b: &Traced| match (a, b) {
             (Ok(a), Ok(b)) => same_bits([&a.1], [&b.1]),
@@ -179,27 +179,18 @@ impl<'a> Runs<'a> {
                 continue;
             }
             let last = |place: &mut _| own.traced(place, count - 1);
-            let (opened, is_renewable) = checked(&mut place, last, is_same);
-            is_repeatable = is_renewable || is_same(&last(&mut place), &opened);
+            let (opened, found) = checked(&mut place, last, is_same);
             opened?;
-            own.is_renewable = is_renewable;
+            renewal = found;
             break;
         }
-        if !is_repeatable {
-            let hint = match args.wiring.isolates_all() {
-                true => "",
-                false => "; with --isolate all each run has a process of its own",
-            };
-            terminal::say(
-                "warning",
-                &format!(
-                    "a sample gives other numbers each time, although everything is loaded anew: the study cannot be repeated{hint}"
-                ),
-            );
+        if let Some(doubt) = renewal.doubt(&args.wiring) {
+            terminal::say("warning", &doubt);
         }
+        own.is_renewable = renewal == Renewal::Works;
+        own.is_repeatable = renewal != Renewal::Remembers;
         own.recorded = used.into_iter().collect();
         own.first = Mutex::new(place.filter(|_| own.is_renewable));
-        own.is_repeatable = is_repeatable;
         Ok(own)
     }
 

@@ -61,22 +61,54 @@ impl Opened {
     }
 }
 
-/// Runs twice: with the components of a place, which an earlier run has used and which were made new since, and with opened
-/// ones. Gives what the latter said, and whether it is the same; if not, the place is empty.
+/// What a run gives with components that an earlier run has used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Renewal {
+    /// What it gives with those that are opened, once they are made new.
+    Works,
+    /// Something else; what it gives with those that are opened is the same each time.
+    Forgets,
+    /// Something else each time.
+    Remembers,
+}
+
+impl Renewal {
+    /// What to say if a run cannot be repeated.
+    pub fn doubt(self, wiring: &Wiring) -> Option<String> {
+        let hint = match wiring.isolates_all() {
+            true => "",
+            false => "; with --isolate all each run has a process of its own",
+        };
+        (self == Self::Remembers).then(|| {
+            format!(
+                "the same values give other numbers each time, although everything is loaded anew: runs cannot be repeated{hint}"
+            )
+        })
+    }
+}
+
+/// Runs with the components of a place, which an earlier run has used and which were made new since, and with opened ones. Gives
+/// what the latter said; the place is empty if it is not the same.
 pub fn checked<P, T>(
     place: &mut Option<P>,
     mut run: impl FnMut(&mut Option<P>) -> T,
-    is_same: impl FnOnce(&T, &T) -> bool,
-) -> (T, bool) {
+    is_same: impl Fn(&T, &T) -> bool,
+) -> (T, Renewal) {
     let renewed = run(place);
     // Some FMUs can be opened but once.
     *place = None;
     let opened = run(place);
-    let is_same = is_same(&renewed, &opened);
-    if !is_same {
-        *place = None;
+    if is_same(&renewed, &opened) {
+        return (opened, Renewal::Works);
     }
-    (opened, is_same)
+    *place = None;
+    let again = run(place);
+    *place = None;
+    let renewal = match is_same(&again, &opened) {
+        true => Renewal::Forgets,
+        false => Renewal::Remembers,
+    };
+    (opened, renewal)
 }
 
 /// Whether these have the same numbers, to the last bit.

@@ -123,6 +123,7 @@ fn simulations() {
     let fmus = [
         ("CRASHING_FMU", "crash@0.5"),
         ("FORGETTING_FMU", "reset-forgets"),
+        ("REMEMBERING_FMU", "shared"),
     ];
     let fmus = fmus.map(|(name, fault)| {
         let file = folder.path().join(name).with_extension("fmu");
