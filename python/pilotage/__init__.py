@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ._errors import Error, FmuError, InputError, Interrupted, PilotageWarning
-    from ._fit import Diagnostic, Fit, bootstrap, fit, profile
+    from ._fit import Diagnostic, Fit, Fits, bootstrap, fit, fit_many, profile
     from ._linear import Linearization, linearize
     from ._model import Model
     from ._sweep import Study, merge, sweep
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 # Modules are imported when they are first used: the command needs none of them, and no NumPy.
 _HOMES = {
     "_errors": ("Error", "FmuError", "InputError", "Interrupted", "PilotageWarning"),
-    "_fit": ("Diagnostic", "Fit", "bootstrap", "fit", "profile"),
+    "_fit": ("Diagnostic", "Fit", "Fits", "bootstrap", "fit", "fit_many", "profile"),
     "_linear": ("Linearization", "linearize"),
     "_model": ("Model",),
     "_sweep": ("Study", "merge", "sweep"),
@@ -65,6 +65,7 @@ __all__ = [
     "Error",
     "Finding",
     "Fit",
+    "Fits",
     "FmuError",
     "InputError",
     "Interrupted",
@@ -81,6 +82,7 @@ __all__ = [
     "excitation",
     "export",
     "fit",
+    "fit_many",
     "hv",
     "info",
     "init",

@@ -7,7 +7,8 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,8 @@ _pilotage.hosted(sys.executable, _command.before("pilotage"), "pilotage")
 FOLDER = "pilotage-python-"
 
 PathLike = str | os.PathLike[str]
+# How a long call shows how far it is: a bar of tqdm, or a function of what is done and what there is.
+Progress = bool | Callable[[int, int], object]
 
 
 @dataclass
@@ -85,6 +88,7 @@ def call(
     arguments: Iterable[str],
     finish: Callable[[Left], Any] | None = None,
     accepted: tuple[int, ...] = (0, 1),
+    progress: Progress = False,
 ) -> Left:
     """Runs a command.
 
@@ -98,6 +102,8 @@ def call(
         Makes of what is left what `Interrupted` has as its result.
     accepted : tuple of int
         Exit codes with an answer, if the command printed one.
+    progress : bool or callable
+        Shows how far it is.
 
     Returns
     -------
@@ -107,7 +113,31 @@ def call(
     ------
     InputError, FmuError, Error, Interrupted
     """
-    return listen(lambda: _pilotage.call([*command.split(), *arguments]), finish, accepted)
+    all_words = [*command.split(), *arguments]
+    with following(progress) as told:
+        return listen(lambda: _pilotage.call(all_words, told), finish, accepted)
+
+
+@contextmanager
+def following(progress: Progress) -> Iterator[Callable[[int, int], object] | None]:
+    """What is called with what is done and what there is."""
+    if callable(progress):
+        yield progress
+    elif not progress:
+        yield None
+    else:
+        try:
+            from tqdm.auto import tqdm
+        except ImportError:
+            hint = "install tqdm, or give a function of what is done and what there is"
+            raise InputError("progress=True draws a bar of tqdm, which is not installed", hint) from None
+        with tqdm() as bar:
+
+            def told(done: int, total: int) -> None:
+                bar.total = total
+                bar.update(done - bar.n)
+
+            yield told
 
 
 def listen(

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._call import Left, PathLike, call, cleaned, pairs, words
-from ._errors import Error, InputError
+from . import _pilotage
+from ._call import Left, PathLike, Progress, call, cleaned, following, listen, pairs, words
+from ._errors import Error, InputError, Interrupted
 from ._tables import Array, Files, Table
 
 if TYPE_CHECKING:
+    from distributed import Client
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -207,6 +212,10 @@ class Fit:
         magnitude.legend()
         return fig
 
+    def bootstrap(self, n: int = 200, **options: Any) -> Any:
+        """Refits replicates of the runs: `pilotage.bootstrap` of this fit."""
+        return bootstrap(self, n, **options)
+
     def to_control(self, model: str | None = None) -> Any:
         """A fitted model, linear where it starts, as a control.StateSpace."""
         from ._linear import linearize
@@ -228,7 +237,12 @@ class Recipe:
         self.data = data
         self.flags = dict(flags)
 
-    def run(self, **more: object) -> Fit:
+    def run(self, progress: Progress = False, **more: object) -> Fit:
+        arguments, finish = self.ready(**more)
+        return finish(call("fit", arguments, finish, progress=progress))
+
+    def ready(self, **more: object) -> tuple[list[str], Callable[[Left], Fit]]:
+        """The words of the command, and what makes a fit of what it leaves."""
         files = Files()
         flags = {**self.flags, **more}
         given = [str(self.data)] if is_problem(self.data) else files.runs(self.data)
@@ -238,12 +252,14 @@ class Recipe:
         output = f"{target}/" if is_problem(self.data) else str(target / "pilot.toml")
 
         def finish(left: Left) -> Fit:
-            found = sorted(path for path in target.rglob("*") if path.is_file())
+            # Which keeps the files until then.
+            written = files.path / "models"
+            found = sorted(path for path in written.rglob("*") if path.is_file())
             models = [path for path in found if path.suffix == ".toml"]
             texts = {path.stem: cleaned(path.read_text(encoding="utf-8")) for path in models}
             return Fit(left, texts, self)
 
-        return finish(call("fit", words(*given, json=True, output=output, **flags), finish))
+        return words(*given, json=True, output=output, **flags), finish
 
     def __getstate__(self) -> dict[str, Any]:
         # Runs as they are; of a problem the path.
@@ -263,6 +279,7 @@ def fit(
     start: Mapping[str, float] | None = None,
     covariance: str | None = None,
     time_limit: float | None = None,
+    progress: Progress = False,
     **options: object,
 ) -> Fit:
     """Identifies a pilot from recorded flights, or whatever a problem file seeks.
@@ -283,6 +300,8 @@ def fit(
         How the intervals are made.
     time_limit : float, optional
         After this time [s] the best so far is the result.
+    progress : bool or callable
+        As in `simulate`.
     **options
         All other flags of `pilotage fit`, with underscores: `random_starts=20`, `leave_one_out=True`.
 
@@ -298,19 +317,129 @@ def fit(
     Interrupted
         With the best so far as its `result`.
     """
-    flags: dict[str, object] = {
-        "vehicle": None if vehicle == "quadcopter" else vehicle,
-        "order": order,
-        "initial_state": initial_state,
-        "start": ",".join(pairs(start)) or None,
-        "covariance": covariance,
-        "time_limit": time_limit,
-        **options,
-    }
-    return Recipe(runs, flags).run()
+    given = {"order": order, "initial_state": initial_state, "covariance": covariance, "time_limit": time_limit}
+    return recipe(runs, {"vehicle": vehicle, "start": start, **given, **options}).run(progress)
 
 
-def profile(fit: Fit, *parameters: str, **options: object) -> dict[str, Table]:
+def recipe(runs: Any, given: Mapping[str, Any]) -> Recipe:
+    """Of the arguments of `fit`."""
+    flags = dict(given)
+    if flags.get("vehicle") == "quadcopter":
+        del flags["vehicle"]
+    flags["start"] = ",".join(pairs(flags.get("start"))) or None
+    return Recipe(runs, flags)
+
+
+@dataclass
+class Fits:
+    """Fits of several problems.
+
+    Attributes
+    ----------
+    names : list of str
+        The keys that were given, the paths, or numbers from 0.
+    fits : list of (Fit or None)
+        None where a problem could not be fitted.
+    reasons : list of (str or None)
+        Why.
+    """
+
+    names: list[str]
+    fits: list[Fit | None]
+    reasons: list[str | None]
+
+    def __len__(self) -> int:
+        return len(self.fits)
+
+    def __getitem__(self, key: int | str) -> Fit | None:
+        """The fit of this number or name."""
+        return self.fits[self.names.index(key) if isinstance(key, str) else key]
+
+    def to_frame(self) -> Any:
+        """A pandas.DataFrame with a row for each problem: whether it converged, the estimates, and why there are none."""
+        import pandas
+
+        rows = [
+            {"converged": bool(fit and fit.converged), **(fit.values if fit else {}), "reason": reason}
+            for fit, reason in zip(self.fits, self.reasons, strict=True)
+        ]
+        return pandas.DataFrame(rows, index=pandas.Index(self.names, name="problem"))
+
+
+def fit_many(
+    problems: Mapping[str, Any] | Sequence[Any],
+    *,
+    client: Client | None = None,
+    progress: Progress = False,
+    **options: Any,
+) -> Fits:
+    """Fits several problems, each by itself: on all cores, or on all workers of a cluster.
+
+    Parameters
+    ----------
+    problems : dict or list
+        For each problem what `fit` takes: a problem file, runs, or a list of runs.
+    client : distributed.Client, optional
+        A Dask cluster. The fits are the same, bit by bit, as on this machine.
+    progress : bool or callable
+        As in `simulate`.
+    **options
+        Of `fit`, for all of them.
+
+    Returns
+    -------
+    Fits
+        One that cannot be made is a row with its reason.
+    """
+    named = isinstance(problems, Mapping)
+    given = list(problems.values()) if isinstance(problems, Mapping) else list(problems)
+    names = list(problems) if named else [str(own) if is_problem(own) else str(k) for k, own in enumerate(given)]
+    found = Fits([str(name) for name in names], [None] * len(given), [None] * len(given))
+    ready: dict[int, tuple[list[str], Callable[[Left], Fit]]] = {}
+    for k, own in enumerate(given):
+        try:
+            ready[k] = recipe(own, options).ready()
+        except (Error, OSError) as error:
+            found.reasons[k] = str(error)
+    with following(progress) as told:
+        try:
+            for count, (k, run) in enumerate(each(client, {k: own[0] for k, own in ready.items()}), 1):
+                try:
+                    found.fits[k] = ready[k][1](listen(run))
+                except Error as error:
+                    found.reasons[k] = error.message
+                if told is not None:
+                    told(count, len(ready))
+        except KeyboardInterrupt:
+            stopped = Interrupted("stopped by Ctrl-C")
+            stopped.result = found
+            raise stopped from None
+    return found
+
+
+def each(
+    client: Client | None, arguments: Mapping[int, list[str]]
+) -> Iterable[tuple[int, Callable[[], _pilotage._Left]]]:
+    """The numbers of fits, as they end, with what they left: here, or on a cluster."""
+    every = {k: ["fit", *own] for k, own in arguments.items()}
+    if client is not None:
+        from . import _cluster
+
+        numbers = list(every)
+        for k, done in _cluster.run(client, list(every.values())):
+            yield numbers[k], lambda done=done: _cluster.result(done)  # type: ignore[misc]
+        return
+    pool = ThreadPoolExecutor(len(os.sched_getaffinity(0)))
+    try:
+        futures = {pool.submit(_pilotage.call, own): k for k, own in every.items()}
+        for future in as_completed(futures):
+            yield futures[future], future.result
+    finally:
+        # Of those that have begun nobody waits for the end.
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def profile(fit: Fit, *parameters: str, progress: Progress = False, **options: object) -> dict[str, Table]:
     """Profiles of the objective: each parameter held at values around its estimate, all others fitted again.
 
     Parameters
@@ -318,6 +447,8 @@ def profile(fit: Fit, *parameters: str, **options: object) -> dict[str, Table]:
     fit : Fit
     *parameters : str
         Names of parameters; all of them if none is given.
+    progress : bool or callable
+        As in `simulate`.
     **options
         Flags of `pilotage fit`.
 
@@ -327,7 +458,7 @@ def profile(fit: Fit, *parameters: str, **options: object) -> dict[str, Table]:
         For each parameter `objective` and `root` (the signed root of its rise) over the values, which are the `time` of
         the table; `low`, `high` and `class` are in its attribute `interval`.
     """
-    again = fit._recipe.run(profile=",".join(parameters) or True, **options)
+    again = fit._recipe.run(progress, profile=",".join(parameters) or True, **options)
     found: dict[str, Table] = {}
     for name, own in again.json["parameters"].items():
         if "profile" not in own:
@@ -353,7 +484,15 @@ class Profile(Table):
     interval: dict[str, Any]
 
 
-def bootstrap(fit: Fit, n: int = 200, *, seed: int = 1, **options: object) -> Any:
+def bootstrap(
+    fit: Fit,
+    n: int = 200,
+    *,
+    seed: int = 1,
+    client: Client | None = None,
+    progress: Progress = False,
+    **options: object,
+) -> Any:
     """Refits replicates of the runs.
 
     Parameters
@@ -362,7 +501,11 @@ def bootstrap(fit: Fit, n: int = 200, *, seed: int = 1, **options: object) -> An
     n : int
         Number of replicates.
     seed : int
-        Of the random numbers.
+        Of the random numbers; those of a replicate depend on it and on the replicate's number alone.
+    client : distributed.Client, optional
+        A Dask cluster. The result is the same, bit by bit, as on this machine.
+    progress : bool or callable
+        As in `simulate`.
     **options
         Flags of `pilotage fit`.
 
@@ -371,9 +514,41 @@ def bootstrap(fit: Fit, n: int = 200, *, seed: int = 1, **options: object) -> An
     pandas.DataFrame or structured array
         value, sd, low and high of each parameter, from the spread of the refits.
     """
-    again = fit._recipe.run(bootstrap=n, seed=seed, **options)
+    flags: dict[str, Any] = {**options, "bootstrap": n, "seed": seed}
+    if client is None:
+        again = fit._recipe.run(progress, **flags)
+    else:
+        # What is refitted already is not fitted again.
+        files = Files()
+        again = fit._recipe.run(**flags, resume=refits(client, fit, n, flags, files, progress))
     parameters = again.json["parameters"]
     return estimates({name: {**own, **own.get("bootstrap", {})} for name, own in parameters.items()})
+
+
+def refits(
+    client: Client, fit: Fit, n: int, flags: Mapping[str, Any], files: Files, progress: Progress
+) -> Path:
+    """Refits replicates on a cluster; gives the file of all of them."""
+    from . import _cluster
+
+    if "resume" in flags or "shard" in flags:
+        raise InputError("`resume` and `shard` are not for a cluster", "leave them out")
+    # Each part makes the fit first, so that there are few.
+    number = min(n, max(_cluster.slots(client), n // 100))
+    parts = [files.path / f"part-{own}.csv" for own in range(1, number + 1)]
+    ready = [
+        fit._recipe.ready(**flags, resume=part, shard=f"{own}/{number}") for own, part in enumerate(parts, 1)
+    ]
+    with following(progress) as told:
+        count = 0
+        for k, run in each(client, {k: own[0] for k, own in enumerate(ready)}):
+            listen(run)
+            count += len(range(k, n, number))
+            if told is not None:
+                told(count, n)
+    whole = files.path / "refits.csv"
+    whole.write_bytes(b"".join(part.read_bytes() for part in parts))
+    return whole
 
 
 def starting(tables: Mapping[str, Table], prefix: str) -> dict[str, Table]:

@@ -1,5 +1,6 @@
 """The native part: crates/python."""
 
+from collections.abc import Callable
 from os import PathLike
 from typing import final
 
@@ -16,7 +17,9 @@ def hosted(python: _Path, before: list[str], name: str) -> None:
 def main(python: _Path, before: list[str], words: list[str]) -> None:
     """Runs the command in this process, which it ends with its exit code."""
 
-def call(words: list[str]) -> _Left:
+def call(
+    words: list[str], progress: Callable[[int, int], object] | None = None, folder: _Path | None = None
+) -> _Left:
     """Runs the command in a thread of its own; gives exit code, stdout, stderr, tables and texts."""
 
 def version() -> str:
@@ -35,5 +38,7 @@ class Prepared:
     """A system that is opened once and simulated any number of times."""
 
     def __new__(cls, words: list[str]) -> Prepared: ...
-    def run(self, settings: list[tuple[str, str]]) -> _Left:
+    def run(
+        self, settings: list[tuple[str, str]], progress: Callable[[int, int], object] | None = None
+    ) -> _Left:
         """Simulates with other values of these variables."""

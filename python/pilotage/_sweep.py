@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ._call import Left, PathLike, call, pairs, text, words
+from ._call import Left, PathLike, Progress, call, following, listen, pairs, text, words
+from ._errors import InputError
 from ._system import Source, System, as_system
 from ._tables import Array, Files, real
 
 if TYPE_CHECKING:
     import pandas
+    from distributed import Client
 
 
 @dataclass
@@ -60,9 +62,11 @@ def sweep(
     set: Mapping[str, object] | None = None,
     output: PathLike | None = None,
     isolate: bool | list[str] = True,
+    client: Client | None = None,
+    progress: Progress = False,
     **options: object,
 ) -> Study:
-    """Simulates a system many times, on all cores.
+    """Simulates a system many times, on all cores, or on all workers of a cluster.
 
     Parameters
     ----------
@@ -82,6 +86,10 @@ def sweep(
         Folder of the page and the tables; a study that was stopped goes on in it.
     isolate : bool or list of str
         Whether FMUs run in processes of their own, or which. Many short runs are faster without.
+    client : distributed.Client, optional
+        A Dask cluster. The study has the same bytes as on this machine.
+    progress : bool or callable
+        As in `simulate`.
     **options
         Flags of `pilotage sweep`: `method="saltelli"`, `samples=256`, `seed=2`, `algorithm="strong"`.
 
@@ -100,24 +108,70 @@ def sweep(
     folder = Path(output) if output is not None else files.path / "sweep"
     named, wiring = system.words()
     given = {**system.settings, **(set or {})}
-    left = call(
-        "sweep",
-        words(
-            *named,
-            **wiring,
-            set=pairs(given),
-            vary=[varied(name, own) for name, own in (vary or {}).items()],
-            table=samples(table, files),
-            measure=measures(measure),
-            step=step,
-            stop_time=stop_time,
-            isolate="all" if isolate is True else ",".join(isolate or []) or None,
-            output=folder,
-            json=True,
-            **options,
-        ),
-    )
+    flags = {
+        **wiring,
+        "set": pairs(given),
+        "vary": [varied(name, own) for name, own in (vary or {}).items()],
+        "table": samples(table, files),
+        "measure": measures(measure),
+        "step": step,
+        "stop_time": stop_time,
+        "isolate": "all" if isolate is True else ",".join(isolate or []) or None,
+        "json": True,
+        **options,
+    }
+    if client is None:
+        left = call("sweep", words(*named, **flags, output=folder), progress=progress)
+    else:
+        for own in ("shard", "time_limit"):
+            if flags.pop(own, None) is not None:
+                raise InputError(f"`{own}` is not for a cluster", "leave it out")
+        force = flags.pop("force", None)
+        parts = on_cluster(client, lambda **more: words(*named, **flags, **more), files.path, progress)
+        left = call("merge", words(parts, output=folder, force=force, json=True))
     return study(left, folder)
+
+
+# A part of a study is to last so long [s].
+LEAST = 0.2
+
+
+def on_cluster(client: Client, flags: Callable[..., list[str]], folder: Path, progress: Progress) -> Path:
+    """Simulates the samples in parts; gives the folder of all of them."""
+    from . import _cluster
+
+    def part(own: int, of: int) -> list[str]:
+        return ["sweep", *flags(shard=f"{own}/{of}", output=folder / f"part-{own}-{of}")]
+
+    def judged(done: _cluster.Done | Exception) -> dict[str, Any]:
+        left = listen(lambda: _cluster.result(done))
+        return dict(left.json())
+
+    # What the first sample costs tells how many make a part.
+    with following(progress) as told:
+        ((_, first),) = _cluster.run(client, [part(1, FIRST)])
+        said = judged(first)
+        assert isinstance(first, _cluster.Done)
+        count, total = said["of"], said["of"] * said["seconds"]
+        # What a part costs besides its samples is to be little, but each worker is to have three.
+        besides = first.seconds - said["seconds"]
+        least = max(LEAST, min(10 * besides, total / (3 * _cluster.slots(client))))
+        number = min(count, max(1, int(total / least)))
+        numbers = range(1, number + 1)
+        samples_done = 0
+        for _, done in _cluster.run(client, [part(own, number) for own in numbers]):
+            samples_done += judged(done)["samples"]
+            if told is not None:
+                told(samples_done, count)
+    parts = folder / "parts"
+    parts.mkdir()
+    for file in folder.glob(f"part-*-{number}/*.txt"):
+        file.rename(parts / file.name)
+    return parts
+
+
+# So many parts that the first one has the first sample alone.
+FIRST = 1 << 40
 
 
 def merge(parts: Sequence[PathLike], output: PathLike) -> Study:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _pilotage
-from ._call import Left, PathLike, listen, pairs, text, words
+from ._call import Left, PathLike, Progress, following, listen, pairs, text, words
 from ._errors import FmuError, InputError
 from ._fit import Fit
 from ._model import Model
@@ -169,6 +169,7 @@ def simulate(
     isolate: bool | list[str] = True,
     step_limit: float | None = None,
     memory_limit: float | None = None,
+    progress: Progress = False,
     **options: object,
 ) -> Result:
     """Simulates a system.
@@ -194,6 +195,8 @@ def simulate(
         this run alone. Many short runs are faster without.
     step_limit, memory_limit : float, optional
         What a call to an isolated FMU may take [s], and its process [MB].
+    progress : bool or callable
+        Shows how far it is: by a bar of tqdm, or by a function that is called with what is done and what there is.
     **options
         All other flags of `pilotage cosim`: `tolerance=1e-4`, `kind="me"`, `record_every=0.1`.
 
@@ -232,12 +235,13 @@ def simulate(
             as_run(input, "input").write(table)
         flags["input"] = f"input={table}"
     settings = {**system.settings, **(set or {})}
-    return run_prepared(system.prepared(flags), settings)
+    return run_prepared(system.prepared(flags), settings, progress)
 
 
-def run_prepared(prepared: _pilotage.Prepared, settings: Mapping[str, object]) -> Result:
+def run_prepared(prepared: _pilotage.Prepared, settings: Mapping[str, object], progress: Progress = False) -> Result:
     given = [(name, text(value)) for name, value in settings.items()]
-    left = listen(lambda: prepared.run(given), result, accepted=(0, 1))
+    with following(progress) as told:
+        left = listen(lambda: prepared.run(given, told), result, accepted=(0, 1))
     own = result(left)
     if left.code == 1 and own.status != "stopped":
         message = left.json()["message"] or "; ".join(own.notes)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from . import _pilotage
-from ._call import Left, PathLike, call, pairs, text, words
+from ._call import Left, PathLike, Progress, call, pairs, text, words
 from ._model import Model
 from ._tables import Files, Run, read_run
 
@@ -181,6 +181,7 @@ def hv(
     *,
     pilot: PathLike | None = None,
     set: Mapping[str, float] | None = None,
+    progress: Progress = False,
     **options: object,
 ) -> dict[str, Any]:
     """The height-velocity map of a helicopter after power loss (docs/hv.md).
@@ -195,6 +196,8 @@ def hv(
         Pilot between command and rotor.
     set : dict, optional
         Parameters of the helicopter.
+    progress : bool or callable
+        As in `simulate`.
     **options
         Flags of `pilotage hv`: `speeds="0:24:3"`, `heights="2:150:12"`, `delay=0.5`.
 
@@ -204,5 +207,6 @@ def hv(
         What hv.json has.
     """
     given = [] if helicopter is None else [helicopter]
-    left = call("hv", words(*given, json=True, output=output, pilot=pilot, set=pairs(set), **options))
+    flags = words(*given, json=True, output=output, pilot=pilot, set=pairs(set), **options)
+    left = call("hv", flags, progress=progress)
     return dict(left.json())

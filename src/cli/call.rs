@@ -15,9 +15,9 @@ use std::ffi::OsString;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Tells the process of a command the folder into which it writes its [tables](Done::tables).
 const FOLDER: &str = "PILOTAGE_TABLES";
@@ -25,11 +25,15 @@ const FOLDER: &str = "PILOTAGE_TABLES";
 const NAME: &str = "table ";
 /// Ending of the file of a text, which is named like it.
 const TEXT: &str = "txt";
+/// File with how much of the work is done, and how much there is.
+const COUNT: &str = "count";
+/// Interval between two counts of another process.
+const BETWEEN: Duration = Duration::from_millis(50);
 /// Exit code of a command that was ended.
 const KILLED: u8 = 130;
 
 /// What a command leaves.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Clone)]
 pub struct Done {
     /// The exit code.
     pub code: u8,
@@ -46,7 +50,7 @@ pub struct Done {
 struct Call {
     words: Vec<OsString>,
     done: Done,
-    stop: &'static AtomicBool,
+    shared: &'static Shared,
 }
 
 thread_local! {
@@ -58,22 +62,32 @@ thread_local! {
 pub struct Stop(Arc<Lent>);
 
 #[derive(Debug)]
-struct Lent(&'static AtomicBool);
+struct Lent(&'static Shared);
 
-/// Flags that no call has at the moment; each is made once.
-static FREE: Mutex<Vec<&'static AtomicBool>> = Mutex::new(Vec::new());
+/// What a call and its caller tell each other meanwhile.
+#[derive(Debug)]
+struct Shared {
+    stop: AtomicBool,
+    done: AtomicU64,
+    total: AtomicU64,
+}
+
+/// Those that no call has at the moment; each is made once.
+static FREE: Mutex<Vec<&'static Shared>> = Mutex::new(Vec::new());
 
 impl Default for Stop {
     fn default() -> Self {
         let mut free = FREE.lock().unwrap_or_else(PoisonError::into_inner);
-        let made = || &*Box::leak(Box::new(AtomicBool::new(false)));
+        let made = || &*Box::leak(Box::new(Shared::new()));
         Self(Arc::new(Lent(free.pop().unwrap_or_else(made))))
     }
 }
 
 impl Drop for Lent {
     fn drop(&mut self) {
-        self.0.store(false, Ordering::SeqCst);
+        self.0.stop.store(false, Ordering::SeqCst);
+        self.0.done.store(0, Ordering::SeqCst);
+        self.0.total.store(0, Ordering::SeqCst);
         let mut free = FREE.lock().unwrap_or_else(PoisonError::into_inner);
         free.push(self.0);
     }
@@ -82,8 +96,81 @@ impl Drop for Lent {
 impl Stop {
     /// The call is to stop with what it has.
     pub fn ask(&self) {
-        self.0.0.store(true, Ordering::SeqCst);
+        self.0.0.stop.store(true, Ordering::SeqCst);
     }
+
+    /// Whether it was asked to.
+    pub fn is_asked(&self) -> bool {
+        self.0.0.stop.load(Ordering::SeqCst)
+    }
+
+    /// How much of the work is done, and how much there is; both are 0 until that is known.
+    pub fn progress(&self) -> (u64, u64) {
+        let own = self.0.0;
+        (
+            own.done.load(Ordering::Relaxed),
+            own.total.load(Ordering::Relaxed),
+        )
+    }
+}
+
+impl Shared {
+    const fn new() -> Self {
+        Self {
+            stop: AtomicBool::new(false),
+            done: AtomicU64::new(0),
+            total: AtomicU64::new(0),
+        }
+    }
+
+    fn count(&self, done: u64, total: u64) {
+        // Several threads count the same work, and may say so in another order.
+        match self.total.swap(total, Ordering::Relaxed) == total {
+            true => self.done.fetch_max(done, Ordering::Relaxed),
+            false => self.done.swap(done, Ordering::Relaxed),
+        };
+    }
+}
+
+/// Takes how much work is done, from any thread.
+#[derive(Debug, Clone, Copy)]
+pub struct Count(Option<&'static Shared>);
+
+impl Count {
+    /// For who calls the command of this thread.
+    pub fn to_caller() -> Self {
+        Self(with(|call| call.shared))
+    }
+
+    /// So much of so much is done.
+    pub fn say(self, done: u64, total: u64) {
+        if let Some(shared) = self.0 {
+            shared.count(done, total);
+        } else if let Some(folder) = folder() {
+            write_count(folder, done, total);
+        }
+    }
+}
+
+/// Writes how much work this process has done, for who has started it: now and then, and at the end.
+fn write_count(folder: &Path, done: u64, total: u64) {
+    static OWN: Shared = Shared::new();
+    static LAST: Mutex<Option<Instant>> = Mutex::new(None);
+    OWN.count(done, total);
+    let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
+    if done == total || last.is_none_or(|last| last.elapsed() > BETWEEN) {
+        *last = Some(Instant::now());
+        let done = OWN.done.load(Ordering::Relaxed);
+        // The next one may be written.
+        let _ = std::fs::write(folder.join(COUNT), format!("{done} {total}\n"));
+    }
+}
+
+/// The folder of the tables, in the process of a command that was called.
+fn folder() -> Option<&'static Path> {
+    static OWN: OnceLock<Option<PathBuf>> = OnceLock::new();
+    OWN.get_or_init(|| std::env::var_os(FOLDER).map(PathBuf::from))
+        .as_deref()
 }
 
 /// Runs a command, given as its words without the name of the program.
@@ -95,10 +182,16 @@ pub fn call(words: Vec<OsString>, stop: &Stop) -> Done {
             Err(error) => return refused(&error),
         };
         match command.loads_fmus() {
-            true => apart(words, stop),
+            true => apart(words, None, stop),
             false => super::run(command),
         }
     })
+}
+
+/// Runs a command in a process of its own, with one thread and this working folder: as one of several of this machine.
+pub fn call_within(folder: &Path, words: Vec<OsString>, stop: &Stop) -> Done {
+    let words: Vec<OsString> = std::iter::once("pilotage".into()).chain(words).collect();
+    within(words, stop, |words| apart(words, Some(folder), stop))
 }
 
 /// Does work whose words are handed over as those of a command.
@@ -110,7 +203,7 @@ pub(super) fn within(
     let call = Call {
         words: words.clone(),
         done: Done::default(),
-        stop: stop.0.0,
+        shared: stop.0.0,
     };
     OWN.set(Some(call));
     let code = work(&words);
@@ -156,8 +249,8 @@ impl Command {
 }
 
 /// Runs the command in a process of its own.
-fn apart(words: &[OsString], stop: &Stop) -> u8 {
-    let ran = ran_apart(&words[1..], stop).unwrap_or_else(|error| Done {
+fn apart(words: &[OsString], within: Option<&Path>, stop: &Stop) -> u8 {
+    let ran = ran_apart(&words[1..], within, stop).unwrap_or_else(|error| Done {
         code: 2,
         stderr: format!("error: cannot start a process for the FMUs: {error}\n"),
         ..Done::default()
@@ -167,9 +260,13 @@ fn apart(words: &[OsString], stop: &Stop) -> u8 {
     code
 }
 
-fn ran_apart(words: &[OsString], stop: &Stop) -> std::io::Result<Done> {
+fn ran_apart(words: &[OsString], within: Option<&Path>, stop: &Stop) -> std::io::Result<Done> {
     let folder = Folder::create()?;
-    let mut child = program::command()?
+    let mut command = program::command()?;
+    if let Some(within) = within {
+        command.current_dir(within).env("RAYON_NUM_THREADS", "1");
+    }
+    let mut child = command
         .args(words)
         .env(FOLDER, folder.path())
         .stdin(Stdio::null())
@@ -180,7 +277,7 @@ fn ran_apart(words: &[OsString], stop: &Stop) -> std::io::Result<Done> {
     let (code, stdout, stderr) = std::thread::scope(|scope| {
         let stdout = scope.spawn(move || all(streams.0));
         let stderr = scope.spawn(move || all(streams.1));
-        let code = ended(&mut child, stop);
+        let code = ended(&mut child, folder.path(), stop);
         let text = |thread: std::thread::ScopedJoinHandle<'_, String>| thread.join();
         let streams = (text(stdout), text(stderr));
         (
@@ -207,14 +304,20 @@ fn all(stream: Option<impl Read>) -> String {
 }
 
 /// Waits for a process, to which the wish to stop is passed on.
-fn ended(child: &mut Child, stop: &Stop) -> std::io::Result<u8> {
+fn ended(child: &mut Child, folder: &Path, stop: &Stop) -> std::io::Result<u8> {
     let mut is_told = false;
+    let mut last = Instant::now();
     loop {
-        if let Some(status) = child.try_wait()? {
+        let ended = child.try_wait()?;
+        if ended.is_some() || last.elapsed() > BETWEEN {
+            last = Instant::now();
+            pass_on(folder, stop);
+        }
+        if let Some(status) = ended {
             let code = status.code().and_then(|code| u8::try_from(code).ok());
             return Ok(code.unwrap_or(KILLED));
         }
-        if !is_told && stop.0.0.load(Ordering::SeqCst) {
+        if !is_told && stop.is_asked() {
             is_told = true;
             #[cfg(unix)]
             pilotage_process::child::interrupt(child.id());
@@ -222,6 +325,15 @@ fn ended(child: &mut Child, stop: &Stop) -> std::io::Result<u8> {
             child.kill()?;
         }
         std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// How much of its work a process has done.
+fn pass_on(folder: &Path, stop: &Stop) {
+    let text = file::text(&folder.join(COUNT)).unwrap_or_default();
+    let numbers = text.trim_end().split_once(' ');
+    if let Some((Ok(done), Ok(total))) = numbers.map(|own| (own.0.parse(), own.1.parse())) {
+        stop.0.0.count(done, total);
     }
 }
 
@@ -274,7 +386,7 @@ pub fn arguments() -> Vec<OsString> {
 
 /// The flag that asks this thread's call to stop.
 pub fn stop() -> Option<&'static AtomicBool> {
-    with(|call| call.stop)
+    with(|call| &call.shared.stop)
 }
 
 /// Takes what is printed on stdout. Returns whether somebody takes it.
@@ -289,16 +401,16 @@ pub fn eprint(text: &str) -> bool {
 
 /// Whether somebody takes tables.
 pub fn takes_tables() -> bool {
-    is_on() || std::env::var_os(FOLDER).is_some()
+    is_on() || folder().is_some()
 }
 
 /// Hands over a text.
 pub fn keep_text(name: &str, text: String) {
     let mut text = Some(text);
     with(|call| (call.done.texts).extend(text.take().map(|text| (name.to_owned(), text))));
-    if let (Some(text), Some(folder)) = (text, std::env::var_os(FOLDER)) {
+    if let (Some(text), Some(folder)) = (text, folder()) {
         // Without the file the caller has no text.
-        let _ = std::fs::write(Path::new(&folder).join(name).with_extension(TEXT), text);
+        let _ = std::fs::write(folder.join(name).with_extension(TEXT), text);
     }
 }
 
@@ -310,12 +422,12 @@ pub fn keep(name: &str, table: Series) {
             .tables
             .extend(table.take().map(|table| (name.to_owned(), table)))
     });
-    if let (Some(mut table), Some(folder)) = (table, std::env::var_os(FOLDER)) {
+    if let (Some(mut table), Some(folder)) = (table, folder()) {
         static COUNT: Mutex<usize> = Mutex::new(0);
         let mut count = COUNT.lock().unwrap_or_else(PoisonError::into_inner);
         *count += 1;
         table.comments = vec![format!("{NAME}{name}")];
-        let file = Path::new(&folder).join(format!("{:06}.csv", *count));
+        let file = folder.join(format!("{:06}.csv", *count));
         // Without the file the caller has no table, and says so.
         let _ = std::fs::write(file, table.to_csv());
     }

@@ -38,6 +38,7 @@ mod pack;
 mod plot;
 mod progress;
 mod recognise;
+mod shard;
 mod sweep;
 mod system;
 mod terminal;

@@ -15,6 +15,7 @@ const PATIENCE: Duration = Duration::from_secs(2);
 pub struct Progress {
     begin: Instant,
     bar: Option<ProgressBar>,
+    count: call::Count,
 }
 
 impl Progress {
@@ -23,6 +24,7 @@ impl Progress {
         Self {
             begin: Instant::now(),
             bar: None,
+            count: call::Count::to_caller(),
         }
     }
 
@@ -38,6 +40,7 @@ impl Progress {
                 at.iteration.kkt.residual()
             )
         };
+        self.count.say(at.start as u64, at.starts as u64);
         self.show(at.start as u64 + 1, at.starts as u64, message);
     }
 
@@ -122,6 +125,7 @@ pub struct Counter {
     bar: ProgressBar,
     what: &'static str,
     is_quiet: bool,
+    count: call::Count,
 }
 
 impl Counter {
@@ -134,6 +138,7 @@ impl Counter {
             bar: bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())),
             what,
             is_quiet: call::is_on(),
+            count: call::Count::to_caller(),
         }
     }
 
@@ -145,6 +150,8 @@ impl Counter {
     /// Counts a completed item.
     pub fn count(&self) {
         self.bar.inc(1);
+        self.count
+            .say(self.bar.position(), self.bar.length().unwrap_or(0));
         if !self.is_quiet && self.bar.is_hidden() && self.begin.elapsed() > PATIENCE {
             self.bar
                 .set_draw_target(ProgressDrawTarget::stderr_with_hz(5));

@@ -140,6 +140,33 @@ fn numbers_are_the_same_for_any_number_of_threads() {
     }
 }
 
+/// Parts of a bootstrap, made on several machines and joined by `cat`, are the whole.
+#[test]
+fn parts_of_a_bootstrap_are_the_whole() {
+    let folder = Folder::new();
+    decay(&folder, 4);
+    let fit = |more: &[&str]| {
+        let words = ["fit", "problem.toml", "--json", "--bootstrap", "20"];
+        timeless(&folder.pilotage(&[&words, more].concat()))
+    };
+    let whole = fit(&[]);
+    let mut lines = 0;
+    let joined: String = ["1/3", "2/3", "3/3"]
+        .map(|part| {
+            let file = format!("part{}.csv", &part[..1]);
+            fit(&["--resume", &file, "--shard", part]);
+            let text = folder.read(&file);
+            lines += text.lines().count() - 1;
+            text
+        })
+        .concat();
+    assert_eq!(lines, 20);
+    folder.write("all.csv", &joined);
+    assert_eq!(fit(&["--resume", "all.csv"]), whole);
+    // Nothing was left to do.
+    assert_eq!(folder.read("all.csv"), joined);
+}
+
 /// A command that is killed goes on where it was, whatever of a line was written, and ends with the same numbers.
 #[test]
 fn a_killed_bootstrap_goes_on_with_the_same_numbers() {

@@ -1,6 +1,7 @@
 //! `pilotage sweep` and `pilotage merge`: numbers of many runs, whole, in parts, after a stop.
 
 use crate::command::Folder;
+use crate::foreign;
 
 const LOOP: &str = "[system.plant]\nmodel = \"plant.toml\"\nset = { level = 2 }\n";
 const PLANT: &str = "[model]\nname = \"plant\"\n[inputs]\nlevel = {}\n[parameters]\nlag = { start = 0.5, unit = \"s\", min = 0.01 }\n\
@@ -140,6 +141,48 @@ fn parts_and_stops_change_nothing() {
     );
     let mixed = folder.pilotage(&["merge", "a", "b", "c", "-o", "mixed"]);
     assert!(mixed.code == 2, "{mixed:?}");
+}
+
+/// An FMU that forgets to reset something is opened for each sample; one that remembers even then is doubted, and not in a process of
+/// its own.
+#[test]
+fn resets_are_not_trusted() {
+    let folder = folder();
+    for (behaviour, isolate, is_doubted) in [
+        ("good", "", false),
+        ("reset-forgets", "", false),
+        ("shared", "", true),
+        ("shared", "all", false),
+    ] {
+        let fmu = foreign::file(&folder.path(""), behaviour);
+        let fmu = format!("fmu={}", fmu.display());
+        let mut words = vec!["sweep", &fmu, "--set", "fmu.u=1", "--vary", "fmu.k=0.5:2:7"];
+        words.extend([
+            "--measure",
+            "final(fmu.y)",
+            "--stop-time",
+            "1",
+            "--step",
+            "0.1",
+        ]);
+        words.extend(["-o", "out", "--force"]);
+        if !isolate.is_empty() {
+            words.extend(["--isolate", isolate]);
+        }
+        let ended = folder.pilotage(&words);
+        assert_eq!(ended.code, 0, "{ended:?}");
+        let is_said = ended.stderr.contains("cannot be repeated");
+        assert_eq!(is_said, is_doubted, "{behaviour}: {}", ended.stderr);
+        let table = folder.read("out/sweep.csv");
+        let is_right = table.lines().skip(1).all(|line| {
+            let cells: Vec<f64> = line
+                .split(',')
+                .map_while(|cell| cell.parse().ok())
+                .collect();
+            (cells[2] - (1.0 - (-cells[1]).exp()) / cells[1]).abs() < 1e-9
+        });
+        assert_eq!(is_right, !is_doubted, "{behaviour}: {table}");
+    }
 }
 
 #[test]

@@ -11,7 +11,7 @@ mod worker;
 
 use convert::{Left, left};
 use pilotage::cli;
-use pilotage::cli::call::Done;
+use pilotage::cli::call::{Done, Stop};
 use pilotage::cli::cosim::prepared;
 use pilotage_process::program;
 use pyo3::prelude::*;
@@ -35,11 +35,21 @@ fn main(py: Python<'_>, python: PathBuf, before: Vec<OsString>, words: Vec<OsStr
 }
 
 /// Runs the command in a thread of its own, and gives its exit code, what it would print on stdout and stderr, and its
-/// tables and texts.
+/// tables and texts. Meanwhile it calls `progress` with what is done and what there is. With a folder, the command runs
+/// there, in a process of its own, with one thread.
 #[pyfunction]
-fn call<'py>(py: Python<'py>, words: Vec<OsString>) -> PyResult<Left<'py>> {
-    let done = worker::run(py, move |stop| cli::call::call(words, stop))?;
-    left(py, done)
+#[pyo3(signature = (words, progress=None, folder=None))]
+fn call<'py>(
+    py: Python<'py>,
+    words: Vec<OsString>,
+    progress: Option<Bound<'py, PyAny>>,
+    folder: Option<PathBuf>,
+) -> PyResult<Left<'py>> {
+    let work = move |stop: &Stop| match folder {
+        Some(folder) => cli::call::call_within(&folder, words, stop),
+        None => cli::call::call(words, stop),
+    };
+    left(py, worker::run(py, progress, work)?)
 }
 
 /// The version of pilotage.
@@ -63,9 +73,15 @@ impl Prepared {
     }
 
     /// Simulates with these values, each a name and a text, and gives what `call` gives.
-    fn run<'py>(&self, py: Python<'py>, settings: Vec<(String, String)>) -> PyResult<Left<'py>> {
+    #[pyo3(signature = (settings, progress=None))]
+    fn run<'py>(
+        &self,
+        py: Python<'py>,
+        settings: Vec<(String, String)>,
+        progress: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Left<'py>> {
         let own = Arc::clone(&self.0);
-        let done = worker::run(py, move |stop| {
+        let done = worker::run(py, progress, move |stop| {
             let mut own = own.lock().unwrap_or_else(PoisonError::into_inner);
             own.run(&settings, stop)
         })?;

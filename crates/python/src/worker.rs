@@ -50,7 +50,13 @@ fn give(work: Work) -> std::io::Result<()> {
 
 /// Runs the work and waits for it. A signal for which Python raises, such as Ctrl-C, asks it to stop: `Stopped` of
 /// Python then has what is there.
-pub fn run(py: Python<'_>, work: impl FnOnce(&Stop) -> Done + Send + 'static) -> PyResult<Done> {
+///
+/// What is done and what there is goes to `progress`, whenever it has changed; if that raises, it is as a signal.
+pub fn run<'py>(
+    py: Python<'py>,
+    progress: Option<Bound<'py, PyAny>>,
+    work: impl FnOnce(&Stop) -> Done + Send + 'static,
+) -> PyResult<Done> {
     let stop = Stop::default();
     let own = stop.clone();
     let (sender, mut receiver) = channel();
@@ -59,13 +65,22 @@ pub fn run(py: Python<'_>, work: impl FnOnce(&Stop) -> Done + Send + 'static) ->
         let _ = sender.send(std::panic::catch_unwind(work));
     }))?;
     let mut raised: Option<(PyErr, Instant)> = None;
+    let mut told = (0, 0);
+    let mut tell = || -> PyResult<()> {
+        let now = stop.progress();
+        if let Some(progress) = progress.as_ref().filter(|_| now != told) {
+            told = now;
+            progress.call1(now)?;
+        }
+        Ok(())
+    };
     loop {
         let result;
         (result, receiver) = py.detach(move || (receiver.recv_timeout(BETWEEN), receiver));
         match result {
             Ok(Ok(done)) => {
                 return match raised {
-                    None => Ok(done),
+                    None => tell().map(|()| done),
                     Some((error, _)) => Err(with_what_is_there(py, error, done)),
                 };
             }
@@ -78,7 +93,7 @@ pub fn run(py: Python<'_>, work: impl FnOnce(&Stop) -> Done + Send + 'static) ->
         }
         match &raised {
             None => {
-                if let Err(error) = py.check_signals() {
+                if let Err(error) = py.check_signals().and_then(|()| tell()) {
                     stop.ask();
                     raised = Some((error, Instant::now()));
                 }

@@ -39,6 +39,9 @@ pub struct Watch<'r> {
     started: Instant,
     last_report: Instant,
     pace: Pace,
+    /// Number of rows at the end.
+    steps: u64,
+    count: call::Count,
     /// Ctrl-C.
     asked: &'static AtomicBool,
 }
@@ -92,6 +95,8 @@ impl<'r> Watch<'r> {
             started: now,
             last_report: now,
             pace: Pace::new(now),
+            steps: clock.steps(),
+            count: call::Count::to_caller(),
             asked: interrupt::flag(),
         }
     }
@@ -104,6 +109,7 @@ impl<'r> Watch<'r> {
     /// Clears the bar, or reports as JSON how the run ended, with the report if the run has begun.
     pub fn end(&mut self, status: &str, time: f64, report: Option<Value>) {
         self.bar.iter().for_each(ProgressBar::finish_and_clear);
+        self.say(time);
         self.print_json(status, time, report);
     }
 
@@ -112,11 +118,19 @@ impl<'r> Watch<'r> {
             return;
         }
         self.last_report = now;
+        self.say(time);
         self.print_json("running", time, None);
         let is_bar = self.format == ProgressFormat::Bar && !call::is_on();
         if is_bar && now - self.started > PATIENCE {
             self.show_bar(time);
         }
+    }
+
+    /// Tells the caller how many steps are done.
+    fn say(&self, time: f64) {
+        let part = (time - self.begin) / self.duration;
+        let done = (part * self.steps as f64).round();
+        self.count.say(done as u64, self.steps);
     }
 
     fn print_json(&self, status: &str, time: f64, report: Option<Value>) {

@@ -11,12 +11,15 @@ use super::cosim::times::Times;
 use super::deadline::Deadline;
 use super::number::positive;
 use super::progress::Counter;
+use super::shard::Shard;
 use super::system::flags::Wiring;
 use super::{Failure, Outcome, folder, interrupt, overwrite, terminal};
 use pilotage_sweep::REDUCERS;
 use pilotage_text::counted;
 use plan::Plan;
+use serde_json::json;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 use store::{Row, Store};
 
 const EXAMPLES: &str = "\
@@ -74,7 +77,7 @@ pub struct Args {
     #[command(flatten)]
     coupling: CouplingArgs,
     /// Only part I of N of the samples; `pilotage merge` joins all parts.
-    #[arg(long, value_name = "I/N", value_parser = shard)]
+    #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
     /// Folder to write.
     #[arg(long, short, value_name = "FOLDER", default_value = "sweep")]
@@ -85,7 +88,7 @@ pub struct Args {
     /// Stop after this time [s]; the samples that are done are kept.
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     time_limit: Option<f64>,
-    /// Print sweep.json.
+    /// Print sweep.json; of a part the numbers of its samples and of all, and the time of a sample [s].
     #[arg(long)]
     json: bool,
 }
@@ -108,34 +111,6 @@ pub struct MergeArgs {
     /// Print sweep.json.
     #[arg(long)]
     json: bool,
-}
-
-/// A part of the samples, from 1.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Shard {
-    own: usize,
-    of: usize,
-}
-
-impl Shard {
-    const WHOLE: Self = Self { own: 1, of: 1 };
-
-    fn has(self, sample: usize) -> bool {
-        sample % self.of == self.own - 1
-    }
-}
-
-fn shard(text: &str) -> Result<Shard, String> {
-    let parts = text.split_once('/').and_then(|(own, of)| {
-        Some(Shard {
-            own: own.trim().parse().ok()?,
-            of: of.trim().parse().ok()?,
-        })
-    });
-    let is_one = |own: &Shard| (1..=own.of).contains(&own.own);
-    parts
-        .filter(is_one)
-        .ok_or_else(|| "expected I/N, such as 1/3, with I from 1 to N".to_owned())
 }
 
 /// Runs `pilotage sweep`.
@@ -166,7 +141,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         .filter(|k| whole.has(*k) && !store.has(*k))
         .collect();
     let counter = Counter::new("samples", wanted.len() as u64);
+    let begin = Instant::now();
     let is_whole = runs.all(&wanted, &counter, &deadline, &mut store)?;
+    let seconds = begin.elapsed().as_secs_f64() / wanted.len().max(1) as f64;
     counter.clear();
     if !is_whole {
         terminal::note(&format!(
@@ -180,6 +157,12 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     match args.shard {
         Some(own) => {
             store.finish(&rows)?;
+            if args.json {
+                let part =
+                    json!({ "samples": rows.len(), "of": plan.design.count(), "seconds": seconds });
+                terminal::print(&format!("{part}\n"))?;
+                return Ok(outcome(&rows));
+            }
             let text = format!(
                 "{} of part {} of {} in {}\nnext: the other parts, then pilotage merge FOLDER... -o all\n",
                 counted(rows.len(), "sample"),

@@ -4,6 +4,7 @@ use super::plan::Plan;
 use super::store::{Row, Store};
 use super::{Args, Counter, Deadline, Failure};
 use crate::cli::cosim::ending;
+use crate::cli::system::opened::{Renewal, checked, same_bits};
 use crate::cli::{system, terminal};
 use crate::cosim::{
     Clock, Ending, Role, Selection, SeriesRecorder, SystemDescription, Thinned, ValueKind,
@@ -125,14 +126,11 @@ pub struct Runs<'a> {
     first: Mutex<Option<Opened>>,
 }
 
-/// All numbers of what was recorded.
-fn bits(series: &Series) -> Vec<u64> {
-    let values = series.columns.iter().flat_map(|own| &own.values);
-    values.map(|value| value.to_bits()).collect()
-}
+/// A sample, and what was recorded.
+type Traced = Result<(Row, Series), Failure>;
 
 impl<'a> Runs<'a> {
-    /// Runs a sample before and after another one, with components that are made new in between.
+    /// Runs a sample after another one, with components that are made new in between, and with opened ones.
     pub fn new(
         args: &'a Args,
         plan: &'a Plan,
@@ -156,39 +154,30 @@ impl<'a> Runs<'a> {
             first: Mutex::new(None),
         };
         let mut place = Some(opened);
-        let mut is_repeatable = true;
+        let mut renewal = Renewal::Works;
         let count = own.plan.design.count();
+        let is_same = |a: &Traced, b: &Traced| match (a, b) {
+            (Ok(a), Ok(b)) => same_bits([&a.1], [&b.1]),
+            _ => false,
+        };
         // Of those that fail, what is left is not used again.
         for k in 0..count.min(TRIES) {
-            let (row, series) = own.traced(&mut place, k)?;
-            if row.failure.is_some() {
+            if own.traced(&mut place, k)?.0.failure.is_some() {
                 continue;
             }
-            let is_same = |other: &Series| bits(other) == bits(&series);
-            let between = own.traced(&mut place, count - 1)?.0;
-            own.is_renewable = between.failure.is_some()
-                || (place.is_some() && is_same(&own.traced(&mut place, k)?.1));
-            if !own.is_renewable {
-                place = None;
-                is_repeatable = is_same(&own.traced(&mut place, k)?.1);
-            }
+            let last = |place: &mut _| own.traced(place, count - 1);
+            let (opened, found) = checked(&mut place, last, is_same);
+            opened?;
+            renewal = found;
             break;
         }
-        if !is_repeatable {
-            let hint = match args.wiring.isolates_all() {
-                true => "",
-                false => "; with --isolate all each run has a process of its own",
-            };
-            terminal::say(
-                "warning",
-                &format!(
-                    "a sample gives other numbers each time, although everything is loaded anew: the study cannot be repeated{hint}"
-                ),
-            );
+        if let Some(doubt) = renewal.doubt(&args.wiring) {
+            terminal::say("warning", &doubt);
         }
+        own.is_renewable = renewal == Renewal::Works;
+        own.is_repeatable = renewal != Renewal::Remembers;
         own.recorded = used.into_iter().collect();
         own.first = Mutex::new(place.filter(|_| own.is_renewable));
-        own.is_repeatable = is_repeatable;
         Ok(own)
     }
 
@@ -254,7 +243,7 @@ impl<'a> Runs<'a> {
     }
 
     /// The same, with what was recorded.
-    fn traced(&self, place: &mut Option<Opened>, k: usize) -> Result<(Row, Series), Failure> {
+    fn traced(&self, place: &mut Option<Opened>, k: usize) -> Traced {
         let mut opened = match place.take() {
             Some(own) => own.0,
             None => Opened::of(self.args)?.0,

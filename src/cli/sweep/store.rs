@@ -1,9 +1,10 @@
 //! The samples of a study that are done: a line for each in a file, so that a study which was stopped or killed goes on, and
 //! shards are joined.
 
+use super::Failure;
 use super::plan::Plan;
-use super::{Failure, Shard};
 use crate::cli::overwrite;
+use crate::cli::shard::Shard;
 use crate::file;
 use crate::series::cell;
 use pilotage_text::number::significant;

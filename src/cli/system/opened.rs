@@ -6,6 +6,7 @@ use crate::cli::Failure;
 use crate::cli::overwrite::Overwrite;
 use crate::cosim::description::Setting;
 use crate::cosim::{Component, Components, System, SystemDescription};
+use crate::series::Series;
 
 /// Opened components, and the system that arguments describe.
 pub struct Opened {
@@ -58,6 +59,68 @@ impl Opened {
             description,
         }))
     }
+}
+
+/// What a run gives with components that an earlier run has used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Renewal {
+    /// What it gives with those that are opened, once they are made new.
+    Works,
+    /// Something else; what it gives with those that are opened is the same each time.
+    Forgets,
+    /// Something else each time.
+    Remembers,
+}
+
+impl Renewal {
+    /// What to say if a run cannot be repeated.
+    pub fn doubt(self, wiring: &Wiring) -> Option<String> {
+        let hint = match wiring.isolates_all() {
+            true => "",
+            false => "; with --isolate all each run has a process of its own",
+        };
+        (self == Self::Remembers).then(|| {
+            format!(
+                "the same values give other numbers each time, although everything is loaded anew: runs cannot be repeated{hint}"
+            )
+        })
+    }
+}
+
+/// Runs with the components of a place, which an earlier run has used and which were made new since, and with opened ones. Gives
+/// what the latter said; the place is empty if it is not the same.
+pub fn checked<P, T>(
+    place: &mut Option<P>,
+    mut run: impl FnMut(&mut Option<P>) -> T,
+    is_same: impl Fn(&T, &T) -> bool,
+) -> (T, Renewal) {
+    let renewed = run(place);
+    // Some FMUs can be opened but once.
+    *place = None;
+    let opened = run(place);
+    if is_same(&renewed, &opened) {
+        return (opened, Renewal::Works);
+    }
+    *place = None;
+    let again = run(place);
+    *place = None;
+    let renewal = match is_same(&again, &opened) {
+        true => Renewal::Forgets,
+        false => Renewal::Remembers,
+    };
+    (opened, renewal)
+}
+
+/// Whether these have the same numbers, to the last bit.
+pub fn same_bits<'a>(
+    a: impl IntoIterator<Item = &'a Series>,
+    b: impl IntoIterator<Item = &'a Series>,
+) -> bool {
+    let columns = |own: &'a Series| own.columns.iter().flat_map(|own| &own.values);
+    let bits = |own: &'a Series| own.time.iter().chain(columns(own)).map(|x| x.to_bits());
+    a.into_iter()
+        .flat_map(bits)
+        .eq(b.into_iter().flat_map(bits))
 }
 
 /// A system of these components, not yet wired.

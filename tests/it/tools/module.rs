@@ -97,12 +97,24 @@ fn fits() {
 #[test]
 fn simulations() {
     let folder = tempfile::tempdir().unwrap();
-    let crashing = folder.path().join("crashing.fmu");
-    std::fs::write(&crashing, foreign::fmu("crash@0.5")).unwrap();
+    let fmus = [
+        ("CRASHING_FMU", "crash@0.5"),
+        ("FORGETTING_FMU", "reset-forgets"),
+        ("REMEMBERING_FMU", "shared"),
+    ];
+    let fmus = fmus.map(|(name, fault)| {
+        let file = folder.path().join(name).with_extension("fmu");
+        std::fs::write(&file, foreign::fmu(fault)).unwrap();
+        (name, file)
+    });
     for script in ["test_simulate.py", "test_command.py"] {
-        let mut command = python(whole(), script);
-        done(command.env("CRASHING_FMU", &crashing));
+        done(python(whole(), script).envs(fmus.clone()));
     }
+}
+
+#[test]
+fn clusters() {
+    run("test_cluster.py");
 }
 
 #[test]

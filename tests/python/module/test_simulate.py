@@ -138,6 +138,44 @@ class Simulations(Folder):
         # The next one is as if nothing had been.
         self.assertEqual(pl.simulate(LOOP, stop_time=1, step=0.1).status, "completed")
 
+    def test_an_fmu_that_forgets_to_reset_is_opened_anew(self) -> None:
+        for isolate in (False, True):
+            system = pl.System().add("fmu", os.environ["FORGETTING_FMU"]).set("fmu.u", 1)
+            words = {"stop_time": 1, "step": 0.1, "isolate": isolate}
+            first, *others = [pl.simulate(system, **words) for _ in range(4)]
+            self.assertAlmostEqual(first["fmu.y"][-1], 1 - np.exp(-1))
+            self.assertEqual(others, [first] * 3)
+
+    def test_an_fmu_that_remembers_is_doubted(self) -> None:
+        system = pl.System().add("fmu", os.environ["REMEMBERING_FMU"]).set("fmu.u", 1)
+        words = {"stop_time": 1, "step": 0.1}
+        pl.simulate(system, **words, isolate=False)
+        with self.assertWarnsRegex(pl.PilotageWarning, "cannot be repeated"):
+            pl.simulate(system, **words, isolate=False)
+        first, *others = [pl.simulate(system, **words) for _ in range(3)]
+        self.assertEqual(others, [first] * 2)
+
+    def test_progress_is_told(self) -> None:
+        seen: list[tuple[int, int]] = []
+        words = {"progress": lambda done, total: seen.append((done, total))}
+        pl.simulate(LOOP, stop_time=1000, step=0.001, record_every=10.0, **words)
+        self.assertEqual(seen, sorted(seen))
+        self.assertEqual({total for _, total in seen}, {1_000_000})
+        self.assertEqual(seen[-1], (1_000_000, 1_000_000))
+        for isolate in (False, True):
+            seen.clear()
+            vary = {"quadcopter.mass": "1:2:40"}
+            pl.sweep(self.system(), vary, stop_time=1, step=0.05, isolate=isolate, **words)
+            self.assertEqual(seen, sorted(seen))
+            self.assertEqual(seen[-1], (40, 40))
+
+        def refuses(done: int, total: int) -> None:
+            raise ZeroDivisionError
+
+        with self.assertRaises(ZeroDivisionError):
+            pl.simulate(LOOP, stop_time=1e7, step=0.001, record_every=1.0, progress=refuses)
+        pl.sweep(LOOP, {"controller.gain": "0.5:1:3"}, stop_time=1, step=0.1, progress=True)
+
     def test_words_that_are_refused(self) -> None:
         for call, words in [
             (lambda: pl.simulate(self.system(), stop_time=1, step=0.1, algorithm="jakobi"), "jacobi"),

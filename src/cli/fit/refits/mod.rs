@@ -6,6 +6,7 @@ mod resume;
 use crate::cli::deadline::Deadline;
 use crate::cli::overwrite::OutputKind;
 use crate::cli::progress::Counter;
+use crate::cli::shard::Shard;
 use crate::cli::{Failure, terminal};
 use crate::inference::LEVEL;
 use crate::refits::study::ENOUGH_RUNS;
@@ -39,6 +40,10 @@ pub struct Refits {
     /// Store the refits of the bootstrap in this file as they complete, and reuse those already in it.
     #[arg(long, value_name = "FILE", requires = "bootstrap")]
     resume: Option<PathBuf>,
+    /// Only part I of N of the bootstrap, into the file of --resume. The files of all parts, one after the other in one file, are
+    /// what --resume of the whole goes on with.
+    #[arg(long, value_name = "I/N", requires = "resume")]
+    shard: Option<Shard>,
 }
 
 /// Maximum number of replicates.
@@ -61,6 +66,7 @@ pub struct Plan {
     /// Number of replicates, kind of resampling, seed.
     bootstrap: Option<(u64, Kind, u64)>,
     resume: Option<PathBuf>,
+    shard: Shard,
 }
 
 /// Results of the refits.
@@ -133,6 +139,7 @@ impl Refits {
             },
             bootstrap: self.bootstrap.map(|count| (count, kind, seed)),
             resume: self.resume.clone(),
+            shard: self.shard.unwrap_or(Shard::WHOLE),
         }))
     }
 }
@@ -254,9 +261,11 @@ impl Plan {
             .transpose()?;
         let (mut replicates, kept) =
             kept.map_or((Vec::new(), None), |(read, own)| (read, Some(own)));
-        replicates.retain(|own| own.number < asked);
+        let is_own = |number: u64| number < asked && self.shard.has(number as usize);
+        replicates.retain(|own| is_own(own.number));
         let missing = |number: &u64| replicates.iter().all(|own| own.number != *number);
-        let numbers: Vec<u64> = (0..asked).filter(missing).collect();
+        let own = || (0..asked).filter(|number| is_own(*number));
+        let numbers: Vec<u64> = own().filter(missing).collect();
         let counter = Counter::new("bootstrap refits", numbers.len() as u64);
         let kept = Mutex::new((kept, Ok(())));
         let has_failed = || kept.lock().is_ok_and(|own| own.1.is_err());
@@ -280,7 +289,7 @@ impl Plan {
         }
         replicates.sort_by_key(|own| own.number);
         let found = Bootstrapped {
-            asked,
+            asked: own().count() as u64,
             kind,
             drawn: match kind {
                 Kind::Runs => "runs drawn with replacement",

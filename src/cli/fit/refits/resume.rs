@@ -47,7 +47,11 @@ impl Kept {
         let head = head(study, kind, seed);
         let whole = text.rfind('\n').map_or(0, |end| end + 1);
         let found = match text[..whole].strip_prefix(&head) {
-            Some(lines) => read(path, lines, study.unknowns.len() + study.derived.len())?,
+            // Files of parts follow each other.
+            Some(lines) => {
+                let lines = lines.replace(&head, "");
+                read(path, &lines, study.unknowns.len() + study.derived.len())?
+            }
             // The process may have been killed before the first line was complete.
             None if text.is_empty() || whole == 0 && head.starts_with(&text) => Vec::new(),
             None => return Err(refused(path, &text)),
