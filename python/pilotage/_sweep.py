@@ -84,7 +84,7 @@ def sweep(
     set : dict, optional
         Values of parameters and inputs for all runs.
     output : path, optional
-        Folder of the page and the tables; a study that was stopped goes on in it.
+        Folder of the page and the tables; a study that was stopped goes on in it, also on a cluster.
     isolate : bool or list of str
         Whether FMUs run in processes of their own, or which. Many short runs are faster without.
     client : distributed.Client, optional
