@@ -218,7 +218,8 @@ def folders(word: str) -> Iterator[str]:
 
 def slots(client: Client) -> int:
     """How many calls the workers make at once."""
-    return max(1, sum(client.nthreads().values()))
+    threads: dict[str, int] = client.nthreads()
+    return max(1, sum(threads.values()))
 
 
 def reason(error: Exception) -> Error:

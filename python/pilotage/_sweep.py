@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -83,7 +84,7 @@ def sweep(
     set : dict, optional
         Values of parameters and inputs for all runs.
     output : path, optional
-        Folder of the page and the tables; a study that was stopped goes on in it.
+        Folder of the page and the tables; a study that was stopped goes on in it, also on a cluster.
     isolate : bool or list of str
         Whether FMUs run in processes of their own, or which. Many short runs are faster without.
     client : distributed.Client, optional
@@ -126,52 +127,66 @@ def sweep(
         for own in ("shard", "time_limit"):
             if flags.pop(own, None) is not None:
                 raise InputError(f"`{own}` is not for a cluster", "leave it out")
-        force = flags.pop("force", None)
-        parts = on_cluster(client, lambda **more: words(*named, **flags, **more), files.path, progress)
-        left = call("merge", words(parts, output=folder, force=force, json=True))
+        force = bool(flags.pop("force", False))
+        parts = folder / "parts"
+        if not force and folder.is_dir() and any(own != parts for own in folder.iterdir()):
+            raise InputError(f"the folder {folder} is not empty", "name another one, or overwrite with force=True")
+        if force:
+            shutil.rmtree(parts, ignore_errors=True)
+        on_cluster(client, lambda **more: words(*named, **flags, **more), files.path, parts, progress)
+        left = call("merge", words(parts, output=folder, force=True, json=True))
+        shutil.rmtree(parts)
     return study(left, folder)
 
 
 # A part of a study is to last so long [s].
 LEAST = 0.2
+# So many parts that the first one has the first sample alone.
+MOST = 1 << 40
 
 
-def on_cluster(client: Client, flags: Callable[..., list[str]], folder: Path, progress: Progress) -> Path:
-    """Simulates the samples in parts; gives the folder of all of them."""
+def on_cluster(
+    client: Client, flags: Callable[..., list[str]], folder: Path, parts: Path, progress: Progress
+) -> None:
+    """Simulates the samples in parts, which another folder keeps; goes on with those that it has."""
     from . import _cluster
 
-    def part(own: int, of: int) -> list[str]:
-        return ["sweep", *flags(shard=f"{own}/{of}", output=folder / f"part-{own}-{of}")]
+    def words_of(own: int, of: int) -> list[str]:
+        return ["sweep", *flags(shard=f"{own}/{of}", output=folder / f"{own}-{of}")]
 
-    def judged(done: _cluster.Done | Exception) -> dict[str, Any]:
-        left = listen(lambda: _cluster.result(done))
-        return dict(left.json())
+    def rows(own: int, of: int) -> Path:
+        return next((folder / f"{own}-{of}").glob("*.txt"))
 
-    # What the first sample costs tells how many make a part.
     with following(progress) as told:
-        ((_, first),) = _cluster.run(client, [part(1, FIRST)])
-        said = judged(first)
-        assert isinstance(first, _cluster.Done)
+        # What the first sample costs tells how many make a part.
+        ((_, first),) = _cluster.run(client, [words_of(1, MOST)])
+        said = listen(lambda: _cluster.result(first)).json()
         count, total = said["of"], said["of"] * said["seconds"]
+        besides = getattr(first, "seconds", 0.0) - said["seconds"]
         # What a part costs besides its samples is to be little, but each worker is to have three.
-        besides = first.seconds - said["seconds"]
         least = max(LEAST, min(10 * besides, total / (3 * _cluster.slots(client))))
-        number = min(count, max(1, int(total / least)))
-        numbers = range(1, number + 1)
-        samples_done = 0
-        for _, done in _cluster.run(client, [part(own, number) for own in numbers]):
-            samples_done += judged(done)["samples"]
+        number = min(count, max(2, int(total / least)))
+        known = sorted(parts.glob("shard-*-of-*.txt"))
+        if known:
+            if plan(known[0]) != plan(rows(1, MOST)):
+                raise InputError(f"another study was stopped in {parts.parent}", "force=True begins anew")
+            number = int(known[0].stem.rpartition("-")[2])
+        parts.mkdir(parents=True, exist_ok=True)
+        names = {own.name for own in known}
+        missing = [own for own in range(1, number + 1) if f"shard-{own}-of-{number}.txt" not in names]
+        samples_done = count - sum(len(range(own - 1, count, number)) for own in missing)
+        for k, done in _cluster.run(client, [words_of(own, number) for own in missing]):
+            samples_done += listen(lambda done=done: _cluster.result(done)).json()["samples"]  # type: ignore[misc]
+            file = rows(missing[k], number)
+            shutil.move(file, parts / file.name)
             if told is not None:
                 told(samples_done, count)
-    parts = folder / "parts"
-    parts.mkdir()
-    for file in folder.glob(f"part-*-{number}/*.txt"):
-        file.rename(parts / file.name)
-    return parts
 
 
-# So many parts that the first one has the first sample alone.
-FIRST = 1 << 40
+def plan(part: Path) -> str:
+    """The first line of a part: all that its numbers depend on."""
+    with part.open(encoding="utf-8") as text_of:
+        return text_of.readline()
 
 
 def merge(parts: Sequence[PathLike], output: PathLike) -> Study:

@@ -202,6 +202,35 @@ pub fn fmu_of(description: &str, binary: &[u8]) -> Vec<u8> {
     ])
 }
 
+/// y' = u - k y from 1 on, with a fault of `faulty.rs`.
+pub fn faulty_fmu(fault: &str) -> Vec<u8> {
+    let variable = |name: &str, reference: u8, more: &str| {
+        format!(
+            "<ScalarVariable name=\"{name}\" valueReference=\"{reference}\" {more}</ScalarVariable>"
+        )
+    };
+    let description = format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>
+<fmiModelDescription fmiVersion=\"2.0\" modelName=\"foreign\" guid=\"{fault}\">
+<CoSimulation modelIdentifier=\"foreign\" canHandleVariableCommunicationStepSize=\"true\"/>
+<ModelVariables>{}{}{}</ModelVariables>
+<ModelStructure><Outputs><Unknown index=\"2\"/></Outputs></ModelStructure>
+</fmiModelDescription>",
+        variable("u", 0, "causality=\"input\"><Real start=\"0\"/>"),
+        variable(
+            "y",
+            1,
+            "causality=\"output\" initial=\"exact\"><Real start=\"1\"/>"
+        ),
+        variable(
+            "k",
+            2,
+            "causality=\"parameter\" variability=\"fixed\"><Real start=\"1\"/>"
+        ),
+    );
+    fmu_of(&description, faulty())
+}
+
 /// The foreign FMU with that behaviour.
 pub fn fmu(behaviour: &str) -> Vec<u8> {
     let description = DESCRIPTION.replace("guid=\"good\"", &format!("guid=\"{behaviour}\""));

@@ -104,7 +104,11 @@ fn simulations() {
     ];
     let fmus = fmus.map(|(name, fault)| {
         let file = folder.path().join(name).with_extension("fmu");
-        std::fs::write(&file, foreign::fmu(fault)).unwrap();
+        let fmu = match fault.starts_with("crash") {
+            true => foreign::fmu(fault),
+            false => foreign::faulty_fmu(fault),
+        };
+        std::fs::write(&file, fmu).unwrap();
         (name, file)
     });
     for script in ["test_simulate.py", "test_command.py"] {

@@ -46,7 +46,7 @@ class Clusters(Folder):
     def test_a_worker_is_killed(self) -> None:
         masses = np.linspace(0.8, 1.6, 120)
         masses[37] = -1.0
-        words = {"table": {"vehicle.mass": masses}, "stop_time": 120, "step": 0.05, "isolate": False}
+        words = {"table": {"vehicle.mass": masses}, "stop_time": 80, "step": 0.05, "isolate": False}
         folders = [self.folder / name for name in ("here", "there")]
         here = pl.sweep(self.system().set("pilot.target", 10), **words, output=folders[0])
         ids = self.client.run(os.getpid)
@@ -94,6 +94,34 @@ class Clusters(Folder):
             self.assertTrue(all(len(own) >= 3 for own in after.values()), after)
             self.assertIn(before, ({}, after))
             before = after
+
+    def test_a_study_that_was_stopped_goes_on(self) -> None:
+        folders = [self.folder / name for name in ("whole", "stopped")]
+        words = {"vary": {"vehicle.mass": "1:2:40"}, "stop_time": 5, "step": 0.05, "isolate": False}
+        here = pl.sweep(self.system(), **words, output=folders[0])
+
+        def stop(done: int, total: int) -> None:
+            raise ZeroDivisionError
+
+        with self.assertRaises(ZeroDivisionError):
+            pl.sweep(self.system(), **words, output=folders[1], client=self.client, progress=stop)
+        (part,) = (folders[1] / "parts").iterdir()
+        other = {**words, "stop_time": 6}
+        with self.assertRaisesRegex(pl.InputError, "another study"):
+            pl.sweep(self.system(), **other, output=folders[1], client=self.client)
+        seen: list[int] = []
+        there = pl.sweep(
+            self.system(),
+            **words,
+            output=folders[1],
+            client=self.client,
+            progress=lambda done, total: seen.append(done),
+        )
+        self.same((here, folders[0]), (there, folders[1]))
+        self.assertEqual(len(seen), int(part.stem.rpartition("-")[2]) - 1)
+        self.assertEqual({own.name for own in folders[1].iterdir()}, {"sweep.csv", "sweep.json", "sweep.html"})
+        with self.assertRaisesRegex(pl.InputError, "not empty"):
+            pl.sweep(self.system(), **words, output=folders[1], client=self.client)
 
     def test_fits_and_bootstraps(self) -> None:
         drug = ROOT / "examples/problems/drug/problem.toml"
