@@ -105,13 +105,13 @@ def manual(program: Path) -> Tree:
         return {file.name: file.read_bytes() for file in Path(folder).iterdir()}
 
 
-def packed(tree: Tree, time: int) -> bytes:
-    """A tar archive of files and of the folders in which they are."""
+def packed(tree: Tree, time: int, before: str = "") -> bytes:
+    """A tar archive of files, each after the folders in which it is."""
     folders = {str(folder) for name in tree for folder in PurePosixPath(name).parents} - {"."}
     buffer = io.BytesIO()
     with tarfile.open(fileobj=buffer, mode="w", format=tarfile.GNU_FORMAT) as archive:
         for name in sorted(folders | set(tree)):
-            entry = tarfile.TarInfo(name)
+            entry = tarfile.TarInfo(before + name)
             entry.mtime, entry.uname, entry.gname = time, "root", "root"
             if name in folders:
                 entry.type, entry.mode = tarfile.DIRTYPE, 0o755
@@ -129,16 +129,16 @@ def compressed(content: bytes) -> bytes:
 
 def debian(share: Tree, fields: dict[str, str], time: int) -> bytes:
     """A Debian package: deb(5). It is written here, so that any Linux makes it."""
-    tree = {f"./usr/{name}": content for name, content in share.items()}
-    tree |= {"./usr/share/doc/pilotage/copyright": (ROOT / "LICENSE-MIT").read_bytes()}
+    tree = {f"usr/{name}": content for name, content in share.items()}
+    tree |= {"usr/share/doc/pilotage/copyright": (ROOT / "LICENSE-MIT").read_bytes()}
     fields["Installed-Size"] = str(sum(map(len, tree.values())) // 1024)
     fields["Description"] = DESCRIPTION
-    sums = "".join(f"{hashlib.md5(content).hexdigest()}  {name[2:]}\n" for name, content in sorted(tree.items()))
+    sums = "".join(f"{hashlib.md5(content).hexdigest()}  {name}\n" for name, content in sorted(tree.items()))
     control = "".join(f"{key}: {value}\n" for key, value in fields.items())
     members = {
         "debian-binary": b"2.0\n",
-        "control.tar.gz": compressed(packed({"./control": control.encode(), "./md5sums": sums.encode()}, time)),
-        "data.tar.gz": compressed(packed(tree, time)),
+        "control.tar.gz": compressed(packed({"control": control.encode(), "md5sums": sums.encode()}, time, "./")),
+        "data.tar.gz": compressed(packed(tree, time, "./")),
     }
     archive = b"!<arch>\n"
     for name, content in members.items():

@@ -145,6 +145,7 @@ fn a_package_of_debian_has_the_same() {
     let contents = ask(&["--contents"]);
     for part in [
         "-rwxr-xr-x root/root",
+        " ./usr/bin/\n",
         "./usr/bin/pilotage\n",
         "./usr/share/man/man1/pilotage-fit.1.gz\n",
         "./usr/share/zsh/vendor-completions/_pilotage\n",
@@ -152,6 +153,9 @@ fn a_package_of_debian_has_the_same() {
     ] {
         assert!(contents.contains(part), "{part}: {contents}");
     }
+    // dpkg makes no folder by itself, other than `dpkg-deb -x`.
+    let place = |name: &str| contents.find(name);
+    assert!(place("./usr/bin/\n") < place("./usr/bin/pilotage\n"));
     let folder = tempdir().unwrap();
     succeeded(
         Command::new("dpkg-deb")
