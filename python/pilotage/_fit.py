@@ -330,7 +330,7 @@ def recipe(runs: Any, given: Mapping[str, Any]) -> Recipe:
     return Recipe(runs, flags)
 
 
-@dataclass
+@dataclass(repr=False)
 class Fits:
     """Fits of several problems.
 
@@ -354,6 +354,10 @@ class Fits:
     def __getitem__(self, key: int | str) -> Fit | None:
         """The fit of this number or name."""
         return self.fits[self.names.index(key) if isinstance(key, str) else key]
+
+    def __repr__(self) -> str:
+        each = zip(self.names, self.fits, self.reasons, strict=True)
+        return "\n".join(f"{name}: {fit.verdict if fit else reason}" for name, fit, reason in each)
 
     def to_frame(self) -> Any:
         """A pandas.DataFrame with a row for each problem: whether it converged, the estimates, and why there are none."""

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class Study:
     """The samples of a study.
 
@@ -45,6 +45,25 @@ class Study:
     def __len__(self) -> int:
         return len(self.reasons)
 
+    def __eq__(self, other: object) -> bool:
+        """Whether both have the same bits."""
+        if not isinstance(other, Study):
+            return NotImplemented
+        mine, theirs = ((*own.values.items(), *own.measures.items()) for own in (self, other))
+        same = len(mine) == len(theirs) and all(
+            a == b and np.array_equal(x, y, equal_nan=True) for (a, x), (b, y) in zip(mine, theirs, strict=True)
+        )
+        return same and self.reasons == other.reasons
+
+    def __repr__(self) -> str:
+        lines = [f"Study of {len(self)} samples, {self.summary['failed']} failed; 5 %, 50 % and 95 % of"]
+        for own in self.summary["measures"]:
+            quantiles = own["quantiles"] or {}
+            found = [quantiles.get(part) for part in ("0.05", "0.5", "0.95")]
+            values = ", ".join(f"{value:.5g}" for value in found if value is not None)
+            lines.append(f"  {own['name']}: {values or 'no values'}")
+        return "\n".join(lines)
+
     def to_frame(self) -> pandas.DataFrame:
         """A DataFrame with a row for each sample; needs pandas."""
         import pandas
@@ -56,7 +75,7 @@ def sweep(
     system: System | Source,
     vary: Mapping[str, object] | None = None,
     *,
-    step: float,
+    step: float | None = None,
     stop_time: float | None = None,
     measure: Mapping[str, str] | Sequence[str] | None = None,
     table: Any = None,
@@ -75,8 +94,8 @@ def sweep(
         A system, a system file, or a single model or FMU.
     vary : dict, optional
         For each name a list of values, `"0.8:1.6:9"`, a law such as `"normal(1.2, 0.1)"`, or for an instance `"fit"`.
-    step, stop_time : float
-        Communication step and end [s].
+    step, stop_time : float, optional
+        Communication step and end [s]; what the system suggests, else a 500th of the run.
     measure : dict or list of str, optional
         Expressions such as `"rms(vehicle.z - 10)"`, with names in a dict; the last values of all outputs if it is None.
     table : DataFrame, dict of arrays or path, optional

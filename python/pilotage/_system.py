@@ -160,7 +160,7 @@ def simulate(
     system: System | Source,
     *,
     stop_time: float | None = None,
-    step: float,
+    step: float | None = None,
     start_time: float = 0.0,
     algorithm: str | None = None,
     input: Any = None,
@@ -180,8 +180,8 @@ def simulate(
         A system, a system file, or a single model or FMU.
     stop_time : float, optional
         End [s]; what the FMUs suggest if it is None.
-    step : float
-        Communication step [s].
+    step : float, optional
+        Communication step [s]; what the system suggests, else a 500th of the run.
     algorithm : {"jacobi", "gauss-seidel", "strong"}, optional
         How values are exchanged (docs/cosim.md).
     input : Run, DataFrame, dict of arrays or path, optional

@@ -83,13 +83,14 @@ def export(source: PathLike | Model, path: PathLike, **options: object) -> None:
     path : path
         The FMU.
     **options
-        Flags of `pilotage export`: `fmi=3`, `author="..."`, `order=2`.
+        Flags of `pilotage export`: `fmi=3`, `author="..."`, `order=2`; for `"pilot"`, `preset="paper"`.
     """
     files = Files()
     if isinstance(source, Model):
         options = {"order": source.order, **options}
         source = source.file if source.text is None else files.text(f"{source.name}.toml", source.text)
-    call("export", words(source, output=path, **options), accepted=(0,))
+    # `pilot` and `quadcopter` have flags of their own, which stand behind them.
+    call("export", words(source) + words(output=path, **options), accepted=(0,))
 
 
 def init(runs: Any, output: PathLike, **options: object) -> Path:

@@ -146,6 +146,14 @@ class Simulations(Folder):
                 self.assertAlmostEqual(first["fmu.y"][-1], np.exp(-1))
                 self.assertEqual(others, [first] * 3)
 
+    def test_studies_compare_and_print(self) -> None:
+        vary = {"quadcopter.mass": "1:2:3"}
+        measure = {"end": "final(quadcopter.z)", "never": "when(quadcopter.z - 1000)"}
+        one, same = (pl.sweep(self.system(), vary, stop_time=1, measure=measure) for _ in range(2))
+        self.assertEqual(one, same)
+        self.assertNotEqual(one, pl.sweep(self.system(), vary, stop_time=1.5, measure=measure))
+        self.assertRegex(repr(one), r"^Study of 3 samples, 0 failed.*\n  end: \S+, \S+, \S+\n  never: no values$")
+
     def test_progress_is_told(self) -> None:
         seen: list[tuple[int, int]] = []
         words = {"progress": lambda done, total: seen.append((done, total))}

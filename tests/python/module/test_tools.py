@@ -10,6 +10,11 @@ import pilotage as pl
 
 
 class Tools(Folder):
+    def test_flags_of_an_exported_pilot_are_its_own(self) -> None:
+        file = self.folder / "paper.fmu"
+        pl.export("pilot", file, preset="paper", fmi=3)
+        self.assertEqual(pl.info(file)["fmiVersion"], "3.0")
+
     def test_flights_are_made_and_looked_at(self) -> None:
         runs = pl.synth(self.folder / "made", targets="5", runs=2, duration=8, seed=7)
         self.assertEqual([run.units["position"] for run in runs], ["m", "m"])
