@@ -188,8 +188,13 @@ def as_run(given: Any, name: str = "run") -> Run:
             columns, units = dict(given), {}
         case _ if hasattr(given, "columns") and hasattr(given, "index"):
             columns = {str(own): given[own].to_numpy() for own in given.columns}
+            if len(columns) < len(given.columns):
+                raise InputError(f"{name} has two columns of one name")
             units = dict(given.attrs.get("units", {}))
             if not any(parts(own)[0] == "time" for own in columns):
+                if type(given.index).__name__ == "RangeIndex":
+                    hint = "add it in seconds, as a column or as the index"
+                    raise InputError(f"{name} has no column `time`, and its index numbers the rows", hint)
                 columns = {"time": given.index.to_numpy(), **columns}
         case _:
             raise InputError(
@@ -199,6 +204,8 @@ def as_run(given: Any, name: str = "run") -> Run:
     for own, values in columns.items():
         short, unit = parts(own)
         array = real(values, f"{name}: `{own}`")
+        if short in arrays or (short == "time" and time is not None):
+            raise InputError(f"{name} has `{short}` twice, in several units")
         if short == "time":
             if unit not in ("", "s"):
                 raise InputError(f"{name}: the time is in {unit}", "give it in s")
@@ -251,6 +258,11 @@ def data(values: Array) -> bytes:
 
 
 def real(values: Any, what: str) -> Array:
+    given = np.asarray(values)
+    if given.dtype.kind in "mMc":
+        raise InputError(f"{what} is {given.dtype}; expected real numbers", "give times in seconds, as numbers")
+    if np.ma.isMaskedArray(values):
+        values = np.ma.filled(values.astype(np.float64), np.nan)
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):

@@ -114,6 +114,8 @@ pub enum Transfer {
     Extrapolated,
     /// A polynomial through the values up to the end of the step.
     Interpolated,
+    /// The output's value of the same time, for outputs that follow at once.
+    AtOnce,
 }
 
 impl std::fmt::Display for Transfer {
@@ -122,6 +124,7 @@ impl std::fmt::Display for Transfer {
             Self::Held => "held",
             Self::Ahead => "ahead",
             Self::Extrapolated => "extrapolated",
+            Self::AtOnce => "at once",
             Self::Interpolated => "interpolated",
         })
     }

@@ -8,6 +8,7 @@ use pilotage_cosim::description::Experiment;
 use pilotage_fmi::description::ModelDescription;
 use pilotage_text::file;
 use pilotage_text::printable::excerpt;
+use pilotage_text::suggestion::suggestion;
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,6 +16,19 @@ use std::sync::Arc;
 
 /// Times of a run, beside the multi-model.
 const TIMES: &str = "coe.json";
+
+/// Keys that are read.
+const KEYS: [&str; 6] = [
+    "fmus",
+    "connections",
+    "parameters",
+    "algorithm",
+    "startTime",
+    "endTime",
+];
+
+/// Keys of maestro that resemble these.
+const OTHERS: [&str; 1] = ["environmentParameters"];
 
 /// Whether a file is a multi-model, by its keys.
 pub(crate) fn is_maestro(path: &Path) -> bool {
@@ -61,15 +75,29 @@ pub(crate) fn read(path: &Path) -> Result<Foreign, SspError> {
         stop: time("/endTime"),
         step: time("/algorithm/size"),
     };
+    let step = reader.plain.description.experiment.step;
+    if step.is_some_and(|step| step <= 0.0) {
+        return Err(reader.fault("`algorithm.size`: a communication step is above 0 s"));
+    }
+    let mut notes = Vec::new();
+    for key in times.as_object().into_iter().flat_map(Map::keys) {
+        let is_other = KEYS.contains(&key.as_str()) || OTHERS.contains(&key.as_str());
+        if let Some(meant) = suggestion(key, KEYS).filter(|_| !is_other) {
+            let (file, key) = (&reader.shown, excerpt(key));
+            notes.push(format!(
+                "{file}: `{key}` means nothing; did you mean `{meant}`?"
+            ));
+        }
+    }
     let is_variable = times.pointer("/algorithm/type") == Some(&Value::from("var-step"));
-    let note = format!(
+    notes.extend(is_variable.then(|| format!(
         "{}: the variable step size there follows constraints of its own; here it follows `--tolerance`",
         reader.shown
-    );
+    )));
     Ok(Foreign {
         folder: package.path(""),
         description: reader.plain.description,
-        notes: if is_variable { vec![note] } else { Vec::new() },
+        notes,
         annotations: Vec::new(),
     })
 }

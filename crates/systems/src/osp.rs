@@ -5,6 +5,7 @@ use crate::Foreign;
 use crate::error::SspError;
 use crate::package::Package;
 use crate::plain::{Plain, file_from, gives};
+use crate::vocabulary;
 use crate::xml::{Node, Xml};
 use pilotage_cosim::description::Experiment;
 use pilotage_fmi::description::ModelDescription;
@@ -14,18 +15,28 @@ use pilotage_text::{file, is_identifier};
 use std::collections::{BTreeSet, HashMap};
 use std::fmt::Write;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 const ROOT: &str = "OspSystemStructure";
 
 /// Inputs of a function.
-const MOST: usize = 10_000;
+const MOST: usize = 1000;
 
-/// Whether a file is a system of OSP, by its root element.
+/// The file of a system: that in a folder, or the file itself.
+fn file_in(path: &Path) -> PathBuf {
+    match path.is_dir() {
+        true => path.join(format!("{ROOT}.xml")),
+        false => path.to_owned(),
+    }
+}
+
+/// Whether a path is a system of OSP, by its name or its root element.
 pub(crate) fn is_osp(path: &Path) -> bool {
+    let path = &file_in(path);
+    let is_named = (path.file_stem()).is_some_and(|own| own == ROOT) && path.is_file();
     let is_xml = (path.extension()).is_some_and(|own| own.eq_ignore_ascii_case("xml"));
-    is_xml && file::peek(path).is_ok_and(|text| text.contains(&format!("<{ROOT}")))
+    is_xml && (is_named || file::peek(path).is_ok_and(|text| text.contains(&format!("<{ROOT}"))))
 }
 
 /// What connections end at.
@@ -84,7 +95,7 @@ struct Reader {
 
 /// Reads a system.
 pub(crate) fn read(path: &Path) -> Result<Foreign, SspError> {
-    let (package, file) = Package::beside(path);
+    let (package, file) = Package::beside(&file_in(path));
     let (text, shown) = package.text(&file)?;
     let xml = Xml::parse(&text, &shown)?;
     let root = xml.root(ROOT)?;
@@ -92,7 +103,7 @@ pub(crate) fn read(path: &Path) -> Result<Foreign, SspError> {
         package,
         plain: Plain::default(),
         parts: HashMap::new(),
-        notes: Vec::new(),
+        notes: vocabulary::unknown_of_osp(root),
         annotations: BTreeSet::new(),
     };
     reader.system(root)?;
@@ -121,6 +132,12 @@ impl Reader {
             self.connection(own)?;
         }
         let base = number_in(root, "BaseStepSize")?;
+        if let Some(own) = root
+            .child("BaseStepSize")
+            .filter(|_| base.is_some_and(|step| step <= 0.0))
+        {
+            return Err(own.fault("a communication step is above 0 s"));
+        }
         self.plain.description.experiment = Experiment {
             start: number_in(root, "StartTime")?,
             stop: number_in(root, "EndTime")?,
@@ -152,6 +169,9 @@ impl Reader {
         let groups = self.groups(&file, &model)?;
         self.add(node, name, Part::Fmu { model, groups })?;
         self.plain.instance(name, file, Some(node.place()), false);
+        if let Some(own) = node.child("InitialValue") {
+            return Err(own.fault("it stands in <InitialValues>"));
+        }
         for own in node.listed("InitialValues", "InitialValue") {
             let variable = own.required("variable")?;
             let kind = own.children().next();

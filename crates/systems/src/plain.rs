@@ -111,6 +111,7 @@ pub(crate) fn gives(fmu: &ModelDescription, instance: &str, name: &str) -> Resul
 /// If it is no file's.
 pub(crate) fn file_from(folder: &Path, uri: &str) -> Result<PathBuf, String> {
     let path = match uri.split_once(":/") {
+        None if uri.starts_with("file:") => unescaped(uri.trim_start_matches("file:")),
         Some(("file", path)) => unescaped(&format!("/{}", path.trim_start_matches('/'))),
         Some((scheme, _)) if scheme.len() > 1 => {
             let scheme = excerpt(scheme);

@@ -20,6 +20,17 @@ const ATTRIBUTES: &str = "A K author baseSSD cd copyright description dictionary
     shiftCounter shiftDecimal size sizeConnector source sourceBase startConnector startElement startIndices startTime \
     stopTime suppressUnitConversion supportsFraction target type unit value version";
 
+/// Elements and attributes of OSP's `OspSystemStructure.xsd`.
+const OSP: [&str; 2] = [
+    "AbsoluteTolerance Algorithm BaseStepSize Boolean Connections EccoConfiguration EndTime Functions InitialValue \
+     InitialValues Integer IntegralGain LinearTransformation MaximumChangeRate MaximumStepSize MinimumChangeRate \
+     MinimumStepSize OspSystemStructure ProportionalGain Real RelativeTolerance SafetyFactor Signal SignalConnection \
+     SignalGroup SignalGroupConnection Simulator Simulators StartTime StepSize String Sum Variable VariableConnection \
+     VariableGroup VariableGroupConnection VectorSum",
+    "causality dimension factor function inputCount name numericType offset powerBond simulator source stepSize value \
+     variable version",
+];
+
 /// Elements whose content or attributes are others' or change no number.
 const OTHERS: [&str; 9] = [
     "Annotations",
@@ -35,6 +46,15 @@ const OTHERS: [&str; 9] = [
 
 /// What is said of the words that are not in the standard: of the first three, and whether there are more.
 pub(crate) fn unknown(root: Node<'_, '_>) -> Vec<String> {
+    unknown_of([ELEMENTS, ATTRIBUTES], root)
+}
+
+/// As [`unknown`], for a system of OSP.
+pub(crate) fn unknown_of_osp(root: Node<'_, '_>) -> Vec<String> {
+    unknown_of(OSP, root)
+}
+
+fn unknown_of([elements, attributes]: [&'static str; 2], root: Node<'_, '_>) -> Vec<String> {
     const SHOWN: usize = 3;
     let mut notes = Vec::new();
     let mut open = vec![root];
@@ -56,11 +76,11 @@ pub(crate) fn unknown(root: Node<'_, '_>) -> Vec<String> {
             is_known
         };
         let name = excerpt(node.name());
-        if !check(node.name(), format!("<{name}>"), ELEMENTS) {
+        if !check(node.name(), format!("<{name}>"), elements) {
             continue;
         }
         for own in node.attributes() {
-            check(own, format!("`{}` of <{name}>", excerpt(own)), ATTRIBUTES);
+            check(own, format!("`{}` of <{name}>", excerpt(own)), attributes);
         }
         let at = open.len();
         open.extend((node.children()).filter(|own| !OTHERS.contains(&own.name())));

@@ -32,8 +32,13 @@ pub(super) fn of(args: &Args) -> Result<String, Failure> {
         ..
     } = open(read.description)?;
     let mut description = description;
-    if let Some(folder) = &read.unpacked {
-        name_in(&mut description, file, folder);
+    match &read.unpacked {
+        Some(folder) => name_in(&mut description, file, folder),
+        // The functions of OSP are models in files of ours.
+        None if !description.kept.is_empty() => {
+            name_in(&mut description, Path::new(""), &std::env::temp_dir())
+        }
+        None => {}
     }
     if let Some(figure) = &args.figure {
         draw(file, figure, &system, &description, &args.overwrite)?;

@@ -196,7 +196,7 @@ fn mistakes_in_a_system_of_osp_have_their_place() {
         (
             "inputCount=\"2\"/>",
             "inputCount=\"-2\"/>",
-            "<Sum>: `inputCount` is `-2`; expected 1 to 10000",
+            "<Sum>: `inputCount` is `-2`; expected 1 to 1000",
         ),
         (
             "dimension=\"2\"",
@@ -207,6 +207,11 @@ fn mistakes_in_a_system_of_osp_have_their_place() {
             "<Sum ",
             "<Product ",
             "expected <LinearTransformation>, <Sum> or <VectorSum>",
+        ),
+        (
+            "<BaseStepSize>0.1<",
+            "<BaseStepSize>-1<",
+            "<BaseStepSize>: a communication step is above 0 s",
         ),
         (
             "<EndTime>2.0<",
@@ -250,6 +255,25 @@ fn mistakes_in_a_system_of_osp_have_their_place() {
             .any(|own| own.contains("step sizes of their own")),
         "{ended:?}"
     );
+    // What is misspelled is left out, and this is said.
+    for (from, to) in [
+        (
+            "source=\"lag.fmu\"/>",
+            "source=\"lag.fmu\" stepsize=\"1\"/>",
+        ),
+        ("EndTime>", "Endtime>"),
+    ] {
+        folder.write("OspSystemStructure.xml", SYSTEM.replace(from, to));
+        let ended = folder.pilotage(&[&run[..], &["--stop-time", "1"]].concat());
+        let said = notes(&ended).join("\n");
+        assert!(
+            said.contains("is not in the standard; ignored; did you mean"),
+            "{to}: {ended:?}"
+        );
+    }
+    // The folder is the system, as for libcosim.
+    folder.write("OspSystemStructure.xml", SYSTEM);
+    assert_eq!(folder.pilotage(&["info", "."]).code, 0);
 }
 
 const MULTI_MODEL: &str = r#"{

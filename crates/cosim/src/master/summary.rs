@@ -129,6 +129,7 @@ impl Wire {
         let lag = match transfer {
             Transfer::Held => h / 2.0,
             Transfer::Ahead => -h / 2.0,
+            Transfer::AtOnce => 0.0,
             // In each part of the step, the value at its end is held.
             Transfer::Extrapolated | Transfer::Interpolated if target.is_given_ends() => {
                 -h / (2.0 * f64::from(target.parts))
@@ -141,6 +142,7 @@ impl Wire {
         let change = change.map_or_else(Change::default, |k| source.outputs.changes[k].1);
         // A value held through a step is wrong by half of its change in the step.
         let error = match stepper.is_plain {
+            true if transfer == Transfer::AtOnce => CouplingError::default(),
             true => CouplingError {
                 mean: 0.5 * h * change.sum,
                 max: 0.5 * change.largest,
@@ -164,6 +166,9 @@ impl Wire {
     fn transfer(&self, stepper: &Stepper, coupling: &Coupling) -> Transfer {
         let wired = &stepper.exchange.wired;
         let place = |instance| stepper.order().iter().position(|&i| i == instance);
+        if wired[self.target].at_once && coupling.algorithm == Algorithm::Jacobi {
+            return Transfer::AtOnce;
+        }
         let is_known = match coupling.algorithm {
             Algorithm::Jacobi => false,
             Algorithm::GaussSeidel => place(self.source) < place(self.target),
