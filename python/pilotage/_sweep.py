@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ._call import Left, PathLike, Progress, call, following, listen, pairs, text, words
+from ._call import Left, PathLike, Progress, call, cleaned, following, listen, pairs, text, words
 from ._errors import InputError
 from ._system import Source, System, as_system
 from ._tables import Array, Files, real
@@ -56,8 +56,8 @@ class Study:
         return same and self.reasons == other.reasons
 
     def __repr__(self) -> str:
-        lines = [f"Study of {len(self)} samples, {self.summary['failed']} failed; 5 %, 50 % and 95 % of"]
-        for own in self.summary["measures"]:
+        lines = [f"Study of {len(self)} samples, {sum(own is not None for own in self.reasons)} failed; 5 %, 50 % and 95 % of"]
+        for own in self.summary.get("measures", []):
             quantiles = own["quantiles"] or {}
             found = [quantiles.get(part) for part in ("0.05", "0.5", "0.95")]
             values = ", ".join(f"{value:.5g}" for value in found if value is not None)
@@ -260,4 +260,4 @@ def study(left: Left, folder: Path) -> Study:
     numbers = [np.array([float(cell or "nan") for cell in own]) for own in columns[1:-2]]
     count = len(summary["varied"])
     pairs_of = list(zip(header[1:-2], numbers, strict=True))
-    return Study(dict(pairs_of[:count]), dict(pairs_of[count:]), [cell or None for cell in columns[-1]], dict(summary))
+    return Study(dict(pairs_of[:count]), dict(pairs_of[count:]), [cleaned(cell) or None for cell in columns[-1]], dict(summary))
