@@ -50,11 +50,25 @@ def notebook(path: Path) -> None:
     lines = [line for snippet in snippets for line in snippet.splitlines() if line.strip()]
     assert len(lines) < 40, f"{path.name} has {len(lines)} lines of code"
     assert all(not cell.get("outputs") for cell in cells), "outputs are not kept in the repository"
-    names = within_a_folder(snippets, path.name)
+    FOUND[path.stem](within_a_folder(snippets, path.name))
+
+
+def a_pilot(names: dict[str, object]) -> None:
     assert names["fit"].converged
     overshoot = names["overshoot"]
     assert len(overshoot) == len(names["gains"])
     assert overshoot[-1] > overshoot[0]
+
+
+def a_study(names: dict[str, object]) -> None:
+    """The loop is stable, and its settling depends on the gain."""
+    overshoot = names["study"].measures["overshoot"]
+    assert len(overshoot) == 200 and overshoot.min() < overshoot.max()
+    assert names["closed"].stability == "stable", names["closed"].stability
+
+
+# What a notebook finds.
+FOUND = {"from_flights_to_fmu": a_pilot, "fmus_of_anybody": a_study}
 
 
 if __name__ == "__main__":
