@@ -13,14 +13,14 @@ const STEPS: f64 = 500.0;
 pub struct Times {
     /// Start time [s] [default: that of the system file, or 0].
     #[arg(long, value_name = "SECONDS", value_parser = number, allow_hyphen_values = true)]
-    pub start_time: Option<f64>,
+    pub(crate) start_time: Option<f64>,
     /// Stop time [s] [default: that of the system file, or what the FMUs suggest, if they agree].
     #[arg(long, value_name = "SECONDS", value_parser = number, allow_hyphen_values = true)]
-    pub stop_time: Option<f64>,
+    pub(crate) stop_time: Option<f64>,
     /// Communication step [s]; must divide the duration [default: that of the system file, or about the shortest that an FMU
     /// suggests, or 1/500 of the duration; the summary says it].
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
-    pub step: Option<f64>,
+    pub(crate) step: Option<f64>,
 }
 
 impl Times {
