@@ -249,6 +249,21 @@ fn states_that_cannot_be_are_refused() {
         );
     }
     assert!(!folder.files().contains(&"x.state".to_owned()));
+    // What an instance gives at once is part of the system.
+    let file = "[system.heater]\nmodel = \"heater.toml\"\n";
+    folder.write("system.toml", file);
+    let run = "cosim system.toml --stop-time 1";
+    let kept = pilotage(
+        &folder,
+        &format!("{run} --step 0.1 --save-state 0.5=h.state"),
+    );
+    assert_eq!(kept.code, 0, "{kept:?}");
+    folder.write("system.toml", format!("{file}at_once = true\n"));
+    let ended = pilotage(&folder, &format!("{run} --from-state h.state"));
+    assert!(
+        ended.code == 2 && ended.stderr.contains("h.state is of another system"),
+        "{ended:?}"
+    );
     // Cut, or with another byte somewhere.
     let whole = std::fs::read(folder.path("s.state")).unwrap();
     for k in (0..whole.len()).step_by(whole.len() / 12) {

@@ -10,10 +10,11 @@ pub fn sum(description: &SystemDescription) -> Result<String, Failure> {
     let mut all = Sha256::new();
     for own in &description.instances {
         all.update(format!(
-            "{} {:?} {:?}\n",
+            "{} {:?} {:?} {}\n",
             own.name,
             own.order.as_ref().map(|own| own.value),
-            own.interface
+            own.interface,
+            own.at_once
         ));
         match (&own.source.value, own.source.value.file()) {
             (InstanceSource::BuiltIn(name), _) => all.update(name),
