@@ -2,7 +2,7 @@
 
 use super::frame::{CHARACTER, TEXT};
 use super::html::{Html, html};
-use super::svg::at;
+use super::svg::{FONTS, at};
 use dagre::graph::{Edge, Graph, GraphOptions};
 use dagre::layout::types::LabelPos;
 use dagre::{EdgeLabel, LayoutOptions, NodeLabel, Point, RankDir, layout};
@@ -121,7 +121,7 @@ fn drawn(
     let svg = html! {
         svg xmlns="http://www.w3.org/2000/svg" width=(format_args!("{:.2}pt", size[0])) height=(format_args!("{:.2}pt", size[1]))
             viewBox=(format_args!("0 0 {:.2} {:.2}", size[0], size[1]))
-            font-family="Arial, Helvetica, 'Liberation Sans', 'DejaVu Sans', sans-serif" font-size=(TEXT) text-anchor="middle" {
+            font-family=(FONTS) font-size=(TEXT) text-anchor="middle" {
             title { (title) }
             defs { marker id="head" markerWidth="6" markerHeight="6" refX="5.5" refY="3" orient="auto" {
                 path d="M0,0 L6,3 L0,6 z" fill="#444444" {}

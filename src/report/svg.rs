@@ -6,6 +6,8 @@ use super::html::{Html, html};
 use super::palette::{of_value, on_white};
 use std::fmt::Write;
 
+/// Families of fonts, the first that is there.
+pub(super) const FONTS: &str = "Arial, Helvetica, 'Liberation Sans', 'DejaVu Sans', sans-serif";
 /// Points per millimetre.
 const POINTS: f64 = 72.0 / 25.4;
 /// Width of a panel on a page [px] to which heights refer.
@@ -31,7 +33,7 @@ pub fn to_svg(figure: &Figure, width: f64) -> String {
     let svg = html! {
         svg xmlns="http://www.w3.org/2000/svg" width=(format_args!("{:.2}mm", width / POINTS))
             height=(format_args!("{:.2}mm", y / POINTS)) viewBox=(format_args!("0 0 {width:.2} {y:.2}"))
-            font-family="Arial, Helvetica, 'Liberation Sans', 'DejaVu Sans', sans-serif" font-size=(TEXT) {
+            font-family=(FONTS) font-size=(TEXT) {
             title { (figure.title) }
             rect width="100%" height="100%" fill="#ffffff" {}
             (legend)

@@ -335,17 +335,8 @@ pub fn run_open(
     coupling: impl Into<Coupling>,
     recorder: &mut dyn Recorder,
 ) -> Result<Run, MasterError> {
-    let coupling = coupling.into();
-    let mut checkpoints = Checkpoints::default();
-    run_and_look(
-        system,
-        clock,
-        tolerance,
-        coupling,
-        recorder,
-        &mut checkpoints,
-        None,
-    )
+    let (coupling, checkpoints) = (coupling.into(), Checkpoints::default());
+    run_between(system, clock, tolerance, coupling, recorder, checkpoints)
 }
 
 /// As [`run_open`], from a state that another run has kept, and keeping states.
