@@ -459,6 +459,21 @@ impl Value {
         }
     }
 
+    /// The value that a map has in place of this one, or this one [converted](Self::converted).
+    ///
+    /// # Errors
+    /// If it is not in the map, and information would be lost.
+    pub(crate) fn mapped(
+        self,
+        map: &[(Self, Self)],
+        kind: ValueKind,
+    ) -> Result<Self, ComponentError> {
+        match map.iter().find(|(from, _)| *from == self) {
+            Some((_, to)) => Ok(to.clone()),
+            None => self.converted(kind),
+        }
+    }
+
     /// As a number for a table; booleans become 0 or 1, strings NaN.
     pub fn as_number(&self) -> f64 {
         match self {

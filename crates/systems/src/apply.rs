@@ -53,7 +53,7 @@ impl Flat {
         };
         let leg = Leg {
             unit: found.unit,
-            step: entry.step,
+            step: entry.step.clone(),
             at: entry.at.clone(),
         };
         let conversion = composite(entry.unit.clone(), &[leg])?;

@@ -8,7 +8,7 @@ use crate::tree::{
     Component, Connection, Connector, Element, End, Entry, Flow, Reference, Root, System,
 };
 use crate::variables::Variables;
-use crate::wiring::{Graph, Key, Leg, Owner, composite};
+use crate::wiring::{Graph, Key, Leg, Owner, composite, composite_map, mapped_value};
 use pilotage_cosim::SystemDescription;
 use pilotage_cosim::description::{InstanceDescription, InstanceSource, Setting, Spanned, Wire};
 use pilotage_fmi::description::Causality;
@@ -258,7 +258,7 @@ impl Flat {
         for key in [&from, &to] {
             self.know_unit(key);
         }
-        self.graph.connect(from, to, connection.step, at)
+        self.graph.connect(from, to, connection.step.clone(), at)
     }
 
     /// Adds the unit of an FMU's variable that its component does not list as a connector.
@@ -360,12 +360,18 @@ impl Flat {
             } else if let Some(entry) = self.given.get(&trace.from).cloned() {
                 let first = Leg {
                     unit: self.graph.unit_of(&trace.from),
-                    step: entry.step,
+                    step: entry.step.clone(),
                     at: entry.at.clone(),
                 };
                 let mut legs = vec![first];
                 legs.extend(self.graph.legs(&trace));
                 let conversion = composite(entry.unit.clone(), &legs)?;
+                let map = composite_map(&legs);
+                let values = entry.values.iter().map(|value| mapped_value(&map, value));
+                let entry = Entry {
+                    values: values.collect(),
+                    ..entry
+                };
                 self.set_to(to, &sink.1, &entry, conversion)?;
             }
         }

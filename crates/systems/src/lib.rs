@@ -71,7 +71,7 @@ pub struct Foreign {
     pub description: SystemDescription,
     /// What was left out or taken in a way that a user should know.
     pub notes: Vec<String>,
-    /// Types of annotations, which have no effect.
+    /// Types of annotations; but for a communication step, what they say has no effect.
     pub annotations: Vec<String>,
     /// The folder with the files: that of an unpacked archive, or the user's.
     pub folder: PathBuf,

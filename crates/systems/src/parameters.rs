@@ -3,9 +3,11 @@
 use crate::error::SspError;
 use crate::package::{Package, file_of};
 use crate::read::Reader;
-use crate::tree::{Entry, Step};
+use crate::tree::Entry;
 use crate::units::Units;
-use crate::xml::{Node, Xml, text_of};
+use crate::wiring::mapped_value;
+use crate::xml::{Node, Xml, plain_value, text_of};
+use pilotage_cosim::description::Transformation;
 use pilotage_fmi::archive::{Archive, Limits};
 use pilotage_text::printable::excerpt;
 use std::collections::HashSet;
@@ -146,7 +148,7 @@ fn set(reader: &mut Reader, set: Node<'_, '_>) -> Result<Vec<Entry>, SspError> {
             name,
             values: checked(parameter, kind, texts(parameter, kind)?)?,
             unit: reader.unit(&units, kind),
-            step: Step::default(),
+            step: Transformation::default(),
         });
     }
     Ok(entries)
@@ -185,6 +187,9 @@ fn checked(
         },
     };
     match values.iter().find(|text| !is_one(text.trim())) {
+        None if kind.name() == "Boolean" => {
+            Ok(values.iter().map(|text| plain_value(text, true)).collect())
+        }
         None => Ok(values),
         Some(text) => {
             let (text, name) = (excerpt(text), kind.name());
@@ -241,16 +246,20 @@ fn apply(
             reader.unmatched(&own.at("MappingEntry"), source);
             continue;
         };
-        let mut values = entry.values.clone();
-        translate(own, &mut values)?;
+        let step = own.transformation()?;
+        let values = entry
+            .values
+            .iter()
+            .map(|value| mapped_value(&step.map, value))
+            .collect();
         found.push(Entry {
             at: own.at("MappingEntry"),
             name: target.to_owned(),
             values,
             unit: entry.unit.clone(),
-            step: Step {
-                linear: own.linear()?,
-                converts: !own.boolean("suppressUnitConversion")?,
+            step: Transformation {
+                map: Vec::new(),
+                ..step
             },
         });
     }
@@ -270,31 +279,4 @@ fn apply(
         ));
     }
     Ok(found)
-}
-
-/// Applies a Boolean, integer or enumeration mapping (sections 4.5.2.2 to 4.5.2.4); what is not mapped stays.
-fn translate(entry: Node<'_, '_>, values: &mut [String]) -> Result<(), SspError> {
-    let ending = "MappingTransformation";
-    let Some(table) = entry.children().find(|own| own.name().ends_with(ending)) else {
-        return Ok(());
-    };
-    let is_boolean = table.name() == "BooleanMappingTransformation";
-    let plain = |text: &str| match (is_boolean, text.trim()) {
-        (true, "1") => "true".to_owned(),
-        (true, "0") => "false".to_owned(),
-        (_, text) => text.to_owned(),
-    };
-    let mut pairs = Vec::new();
-    for own in table.all("MapEntry") {
-        pairs.push((
-            plain(own.required("source")?),
-            plain(own.required("target")?),
-        ));
-    }
-    for value in values {
-        if let Some((_, target)) = pairs.iter().find(|(source, _)| *source == plain(value)) {
-            value.clone_from(target);
-        }
-    }
-    Ok(())
 }

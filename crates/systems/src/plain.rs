@@ -11,7 +11,6 @@ use pilotage_text::document::Place;
 use pilotage_text::error_chain::error_chain;
 use pilotage_text::printable::excerpt;
 use pilotage_text::suggestion::{did_you_mean, suggestion};
-use pilotage_units::Conversion;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -70,8 +69,8 @@ impl Plain {
             from: end(from),
             to: end(to),
             transformation: Transformation {
-                linear: Conversion::NONE,
                 converts_units: false,
+                ..Transformation::default()
             },
         });
     }

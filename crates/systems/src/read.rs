@@ -4,7 +4,7 @@ use crate::error::{At, SspError};
 use crate::package::{Package, file_of};
 use crate::parameters::bindings;
 use crate::tree::{
-    Component, Connection, Connector, Dictionary, Element, End, Flow, Reference, Root, Step, System,
+    Component, Connection, Connector, Dictionary, Element, End, Flow, Reference, Root, System,
 };
 use crate::units::Units;
 use crate::vocabulary;
@@ -14,7 +14,7 @@ use pilotage_fmi::Fmu;
 use pilotage_fmi::description::ModelDescription;
 use pilotage_text::error_chain::error_chain;
 use pilotage_text::printable::excerpt;
-use pilotage_units::{Conversion, Unit};
+use pilotage_units::Unit;
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -24,15 +24,6 @@ const DEEPEST: usize = 40;
 
 /// Elements of a system with all that it refers to: a system that is referred to twice counts twice.
 const MOST: usize = 100_000;
-
-impl Default for Step {
-    fn default() -> Self {
-        Self {
-            linear: Conversion::NONE,
-            converts: true,
-        }
-    }
-}
 
 /// What is known beside the tree.
 pub(crate) struct Reader {
@@ -146,7 +137,7 @@ impl Reader {
         let units = &Units::read(root)?;
         let system = root.child("System");
         let system = system.ok_or_else(|| root.fault("it has no <System>"))?;
-        let experiment = match root.child("DefaultExperiment") {
+        let mut experiment = match root.child("DefaultExperiment") {
             Some(own) => Experiment {
                 start: time(own, "startTime")?,
                 stop: time(own, "stopTime")?,
@@ -154,6 +145,7 @@ impl Reader {
             },
             None => Experiment::default(),
         };
+        experiment.step = tools_step(root, system);
         let context = Context {
             package,
             units,
@@ -412,6 +404,24 @@ impl Reader {
     }
 }
 
+/// The communication step in the annotations of a tool: OMSimulator writes it in those of the system, libcosim and Ecos read it
+/// from those of the default experiment. The standard has none.
+fn tools_step(root: Node<'_, '_>, system: Node<'_, '_>) -> Option<f64> {
+    const PLACES: [[&str; 2]; 2] = [
+        ["FixedStepMaster", "stepSize"],
+        ["FixedStepAlgorithm", "baseStepSize"],
+    ];
+    let annotated = [Some(system), root.child("DefaultExperiment")];
+    let annotations = annotated
+        .into_iter()
+        .flatten()
+        .flat_map(|own| own.all("Annotations"));
+    let mut found = annotations.flat_map(|own| {
+        PLACES.map(|[element, attribute]| own.below(element)?.number(attribute, 0.0).ok())
+    });
+    found.find_map(|step| step.filter(|step| *step > 0.0))
+}
+
 fn time(node: Node<'_, '_>, name: &str) -> Result<Option<f64>, SspError> {
     match node.attribute(name) {
         Some(_) => node.number(name, 0.0).map(Some),
@@ -434,16 +444,6 @@ fn interface(node: Node<'_, '_>) -> Result<Option<Interface>, SspError> {
 }
 
 fn connection(node: Node<'_, '_>) -> Result<Connection, SspError> {
-    // Wires carry numbers as they are, or by a factor and an offset.
-    let ending = "MappingTransformation";
-    if let Some(table) = node.children().find(|own| own.name().ends_with(ending)) {
-        let changes = |entry: Node| entry.attribute("source") != entry.attribute("target");
-        if table.all("MapEntry").any(changes) {
-            return Err(
-                table.fault("a connection can have a factor and an offset, and no table of values")
-            );
-        }
-    }
     let end = |which: &str| -> Result<End, SspError> {
         let connector = node.required(&format!("{which}Connector"))?.to_owned();
         let index = match node.attribute(&format!("{which}Indices")) {
@@ -461,10 +461,7 @@ fn connection(node: Node<'_, '_>) -> Result<Connection, SspError> {
     Ok(Connection {
         at: node.at("Connection"),
         ends: [end("start")?, end("end")?],
-        step: Step {
-            linear: node.linear()?,
-            converts: !node.boolean("suppressUnitConversion")?,
-        },
+        step: node.transformation()?,
     })
 }
 

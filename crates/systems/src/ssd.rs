@@ -198,9 +198,12 @@ impl Writer<'_> {
             self.xml.close();
         }
         self.connections()?;
+        let times = self.description.experiment;
+        if let Some(step) = times.step {
+            self.write_step(step)?;
+        }
         self.xml.close();
         self.write_units()?;
-        let times = self.description.experiment;
         if times.start.is_some() || times.stop.is_some() {
             self.xml.open("ssd:DefaultExperiment");
             self.xml.real_if("startTime", times.start);
@@ -209,6 +212,27 @@ impl Writer<'_> {
         }
         self.xml.close();
         Ok(self.xml.finish())
+    }
+
+    /// The communication step as OMSimulator writes it, with the tolerances that it has by default: the standard has no place
+    /// for it.
+    fn write_step(&mut self, step: f64) -> Result<(), WriteError> {
+        self.xml.open("ssd:Annotations");
+        self.xml.open("ssc:Annotation");
+        self.text("type", "org.openmodelica")?;
+        self.xml.open("oms:Annotations");
+        let schema = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd";
+        self.text("xmlns:oms", schema)?;
+        self.xml.open("oms:SimulationInformation");
+        self.xml.open("oms:FixedStepMaster");
+        self.text("description", "oms-ma")?;
+        self.xml.real_if("stepSize", Some(step));
+        self.xml.real_if("absoluteTolerance", Some(1e-4));
+        self.xml.real_if("relativeTolerance", Some(1e-4));
+        for _ in 0..5 {
+            self.xml.close();
+        }
+        Ok(())
     }
 
     /// Whether all elements of an array are set, which is then one value.
@@ -386,6 +410,7 @@ impl Writer<'_> {
             let Transformation {
                 linear,
                 converts_units,
+                ref map,
             } = wire.transformation;
             if !converts_units {
                 self.text("suppressUnitConversion", "true")?;
@@ -396,6 +421,33 @@ impl Writer<'_> {
                 self.xml.real_if("offset", Some(linear.offset));
                 self.xml.close();
             }
+            if !map.is_empty() {
+                self.map(map)?;
+            }
+            self.xml.close();
+        }
+        self.xml.close();
+        Ok(())
+    }
+
+    /// Other values in place of some (sections 4.5.2.2 to 4.5.2.4).
+    fn map(&mut self, map: &[(String, String)]) -> Result<(), WriteError> {
+        let mut texts = map.iter().flat_map(|(from, to)| [from, to]);
+        let kind = match (
+            texts
+                .clone()
+                .all(|text| ["true", "false"].contains(&text.as_str())),
+            texts.all(|text| text.parse::<i64>().is_ok()),
+        ) {
+            (true, _) => "ssc:BooleanMappingTransformation",
+            (_, true) => "ssc:IntegerMappingTransformation",
+            _ => "ssc:EnumerationMappingTransformation",
+        };
+        self.xml.open(kind);
+        for (from, to) in map {
+            self.xml.open("ssc:MapEntry");
+            self.text("source", from)?;
+            self.text("target", to)?;
             self.xml.close();
         }
         self.xml.close();

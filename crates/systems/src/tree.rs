@@ -1,9 +1,9 @@
 //! A system as its files say it (section 5).
 
 use crate::error::At;
-use pilotage_cosim::description::{Experiment, Interface};
+use pilotage_cosim::description::{Experiment, Interface, Transformation};
 use pilotage_fmi::description::ModelDescription;
-use pilotage_units::{Conversion, Unit};
+use pilotage_units::Unit;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -93,18 +93,11 @@ pub(crate) struct End {
     pub(crate) index: String,
 }
 
-/// What happens to values on the way, after the conversion of units or instead of it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Step {
-    pub(crate) linear: Conversion,
-    pub(crate) converts: bool,
-}
-
 /// A connection; data may flow either way.
 pub(crate) struct Connection {
     pub(crate) at: At,
     pub(crate) ends: [End; 2],
-    pub(crate) step: Step,
+    pub(crate) step: Transformation,
 }
 
 /// A value for a name, after prefix and mapping.
@@ -115,5 +108,5 @@ pub(crate) struct Entry {
     /// One, or those of an array row by row.
     pub(crate) values: Vec<String>,
     pub(crate) unit: Option<Unit>,
-    pub(crate) step: Step,
+    pub(crate) step: Transformation,
 }

@@ -1,7 +1,6 @@
 //! Traces connections from inputs of components to outputs, through systems and signal dictionaries (section 5.3.2).
 
 use crate::error::{At, SspError};
-use crate::tree::Step;
 use pilotage_cosim::description::Transformation;
 use pilotage_units::{Conversion, Unit};
 use std::collections::HashMap;
@@ -21,7 +20,7 @@ pub(crate) type Key = (Owner, String);
 #[derive(Debug, Clone)]
 pub(crate) struct Hop {
     pub(crate) from: Key,
-    pub(crate) step: Step,
+    pub(crate) step: Transformation,
     pub(crate) at: At,
 }
 
@@ -48,7 +47,7 @@ pub(crate) struct Trace {
 /// A value's way: the unit of where it comes, if any, what is done, and the connector.
 pub(crate) struct Leg {
     pub(crate) unit: Option<Unit>,
-    pub(crate) step: Step,
+    pub(crate) step: Transformation,
     pub(crate) at: At,
 }
 
@@ -59,7 +58,7 @@ pub(crate) struct Leg {
 pub(crate) fn composite(start: Option<Unit>, legs: &[Leg]) -> Result<Conversion, SspError> {
     let (mut unit, mut all) = (start, Conversion::NONE);
     for leg in legs {
-        if let (Some(from), Some(to), true) = (&unit, &leg.unit, leg.step.converts) {
+        if let (Some(from), Some(to), true) = (&unit, &leg.unit, leg.step.converts_units) {
             let conversion = from.conversion(to).ok_or_else(|| {
                 let (from, to) = (&from.name, &to.name);
                 leg.at
@@ -71,6 +70,28 @@ pub(crate) fn composite(start: Option<Unit>, legs: &[Leg]) -> Result<Conversion,
         unit = leg.unit.clone().or(unit);
     }
     Ok(all)
+}
+
+/// The values that these legs together have in place of others.
+pub(crate) fn composite_map(legs: &[Leg]) -> Vec<(String, String)> {
+    let mut all: Vec<(String, String)> = Vec::new();
+    for leg in legs {
+        for (_, to) in &mut all {
+            *to = mapped_value(&leg.step.map, to);
+        }
+        for (from, to) in &leg.step.map {
+            if all.iter().all(|(known, _)| known != from) {
+                all.push((from.clone(), to.clone()));
+            }
+        }
+    }
+    all
+}
+
+/// The value that a map has in place of a value, or this.
+pub(crate) fn mapped_value(map: &[(String, String)], value: &str) -> String {
+    let found = map.iter().find(|(from, _)| from == value.trim());
+    found.map_or(value, |(_, to)| to).to_owned()
 }
 
 impl Graph {
@@ -89,7 +110,7 @@ impl Graph {
         &mut self,
         from: Key,
         to: Key,
-        step: Step,
+        step: Transformation,
         at: &At,
     ) -> Result<(), SspError> {
         if let Some(known) = self.into.get(&to) {
@@ -170,7 +191,7 @@ impl Graph {
     pub(crate) fn legs(&self, trace: &Trace) -> Vec<Leg> {
         let leg = |(hop, to): &(Hop, Key)| Leg {
             unit: self.unit_of(to),
-            step: hop.step,
+            step: hop.step.clone(),
             at: hop.at.clone(),
         };
         trace.hops.iter().map(leg).collect()
@@ -187,18 +208,16 @@ impl Graph {
             .into_iter()
             .flatten()
             .any(|key| self.foreign.contains(key));
-        let is_plain = legs.iter().all(|leg| leg.step == Step::default());
+        let is_plain = legs.iter().all(|leg| leg.step == Transformation::default());
         Ok(match legs.as_slice() {
-            [leg] if !is_foreign => Transformation {
-                linear: leg.step.linear,
-                converts_units: leg.step.converts,
-            },
+            [leg] if !is_foreign => leg.step.clone(),
             _ if is_plain && (!is_foreign || whole == Conversion::NONE) => {
                 Transformation::default()
             }
             _ => Transformation {
                 linear: whole,
                 converts_units: false,
+                map: composite_map(&legs),
             },
         })
     }
@@ -231,9 +250,9 @@ mod tests {
         graph.add(key(a, "y"), Some(Unit::named("ft")), true);
         graph.add(key(s, "x"), Some(Unit::named("m")), false);
         graph.add(key(b, "u"), Some(Unit::named("cm")), true);
-        let by = |factor, offset| Step {
+        let by = |factor, offset| Transformation {
             linear: Conversion { factor, offset },
-            converts: true,
+            ..Transformation::default()
         };
         graph
             .connect(key(a, "y"), key(s, "x"), by(3.0, 0.0), &at(1))
@@ -246,7 +265,7 @@ mod tests {
         let found = graph.transformation(&trace).unwrap();
         assert!(!found.converts_units);
         assert!((found.linear.apply(2.0) - 183.88).abs() < 1e-10);
-        let twice = graph.connect(key(b, "z"), key(s, "x"), Step::default(), &at(3));
+        let twice = graph.connect(key(b, "z"), key(s, "x"), Transformation::default(), &at(3));
         let message = twice.unwrap_err().to_string();
         assert_eq!(
             message,
@@ -264,7 +283,9 @@ mod tests {
             ((s, "x"), (b, "u")),
         ] {
             let (from, to) = (key(from.0, from.1), key(to.0, to.1));
-            graph.connect(from, to, Step::default(), &at(1)).unwrap();
+            graph
+                .connect(from, to, Transformation::default(), &at(1))
+                .unwrap();
         }
         assert!(
             graph

@@ -1,6 +1,7 @@
 //! XML elements with their places.
 
 use crate::error::{At, SspError};
+use pilotage_cosim::description::Transformation;
 use pilotage_fmi::description::{self, LineIndex};
 use pilotage_text::document::Place;
 use pilotage_text::printable::excerpt;
@@ -190,6 +191,14 @@ impl<'a, 't> Node<'a, 't> {
         found.map(|node| Node { node, xml })
     }
 
+    /// The first element of that name anywhere below.
+    pub(crate) fn below(&self, name: &str) -> Option<Node<'a, 't>> {
+        let xml = self.xml;
+        let mut all = self.node.descendants();
+        let found = all.find(|node| node.tag_name().name() == name);
+        found.map(|node| Node { node, xml })
+    }
+
     /// Types of the annotations anywhere below.
     pub(crate) fn annotations(&self) -> impl Iterator<Item = &'a str> + use<'a, 't> {
         let all = self.node.descendants();
@@ -197,8 +206,32 @@ impl<'a, 't> Node<'a, 't> {
         all.filter_map(|node| node.attribute("type"))
     }
 
+    /// What a connection or a mapping does with values.
+    pub(crate) fn transformation(&self) -> Result<Transformation, SspError> {
+        Ok(Transformation {
+            linear: self.linear()?,
+            converts_units: !self.boolean("suppressUnitConversion")?,
+            map: self.map()?,
+        })
+    }
+
+    /// The Boolean, integer or enumeration mapping of a connection or a mapping (sections 4.5.2.2 to 4.5.2.4).
+    fn map(&self) -> Result<Vec<(String, String)>, SspError> {
+        let ending = "MappingTransformation";
+        let Some(table) = self.children().find(|own| own.name().ends_with(ending)) else {
+            return Ok(Vec::new());
+        };
+        let is_boolean = table.name() == "BooleanMappingTransformation";
+        let plain = |text: &str| plain_value(text, is_boolean);
+        let pair = |own: Node| {
+            let (source, target) = (own.required("source")?, own.required("target")?);
+            Ok((plain(source), plain(target)))
+        };
+        table.all("MapEntry").map(pair).collect()
+    }
+
     /// The linear transformation of a connection or a mapping (section 4.5.2.1).
-    pub(crate) fn linear(&self) -> Result<Conversion, SspError> {
+    fn linear(&self) -> Result<Conversion, SspError> {
         let Some(own) = self.child("LinearTransformation") else {
             return Ok(Conversion::NONE);
         };
@@ -206,5 +239,14 @@ impl<'a, 't> Node<'a, 't> {
             factor: own.number("factor", 1.0)?,
             offset: own.number("offset", 0.0)?,
         })
+    }
+}
+
+/// A Boolean as `true` or `false`, any other value as it is.
+pub(crate) fn plain_value(text: &str, is_boolean: bool) -> String {
+    match (is_boolean, text.trim()) {
+        (true, "1") => "true".to_owned(),
+        (true, "0") => "false".to_owned(),
+        (_, text) => text.to_owned(),
     }
 }

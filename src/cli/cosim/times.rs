@@ -45,18 +45,26 @@ impl Times {
             Failure::new("no --stop-time, and the FMUs suggest none, or different ones")
                 .hint("say when the simulation ends, such as --stop-time 10")
         })?;
-        if let Some(step) = self.step.or(experiment.step) {
+        if let Some(step) = self.step {
             return Ok((clock(start, stop, Some(step))?, None));
         }
-        let suggested = system.suggested_step().filter(|step| *step < stop - start);
-        // The next shorter one that divides the duration.
-        let step =
-            suggested.map(|step| (stop - start) / ((stop - start) / step * (1.0 - 1e-9)).ceil());
-        let clock = clock(start, stop, step)?;
-        let why = match suggested {
-            Some(step) => format!("an FMU suggests {step} s"),
-            None => format!("1/{STEPS} of the run"),
+        let (suggested, why) = match (experiment.step, system.suggested_step()) {
+            (Some(step), _) => (Some(step), format!("the system says {step} s")),
+            (None, Some(step)) if step < stop - start => {
+                (Some(step), format!("an FMU suggests {step} s"))
+            }
+            _ => (None, format!("1/{STEPS} of the run")),
         };
+        // The next shorter one that divides the duration.
+        let parts = |step: f64| ((stop - start) / step * (1.0 - 1e-9)).ceil();
+        let step = suggested.map(|step| (stop - start) / parts(step).max(1.0));
+        if experiment
+            .step
+            .is_some_and(|own| (own - step.unwrap_or(own)).abs() <= 1e-9 * own)
+        {
+            return Ok((clock(start, stop, experiment.step)?, None));
+        }
+        let clock = clock(start, stop, step)?;
         let note = format!("--step {} is assumed: {why}", clock.step());
         Ok((clock, Some(note)))
     }

@@ -63,7 +63,7 @@ pub(super) fn of(args: &Args) -> Result<String, Failure> {
             "variants",
             variants.filter(|own| own.len() > 1).unwrap_or_default(),
         ),
-        ("annotations, without effect", read.annotations),
+        ("annotations", read.annotations),
     ] {
         if !list.is_empty() {
             text += &format!("\n{what}: {}\n", list.join(", "));

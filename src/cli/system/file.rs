@@ -11,7 +11,7 @@ pub struct Read {
     pub description: SystemDescription,
     /// What was left out.
     pub notes: Vec<String>,
-    /// Types of annotations of other tools, which have no effect.
+    /// Types of annotations of other tools.
     pub annotations: Vec<String>,
     /// The folder of an unpacked archive.
     pub unpacked: Option<PathBuf>,

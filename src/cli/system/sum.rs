@@ -39,7 +39,7 @@ pub fn sum(description: &SystemDescription) -> Result<String, Failure> {
         }
     }
     for own in &description.connections {
-        let by = own.transformation;
+        let by = &own.transformation;
         all.update(format!("{}={} {by:?}\n", own.from.value, own.to.value));
     }
     for own in &description.settings {

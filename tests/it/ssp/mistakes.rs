@@ -145,7 +145,7 @@ fn mistakes_have_their_place() {
         (
             "<ssc:LinearTransformation factor=\"2\" offset=\"0.25\"/>",
             "<ssc:BooleanMappingTransformation><ssc:MapEntry source=\"true\" target=\"false\"/></ssc:BooleanMappingTransformation>",
-            "<BooleanMappingTransformation>: a connection can have a factor and an offset, and no table of values",
+            "a map is for Booleans, integers and enumerations",
         ),
         (
             "dictionary=\"signals\"",

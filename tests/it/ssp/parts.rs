@@ -472,6 +472,68 @@ fn enumerations() {
     assert_eq!(run("b.ssp"), found);
 }
 
+/// Other values on connections, through a system's connector: 1 is 5, and 5 is 7; true is false. The FMU counts one on, and
+/// negates. Values of connectors go the same way.
+#[test]
+fn maps_on_connections() {
+    let folder = Folder::new();
+    let map = |kind: &str, pairs: &[[&str; 2]]| {
+        let entry =
+            |[from, to]: &[&str; 2]| format!("<ssc:MapEntry source=\"{from}\" target=\"{to}\"/>");
+        let entries: String = pairs.iter().map(entry).collect();
+        format!("<ssc:{kind}MappingTransformation>{entries}</ssc:{kind}MappingTransformation>")
+    };
+    let first = map("Integer", &[["1", "5"], ["2", "2"]]);
+    let second = map("Integer", &[["5", "7"], ["2", "3"]]);
+    let third = map("Boolean", &[["1", "0"]]);
+    let system = format!(
+        r#"<ssd:Elements>
+  <ssd:Component name="a" source="resources/typed.fmu"/>
+  <ssd:System name="s">
+    <ssd:Connectors><ssd:Connector name="n" kind="input"/><ssd:Connector name="m" kind="input"/></ssd:Connectors>
+    <ssd:Elements><ssd:Component name="b" source="resources/typed.fmu"/><ssd:Component name="c" source="resources/typed.fmu"/></ssd:Elements>
+    <ssd:Connections>
+      <ssd:Connection startConnector="n" endElement="b" endConnector="n_in">{second}</ssd:Connection>
+      <ssd:Connection startConnector="m" endElement="c" endConnector="n_in">{second}</ssd:Connection>
+      <ssd:Connection startElement="b" startConnector="flag" endElement="c" endConnector="flag_in">{third}</ssd:Connection>
+    </ssd:Connections>
+  </ssd:System>
+</ssd:Elements>
+<ssd:Connections>
+  <ssd:Connection startElement="a" startConnector="n" endElement="s" endConnector="n">{first}</ssd:Connection>
+</ssd:Connections>
+<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet version="1.0" name="p"><ssv:Parameters>
+  <ssv:Parameter name="s.m"><ssv:Integer value="5"/></ssv:Parameter>
+</ssv:Parameters></ssv:ParameterSet></ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings>"#
+    );
+    let oms = r#"<ssd:Annotations><ssc:Annotation type="org.openmodelica"><oms:Annotations xmlns:oms="x">
+        <oms:SimulationInformation><oms:FixedStepMaster description="oms-ma" stepSize="0.25"/></oms:SimulationInformation>
+        </oms:Annotations></ssc:Annotation></ssd:Annotations>"#;
+    let experiment = r#"<ssd:DefaultExperiment startTime="0" stopTime="1"/>"#;
+    let text = ssd("1.0", &(system + oms), experiment);
+    write(&folder, "s", &[("SystemStructure.ssd", &text)]);
+    for (from, to) in [("s", "a.toml"), ("a.toml", "b.ssp")] {
+        assert_eq!(folder.pilotage(&["convert", from, to]).code, 0);
+    }
+    let last = |system: &str, start: &str| -> Vec<f64> {
+        let record = ["--record", "s.b.n,s.c.n,s.c.flag"];
+        let ended = folder.pilotage(&[&["cosim", system, "--set", start], &record[..]].concat());
+        assert_eq!(ended.code, 0, "{ended:?}");
+        let text = folder.read("result.csv");
+        let rows: Vec<&str> = text.lines().collect();
+        // The step is OMSimulator's.
+        assert_eq!(rows.len(), 6, "{text}");
+        let last = rows[5].split(',').skip(1);
+        last.map(|number| number.parse().unwrap()).collect()
+    };
+    // `b.flag` is true, so that `c.flag` is too.
+    for system in ["s", "s.ssp", "a.toml", "b.ssp"] {
+        assert_eq!(last(system, "a.n_in=0"), [8.0, 8.0, 1.0], "{system}");
+        assert_eq!(last(system, "a.n_in=1"), [4.0, 8.0, 1.0], "{system}");
+        assert_eq!(last(system, "a.n_in=10"), [12.0, 8.0, 1.0], "{system}");
+    }
+}
+
 /// The system of a problem file: the time constant is found again, and the FMU lies beside the fitted system.
 #[test]
 fn a_fit_takes_it() {

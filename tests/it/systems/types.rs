@@ -60,7 +60,10 @@ fn last(folder: &Folder, set: &str, wire: (&str, &str), signal: &str) -> f64 {
     let (from, to) = wire;
     folder.write(
         "s.toml",
-        format!("{INSTANCES}[connect]\n\"{from}\" = \"{to}\"\n"),
+        match to.starts_with('{') {
+            true => format!("{INSTANCES}[connect]\n\"{from}\" = {to}\n"),
+            false => format!("{INSTANCES}[connect]\n\"{from}\" = \"{to}\"\n"),
+        },
     );
     let set = format!("{name}={value}");
     let ended = folder.pilotage(&[
@@ -135,6 +138,42 @@ fn what_fits_arrives() {
         ("m.mode_in = 2", "m.mode", "two.n_in", "two.n", 4.0),
         ("a.u8_in = 2", "a.u8", "m.mode_in", "m.mode", 4.0),
         ("m.mode_in = 2", "m.mode", "n.mode_in", "n.mode", 4.0),
+        // Other values in place of some, by name and by number; what is not in the map stays.
+        (
+            "m.mode_in = 2",
+            "m.mode",
+            "{ to = \"n.mode_in\", map = { v3 = \"v1\", v1 = \"v4\" } }",
+            "n.mode",
+            2.0,
+        ),
+        (
+            "m.mode_in = 1",
+            "m.mode",
+            "{ to = \"n.mode_in\", map = { v3 = \"v1\" } }",
+            "n.mode",
+            3.0,
+        ),
+        (
+            "m.mode_in = 2",
+            "m.mode",
+            "{ to = \"b.i8_in\", map = { v3 = -9 } }",
+            "b.i8",
+            -8.0,
+        ),
+        (
+            "a.i64_in = 41",
+            "a.i64",
+            "{ to = \"b.u\", map = { 42 = 0.25 } }",
+            "b.u",
+            0.25,
+        ),
+        (
+            "a.boolean_in = false",
+            "a.boolean",
+            "{ to = \"two.flag_in\", map = { true = false, false = true } }",
+            "two.flag",
+            1.0,
+        ),
     ] {
         let found = last(&folder, set, (from, to), signal);
         assert_eq!(found, expected, "{set}, {from} -> {to}");
@@ -207,6 +246,25 @@ fn what_does_not_fit_is_refused_with_both_ends() {
         ]);
         assert_eq!(ended.code, 2, "{ended:?}");
         assert!(ended.stderr.contains(message), "{}", ended.stderr);
+    }
+    for (wire, message) in [
+        (
+            "\"a.f32\" = { to = \"b.u\", map = { 1 = 2 } }",
+            "`a.f32` -> `b.u`: a map is for Booleans, integers and enumerations",
+        ),
+        (
+            "\"m.mode\" = { to = \"n.mode_in\", map = { v9 = \"v1\" } }",
+            "`m.mode` is of type Enumeration, `v9` is not",
+        ),
+        (
+            "\"m.mode\" = { to = \"n.mode_in\", map = { v1 = [2] } }",
+            "s.toml:12:60: ",
+        ),
+    ] {
+        folder.write("s.toml", format!("{INSTANCES}[connect]\n{wire}\n"));
+        let ended = folder.pilotage(&["cosim", "s.toml", "--stop-time", "1"]);
+        let is_refused = ended.code == 2 && ended.stderr.contains(message);
+        assert!(is_refused, "{ended:?}");
     }
     // On the way: a table feeds an Int8 from 1 s on with 200.
     folder.write("t.csv", "time,b.i8_in\n0,100\n1,200\n");

@@ -214,7 +214,7 @@ impl SystemDescription {
     pub fn wire(&self, system: &mut System) -> Result<(), EntryError> {
         for wire in &self.connections {
             let Wire { from, to, .. } = wire;
-            let connected = system.connect_by(&from.value, &to.value, wire.transformation);
+            let connected = system.connect_by(&from.value, &to.value, wire.transformation.clone());
             connected.map_err(|error| EntryError {
                 place: match is_about_output(&error, &from.value) {
                     true => from.place.clone(),

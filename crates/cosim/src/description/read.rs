@@ -300,19 +300,31 @@ fn wires(table: TomlTable, prefix: &str, found: &mut Vec<Wire>) -> Result<(), Do
 fn is_end(table: TomlTable) -> bool {
     let is_number = |key| table.number(key).is_ok_and(|value| value.is_some());
     let is_boolean = |key| table.boolean(key).is_ok_and(|value| value.is_some());
-    table.has("to") && (is_number("factor") || is_number("offset") || is_boolean("convert_units"))
+    let is_changed = is_number("factor")
+        || is_number("offset")
+        || is_boolean("convert_units")
+        || table.is_table("map");
+    table.has("to") && is_changed
 }
 
 /// The end of a wire with what happens on the way.
 fn transformed<'a>(end: TomlTable<'a>) -> Result<(&'a str, Place, Transformation), DocumentError> {
-    end.only(&["to", "factor", "offset", "convert_units"])?;
+    end.only(&["to", "factor", "offset", "convert_units", "map"])?;
     let to = end.required("to", end.string("to")?)?;
+    let mut map = Vec::new();
+    if let Some(table) = end.table("map")? {
+        for name in table.names() {
+            let value = table.required(name, table.text(name)?)?;
+            map.push((name.to_owned(), value));
+        }
+    }
     let transformation = Transformation {
         linear: Conversion {
             factor: end.number("factor")?.unwrap_or(1.0),
             offset: end.number("offset")?.unwrap_or(0.0),
         },
         converts_units: end.boolean("convert_units")?.unwrap_or(true),
+        map,
     };
     Ok((to, end.required("to", end.place("to"))?, transformation))
 }

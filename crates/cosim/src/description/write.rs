@@ -120,6 +120,7 @@ fn end(wire: &Wire) -> String {
     let Transformation {
         linear,
         converts_units,
+        ref map,
     } = wire.transformation;
     let mut parts = String::new();
     if linear != Conversion::NONE {
@@ -128,6 +129,12 @@ fn end(wire: &Wire) -> String {
     }
     if !converts_units {
         parts += ", convert_units = false";
+    }
+    if !map.is_empty() {
+        let pair =
+            |(from, to): &(String, String)| format!("{} = {}", document::key(from), value(to));
+        let pairs: Vec<String> = map.iter().map(pair).collect();
+        parts += &format!(", map = {{ {} }}", pairs.join(", "));
     }
     match parts.is_empty() {
         true => to,
@@ -211,7 +218,8 @@ mod tests {
             (factor, offset, converts_units) in (-9.0..9.0, -9.0..9.0, any::<bool>()),
         ) {
             let linear = Conversion { factor, offset };
-            let transformation = Transformation { linear, converts_units };
+            let map = vec![(variable.clone(), value.clone())];
+            let transformation = Transformation { linear, converts_units, map };
             let [variable, end] = [variable, end].map(|name| format!("a.{name}"));
             let instance = InstanceDescription {
                 name: "a".into(),
@@ -222,7 +230,7 @@ mod tests {
             };
             let described = SystemDescription {
                 instances: vec![instance],
-                connections: vec![Wire { from: variable.clone().into(), to: end.into(), transformation }],
+                connections: vec![Wire { from: variable.clone().into(), to: end.into(), transformation: transformation.clone() }],
                 settings: vec![Setting { name: variable.into(), value }],
                 ..SystemDescription::default()
             };
@@ -231,7 +239,7 @@ mod tests {
             let read = SystemDescription::parse(&text, Path::new("/s.toml")).unwrap();
             prop_assert_eq!(&read.connections[0].from.value, &described.connections[0].from.value);
             prop_assert_eq!(&read.connections[0].to.value, &described.connections[0].to.value);
-            prop_assert_eq!(read.connections[0].transformation, transformation);
+            prop_assert_eq!(&read.connections[0].transformation, &transformation);
             prop_assert_eq!(&read.settings[0].name.value, &described.settings[0].name.value);
             prop_assert_eq!(&read.settings[0].value, &described.settings[0].value);
             prop_assert!(read.instances[0].at_once);

@@ -24,7 +24,10 @@ const SINGULAR: f64 = 1e-8;
 
 /// Solves for the inputs of these real connections (positions in the system) that equal the outputs that feed them.
 pub(super) fn solve(system: &mut System, positions: &[usize]) -> Result<(), MasterError> {
-    let connections: Vec<_> = positions.iter().map(|&c| system.connections[c]).collect();
+    let connections: Vec<_> = positions
+        .iter()
+        .map(|&c| system.connections[c].clone())
+        .collect();
     let n = connections.len();
     let mut values = outputs(system, &connections)?;
     let mut found = inputs_to_outputs(system, &connections, &values)?;
@@ -105,7 +108,7 @@ fn difference(values: &[f64], found: &[f64], least: f64) -> f64 {
 
 /// The values provided by the connections.
 fn outputs(system: &mut System, connections: &[Connection]) -> Result<Vec<f64>, MasterError> {
-    connections.iter().map(|c| output(system, *c)).collect()
+    connections.iter().map(|c| output(system, c)).collect()
 }
 
 /// Sets the inputs, and reads the values that the connections then provide.
@@ -120,7 +123,7 @@ fn inputs_to_outputs(
     outputs(system, connections)
 }
 
-fn output(system: &mut System, connection: Connection) -> Result<f64, MasterError> {
+fn output(system: &mut System, connection: &Connection) -> Result<f64, MasterError> {
     let handle = system.variable(connection.from).handle;
     let component = &mut system.instances[connection.from.instance].component;
     match component.get(handle, ValueKind::Real) {
@@ -207,7 +210,7 @@ fn differences(
     set(system, input, value + change)?;
     let mut slopes = Vec::with_capacity(rows.len());
     for &row in rows {
-        let changed = output(system, connections[row])?;
+        let changed = output(system, &connections[row])?;
         slopes.push((changed - found[row]) / change);
     }
     set(system, input, value)?;

@@ -159,6 +159,7 @@ impl Assembly {
             handle,
             kind,
             wanted,
+            map: Vec::new(),
             slot,
             wire: String::new(),
         }
@@ -205,11 +206,12 @@ impl Assembly {
             name,
             real: None,
         };
-        if output.kind != input.kind {
+        if output.kind != input.kind || !connection.map.is_empty() {
             let reading = self.reading(output.handle, output.kind, input.kind, None);
             wire.slot = reading.slot;
             outlets[from.instance].others.push(Reading {
                 wire: wire.name.clone(),
+                map: connection.map.clone(),
                 ..reading
             });
         }

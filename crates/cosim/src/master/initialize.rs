@@ -60,7 +60,7 @@ fn apply_settings(system: &mut System, wanted: impl Fn(Role) -> bool) -> Result<
 /// Passes values along the connections until they are consistent.
 fn propagate(system: &mut System, propagation: &Propagation) -> Result<(), MasterError> {
     for &c in &propagation.once {
-        pass(system, system.connections[c])?;
+        pass(system, &system.connections[c].clone())?;
     }
     let repeated = &propagation.repeated;
     let is_real = |c: &usize| system.is_real(&system.connections[*c]);
@@ -79,7 +79,7 @@ fn sweep(system: &mut System, repeated: &[usize]) -> Result<(), MasterError> {
     for _ in 0..MAX_SWEEPS {
         let mut has_settled = true;
         for (&c, last) in repeated.iter().zip(&mut last) {
-            let value = pass(system, system.connections[c])?;
+            let value = pass(system, &system.connections[c].clone())?;
             has_settled &= last.as_ref().is_some_and(|last| is_close(last, &value));
             *last = Some(value);
         }
@@ -114,7 +114,7 @@ struct Lost {
 }
 
 /// Passes one value along one connection.
-fn pass(system: &mut System, connection: Connection) -> Result<Value, MasterError> {
+fn pass(system: &mut System, connection: &Connection) -> Result<Value, MasterError> {
     let (from, to) = (
         system.variable(connection.from),
         system.variable(connection.to),
@@ -136,7 +136,7 @@ fn pass(system: &mut System, connection: Connection) -> Result<Value, MasterErro
     };
     let source = &mut system.instances[connection.from.instance];
     let got = source.component.get(from_handle, kind);
-    let got = got.and_then(|value| value.converted(to_kind).map_err(lost));
+    let got = got.and_then(|value| value.mapped(&connection.map, to_kind).map_err(lost));
     let value = match got.map_err(failed.clone()(&source.name))? {
         Value::Real(value) => Value::Real(connection.conversion.apply(value)),
         other => other,

@@ -345,12 +345,13 @@ impl Wired {
             kind,
             wanted,
             slot,
+            ref map,
             ..
         } = self.outputs.others[k];
         self.calls.gets += 1;
         let got = self.watch.time(|| self.component.get(handle, kind));
         let value = got.map_err(|source| self.failure(Stage::GetOutputs, source))?;
-        let converted = value.converted(wanted);
+        let converted = value.mapped(map, wanted);
         values.others[slot] = converted
             .map_err(|why| self.lost(Stage::GetOutputs, &self.outputs.others[k].wire, &why))?;
         if let Some(column) = values.other_slots[slot] {

@@ -2,7 +2,7 @@
 
 use super::change::Change;
 use super::history::Outcome;
-use crate::component::{Abilities, Component, Conversion, Role, ValueKind};
+use crate::component::{Abilities, Component, Conversion, Role, Value, ValueKind};
 use crate::report::CouplingError;
 use std::ops::Range;
 
@@ -79,6 +79,8 @@ pub(super) struct Reading {
     pub(super) kind: ValueKind,
     /// Type to which it is converted.
     pub(super) wanted: ValueKind,
+    /// Values with others in their place, which have that type.
+    pub(super) map: Vec<(Value, Value)>,
     /// Slot in [`Values::others`](super::wired::Values).
     pub(super) slot: usize,
     /// Names of both ends of the wire that needs this conversion, if any.

@@ -135,6 +135,14 @@ pub enum SystemError {
         /// The target.
         to: String,
     },
+    /// Other values for those of an output that is real or a text.
+    #[error("`{from}` -> `{to}`: a map is for Booleans, integers and enumerations")]
+    NotMapped {
+        /// The source.
+        from: String,
+        /// The target.
+        to: String,
+    },
     /// An input with two connections.
     #[error("`{to}` is fed twice: by `{first}` and by `{second}`")]
     FedTwice {

@@ -17,7 +17,7 @@ pub struct Port {
 }
 
 /// A wire from an output to an input.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Connection {
     /// The output.
     pub from: Port,
@@ -25,15 +25,21 @@ pub struct Connection {
     pub to: Port,
     /// Conversion from the output's unit to the input's.
     pub conversion: Conversion,
+    /// Values of the output, and what the input is given for them; others stay.
+    pub map: Vec<(Value, Value)>,
 }
 
-/// What happens to values on a wire: `to = factor·from + offset`, after the conversion of units or instead of it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// What happens to values on a wire: `to = factor·from + offset`, after the conversion of units or instead of it; or, where
+/// they are not real, another value for each.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Transformation {
     /// Factor and offset.
     pub linear: Conversion,
     /// Whether values are converted from the output's unit to the input's first.
     pub converts_units: bool,
+    /// Values of the output with those for the input, as text: numbers, `true`, `false` or names of an enumeration's items.
+    /// Other values stay (SSP 2.0, sections 4.5.2.2 to 4.5.2.4).
+    pub map: Vec<(String, String)>,
 }
 
 impl Default for Transformation {
@@ -42,6 +48,7 @@ impl Default for Transformation {
         Self {
             linear: Conversion::NONE,
             converts_units: true,
+            map: Vec::new(),
         }
     }
 }
@@ -154,8 +161,8 @@ impl System {
     /// As [`connect`](Self::connect), with a transformation of the values.
     ///
     /// # Errors
-    /// If a name is unknown, causality, type or unit do not match, the input is already connected, or what is not real
-    /// is to be transformed.
+    /// If a name is unknown, causality, type or unit do not match, the input is already connected, what is not real
+    /// is to be transformed, or what is real is to be mapped.
     pub fn connect_by(
         &mut self,
         from: &str,
@@ -163,11 +170,11 @@ impl System {
         by: Transformation,
     ) -> Result<(), SystemError> {
         if self.resolve(from).is_ok() || self.resolve(to).is_ok() {
-            return self.connect_one(from, to, by);
+            return self.connect_one(from, to, &by);
         }
         let (outputs, inputs) = (self.elements(from), self.elements(to));
         if outputs.is_empty() || inputs.is_empty() {
-            return self.connect_one(from, to, by);
+            return self.connect_one(from, to, &by);
         }
         if outputs != inputs {
             return Err(SystemError::SizeMismatch {
@@ -178,7 +185,7 @@ impl System {
             });
         }
         for element in outputs {
-            self.connect_one(&format!("{from}{element}"), &format!("{to}{element}"), by)?;
+            self.connect_one(&format!("{from}{element}"), &format!("{to}{element}"), &by)?;
         }
         Ok(())
     }
@@ -192,7 +199,12 @@ impl System {
         self.names().filter_map(end).collect()
     }
 
-    fn connect_one(&mut self, from: &str, to: &str, by: Transformation) -> Result<(), SystemError> {
+    fn connect_one(
+        &mut self,
+        from: &str,
+        to: &str,
+        by: &Transformation,
+    ) -> Result<(), SystemError> {
         let (output, input) = (self.resolve(from)?, self.resolve(to)?);
         self.check_roles(output, input)?;
         let units = self.check_types(output, input, by.converts_units)?;
@@ -200,6 +212,7 @@ impl System {
             from: output,
             to: input,
             conversion: units.then(by.linear),
+            map: self.map(output, input, &by.map)?,
         };
         let is_real = self.is_real(&connection);
         if by.linear != Conversion::NONE && !is_real {
@@ -225,6 +238,35 @@ impl System {
         }
         self.connections.push(connection);
         Ok(())
+    }
+
+    /// The values of a map.
+    fn map(
+        &self,
+        output: Port,
+        input: Port,
+        by: &[(String, String)],
+    ) -> Result<Vec<(Value, Value)>, SystemError> {
+        if !by.is_empty()
+            && matches!(
+                self.variable(output).kind,
+                ValueKind::Real | ValueKind::String
+            )
+        {
+            let [from, to] = [output, input].map(|port| self.port_name(port));
+            return Err(SystemError::NotMapped { from, to });
+        }
+        let value = |port: Port, text: &String| {
+            let variable = self.variable(port);
+            variable.parse(text).ok_or_else(|| SystemError::BadValue {
+                name: self.port_name(port),
+                kind: variable.kind,
+                text: text.clone(),
+                items: variable.items.clone(),
+            })
+        };
+        let pair = |(from, to): &(String, String)| Ok((value(output, from)?, value(input, to)?));
+        by.iter().map(pair).collect()
     }
 
     /// Sets the start value of a parameter or input; name and value are text.
@@ -325,9 +367,10 @@ impl System {
         Ok(self.variable(self.resolve(name)?))
     }
 
-    /// The output connected to an input, and the unit conversion.
+    /// The output connected to an input, and the unit conversion, if these say the input's value: a map of values does not.
     pub(super) fn feeding(&self, input: Port) -> Option<(Port, Conversion)> {
-        let connection = self.connections.iter().find(|c| c.to == input)?;
+        let mut all = self.connections.iter();
+        let connection = all.find(|c| c.to == input && c.map.is_empty())?;
         Some((connection.from, connection.conversion))
     }
 

@@ -268,7 +268,11 @@ pub(crate) fn conversion(
     wire: &Wire,
 ) -> Result<Conversion, ProblemError> {
     let unit = |name: &str| variables.get(name)?.unit.as_deref();
-    let by = wire.transformation;
+    let by = &wire.transformation;
+    if !by.map.is_empty() {
+        let fault = "a map of a wire is not in equations; `cosim` runs it".to_owned();
+        return Err(ProblemError::maybe_at(wire.to.place.as_ref(), fault));
+    }
     let ends = (unit(&wire.from.value), unit(&wire.to.value));
     let (Some(from), Some(to), true) = (ends.0, ends.1, by.converts_units) else {
         return Ok(by.linear);

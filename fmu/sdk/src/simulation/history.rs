@@ -5,6 +5,7 @@
 //! where a signal jumps, or its derivatives do, it is smooth on both sides.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 /// A signal and its first two derivatives by time.
 pub type Jet = [f64; 3];
@@ -21,7 +22,8 @@ struct Piece {
 /// The delayed signals of a simulation, as far back as they are needed. Before the first piece they were 0.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct History {
-    pieces: VecDeque<Piece>,
+    /// Shared with saved states: a master with a tolerance saves one in each step.
+    pieces: VecDeque<Arc<Piece>>,
     /// Times at which a signal or one of its derivatives jumps \[s\].
     breaks: VecDeque<f64>,
     /// Whether older pieces were dropped.
@@ -117,11 +119,11 @@ impl History {
             self.breaks.push_back(from);
         }
         let ends = starts.iter().zip(ends).map(|(a, b)| [*a, *b]);
-        self.pieces.push_back(Piece {
+        self.pieces.push_back(Arc::new(Piece {
             from,
             to,
             ends: ends.collect(),
-        });
+        }));
     }
 
     /// The first time after `time` at which a signal that jumped does so again `tau` later.
@@ -181,7 +183,7 @@ impl History {
                 .collect(),
         };
         Some(Self {
-            pieces: rest.chunks_exact(size).map(piece).collect(),
+            pieces: rest.chunks_exact(size).map(piece).map(Arc::new).collect(),
             breaks: breaks.iter().copied().collect(),
             is_cut: is_cut == 1,
         })
