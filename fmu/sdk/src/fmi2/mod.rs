@@ -68,7 +68,7 @@ impl Version for Fmi2 {
             _ if state == State::Fatal => State::Fatal,
             (Severity::Fatal, _) => State::Fatal,
             (Severity::Error, _) => State::Error,
-            (_, Problem::Step { .. }) => State::StepFailed,
+            (Severity::Discard, Problem::Step { .. } | Problem::Inside { .. }) => State::StepFailed,
             _ => state,
         }
     }
