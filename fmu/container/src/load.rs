@@ -82,7 +82,13 @@ impl Opener {
 
     /// A table whose columns are held between samples as the inputs ask for that they feed.
     fn table(&self, part: &Part, system: &System) -> Result<Box<dyn Component>, LoadError> {
-        let series = Series::read_table(&self.folder_of(part).join(TABLE))?;
+        let mut series = Series::read_table(&self.folder_of(part).join(TABLE))?;
+        let is_wired = |name: &str| {
+            let from = format!("{}.{name}", part.name);
+            self.manifest.wires.iter().any(|link| link.from == from)
+        };
+        // A column that feeds nothing may have no values.
+        series.columns.retain(|own| is_wired(&own.name));
         let names: Vec<String> = series.columns.iter().map(|own| own.name.clone()).collect();
         let mut source = Source::new(series)?;
         for (column, name) in names.iter().enumerate() {

@@ -67,7 +67,7 @@ mod export;
 pub mod fmi2;
 pub mod fmi3;
 pub mod guard;
-mod guid;
+pub mod guid;
 pub mod instance;
 pub mod interface;
 mod json;
