@@ -17,7 +17,11 @@ use std::{env, fs};
 /// The packages of the libraries, the stems of their files, and under which name each is embedded.
 const LIBRARIES: [(&str, &str, &str); 2] = [
     ("pilotage-fmu", "pilotage_fmu", "fmu-binary"),
-    ("pilotage-container", "pilotage_container", "container-binary"),
+    (
+        "pilotage-container",
+        "pilotage_container",
+        "container-binary",
+    ),
 ];
 /// The profile in Cargo.toml: optimised, stripped, and unwinding, so that panics can be caught.
 const PROFILE: &str = "fmu";

@@ -46,19 +46,38 @@ fn main() {
         let name = algorithm.to_string();
         let wires = WIRES.map(|(from, to)| format!("{from}={to}"));
         let connect = ["--connect", &wires[0], "--connect", &wires[1]];
-        let made = ["--step", "1e-3", "--algorithm", &name, "-o", "one.fmu", "--force"];
-        let fmus = ["container", "pilot.fmu", "quadcopter.fmu", "--set", "pilot.target=10"];
+        let made = [
+            "--step",
+            "1e-3",
+            "--algorithm",
+            &name,
+            "-o",
+            "one.fmu",
+            "--force",
+        ];
+        let fmus = [
+            "container",
+            "pilot.fmu",
+            "quadcopter.fmu",
+            "--set",
+            "pilot.target=10",
+        ];
         pilotage(&[&fmus[..], &connect, &made].concat());
         let of = |own: &str| folder.path().join(own);
         let parts = best(|| of_parts(&of("pilot.fmu"), &of("quadcopter.fmu"), algorithm));
         let container = best(|| of_container(&of("one.fmu")));
-        println!("{name:15} {parts:9.0} {container:10.0} {:6.2}", container / parts);
+        println!(
+            "{name:15} {parts:9.0} {container:10.0} {:6.2}",
+            container / parts
+        );
     }
 }
 
 /// The shortest of some times \[ns\] of a step.
 fn best(mut run: impl FnMut() -> f64) -> f64 {
-    (0..REPETITIONS).map(|_| run()).fold(f64::INFINITY, f64::min)
+    (0..REPETITIONS)
+        .map(|_| run())
+        .fold(f64::INFINITY, f64::min)
 }
 
 fn of_parts(pilot: &Path, quadcopter: &Path, algorithm: Algorithm) -> f64 {

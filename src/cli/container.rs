@@ -91,14 +91,20 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         control: (coupling.control).map(|own| [own.tolerance, own.min_step, own.max_step]),
         part_tolerance: args.coupling.component_tolerance(),
         variables: Vec::new(),
-        set: set.map(|own| (own.name.value.clone(), own.value.clone())).collect(),
+        set: set
+            .map(|own| (own.name.value.clone(), own.value.clone()))
+            .collect(),
         parts: parts.parts,
         wires: Vec::new(),
     };
     let mut provenance = Provenance::default();
     args.fmu.sign(&mut provenance)?;
     let options = args.fmu.options()?;
-    let name = args.output.file_stem().unwrap_or_default().to_string_lossy();
+    let name = args
+        .output
+        .file_stem()
+        .unwrap_or_default()
+        .to_string_lossy();
     let contents = container::Contents {
         name: &name,
         version: options.version,
@@ -136,7 +142,10 @@ impl Args {
             Err(Failure::new(message).hint(why))
         };
         match (coupling.parallel, coupling.measure) {
-            (true, _) => refused("--parallel", "an FMU starts no threads in the importer's process"),
+            (true, _) => refused(
+                "--parallel",
+                "an FMU starts no threads in the importer's process",
+            ),
             (_, true) => refused("--details", "`pilotage cosim` of the same system has them"),
             _ => Ok(()),
         }
@@ -144,7 +153,12 @@ impl Args {
 
     /// The outputs of the FMU.
     fn outputs_of(&self, built: &Built, system: &mut System) -> Result<Vec<Port>, Failure> {
-        let is_table = |name: &str| built.tables.iter().any(|own| name.starts_with(&format!("{}.", own.name)));
+        let is_table = |name: &str| {
+            built
+                .tables
+                .iter()
+                .any(|own| name.starts_with(&format!("{}.", own.name)))
+        };
         if self.outputs.is_empty() {
             let outputs = system.ports().filter(|port| {
                 system.variable(*port).role == Role::Output && !is_table(&system.port_name(*port))
@@ -183,7 +197,11 @@ struct Parts {
 }
 
 impl Parts {
-    fn add(&mut self, instance: &InstanceDescription, coupling: &CouplingArgs) -> Result<(), Failure> {
+    fn add(
+        &mut self,
+        instance: &InstanceDescription,
+        coupling: &CouplingArgs,
+    ) -> Result<(), Failure> {
         let name = &instance.name;
         let new = self.new_folder(name);
         let (kind, folder) = match source(instance)? {
@@ -207,11 +225,15 @@ impl Parts {
             name: name.clone(),
             folder,
             kind,
-            divides: divided.and_then(|(_, parts)| parts.parse().ok()).unwrap_or(1),
+            divides: divided
+                .and_then(|(_, parts)| parts.parse().ok())
+                .unwrap_or(1),
             at_once: instance.at_once,
         });
         let from = instance.source.value.file();
-        let from = from.and_then(Path::file_name).map(|own| own.to_string_lossy());
+        let from = from
+            .and_then(Path::file_name)
+            .map(|own| own.to_string_lossy());
         let from = from.map_or("a built-in model".to_owned(), |own| own.into_owned());
         self.sources.push((name.clone(), from));
         Ok(())
@@ -233,15 +255,24 @@ impl Parts {
     ) -> Result<(Kind, String), Failure> {
         let fmu = Fmu::open(path)?;
         let description = fmu.description();
-        let has_both = (description.co_simulation.is_some(), description.model_exchange.is_some());
+        let has_both = (
+            description.co_simulation.is_some(),
+            description.model_exchange.is_some(),
+        );
         let kind = match (has_both, wanted) {
-            ((_, true), Some(InterfaceType::ModelExchange)) | ((false, true), _) => Kind::ModelExchange,
+            ((_, true), Some(InterfaceType::ModelExchange)) | ((false, true), _) => {
+                Kind::ModelExchange
+            }
             _ => Kind::CoSimulation,
         };
         self.is_single |= match kind {
-            Kind::ModelExchange => description.model_exchange.as_ref()
+            Kind::ModelExchange => description
+                .model_exchange
+                .as_ref()
                 .is_some_and(|own| own.can_be_instantiated_only_once_per_process),
-            _ => description.co_simulation.as_ref()
+            _ => description
+                .co_simulation
+                .as_ref()
                 .is_some_and(|own| own.can_be_instantiated_only_once_per_process),
         };
         if let Some(folder) = self.folders.get(path) {
@@ -249,7 +280,8 @@ impl Parts {
         }
         let mut archive = Archive::open(path, Limits::default())?;
         let names: Vec<String> = archive.files().map(str::to_owned).collect();
-        let at_rest = |name: &&String| !(name.starts_with("documentation/") || name.starts_with("sources/"));
+        let at_rest =
+            |name: &&String| !(name.starts_with("documentation/") || name.starts_with("sources/"));
         for name in names.iter().filter(at_rest) {
             let bytes = archive.read(name)?;
             self.files.insert(format!("{new}/{name}"), bytes);

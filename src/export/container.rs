@@ -1,10 +1,10 @@
 //! A system in one FMU, for co-simulation: its parts, unpacked in `resources`, and the master's library.
 
 use super::{ExportError, Platform, Provenance, binary, documentation, package, terminals};
+use crate::cosim::component::ComponentError;
 use crate::cosim::container::{FILE, Link, Manifest, TIME};
 use crate::cosim::{
-    Algorithm, ComponentError, Experiment, MasterError, Port, Role, Session, System, Value, ValueKind,
-    Variable,
+    Algorithm, Experiment, MasterError, Port, Role, Session, System, Value, ValueKind, Variable,
 };
 use crate::fmi::description as fmi;
 use pilotage_sdk::guid;
@@ -92,7 +92,9 @@ pub fn bytes(contents: Contents<'_>) -> Result<Vec<u8>, ContainerError> {
     let names = seen.iter().map(|own| own.name.clone());
     manifest.variables = names.chain([TIME.to_owned()]).collect();
     let identifier = identifier(name);
-    let names: Vec<&str> = (manifest.parts.iter()).map(|own| own.name.as_str()).collect();
+    let names: Vec<&str> = (manifest.parts.iter())
+        .map(|own| own.name.as_str())
+        .collect();
     let about = format!(
         "{} as one: {} in steps of {} s",
         names.join(", "),
@@ -119,7 +121,9 @@ pub fn bytes(contents: Contents<'_>) -> Result<Vec<u8>, ContainerError> {
             can_be_instantiated_only_once_per_process: contents.is_single,
             can_not_use_memory_management_functions: version == fmi::FmiVersion::V2,
             can_get_and_set_fmu_state: abilities.iter().all(|own| own.rollback),
-            can_serialize_fmu_state: abilities.iter().all(|own| own.rollback && own.serialization),
+            can_serialize_fmu_state: abilities
+                .iter()
+                .all(|own| own.rollback && own.serialization),
             ..fmi::CoSimulation::default()
         }),
         units: units(&seen),
@@ -153,7 +157,7 @@ pub fn bytes(contents: Contents<'_>) -> Result<Vec<u8>, ContainerError> {
     entries.insert(format!("resources/{FILE}"), text(&manifest).into_bytes());
     let own = Platform::host().map(|platform| (platform, binary::CONTAINER.to_vec()));
     let binaries: Vec<_> = contents.binaries.into_iter().chain(own).collect();
-    package::add_binaries(&mut entries, &binaries, (version, &identifier), false)?;
+    package::add_binaries(&mut entries, &binaries, (version, &identifier))?;
     let pages = documentation::container(
         name,
         &about,
@@ -167,8 +171,12 @@ pub fn bytes(contents: Contents<'_>) -> Result<Vec<u8>, ContainerError> {
     entries.insert(package::picture_path(version), package::BLOCK.to_vec());
     if version == fmi::FmiVersion::V3 {
         let path = format!("{}/terminalsAndIcons.xml", terminals::FOLDER);
-        let is_outside =
-            |own: &&Seen| matches!(own.causality, fmi::Causality::Input | fmi::Causality::Output);
+        let is_outside = |own: &&Seen| {
+            matches!(
+                own.causality,
+                fmi::Causality::Input | fmi::Causality::Output
+            )
+        };
         let outside = seen.iter().filter(is_outside).map(|own| own.name.as_str());
         entries.insert(path, terminals::file(outside).into_bytes());
     }
@@ -320,11 +328,7 @@ fn is_enumeration(variable: &Variable) -> bool {
     variable.kind == ValueKind::Enumeration && !variable.items.is_empty()
 }
 
-fn variables(
-    seen: &[Seen],
-    types: &Types,
-    version: fmi::FmiVersion,
-) -> Vec<fmi::ScalarVariable> {
+fn variables(seen: &[Seen], types: &Types, version: fmi::FmiVersion) -> Vec<fmi::ScalarVariable> {
     use fmi::{Causality as C, Initial as I, Variability as V};
     let units = units(seen);
     let own = seen.iter().enumerate().map(|(index, own)| {
@@ -339,7 +343,13 @@ fn variables(
         fmi::ScalarVariable {
             description: Some(variable.description.clone()).filter(|text| !text.is_empty()),
             initial,
-            ..fmi::ScalarVariable::new(&own.name, reference(index), own.causality, variability, kind)
+            ..fmi::ScalarVariable::new(
+                &own.name,
+                reference(index),
+                own.causality,
+                variability,
+                kind,
+            )
         }
     });
     // FMI 3.0 requires the time; in FMI 2.0 some importers expect a start value of it, which the standard forbids.
@@ -466,6 +476,8 @@ fn fingerprint(
         hash.update(name);
         hash.update(Sha256::digest(bytes));
     }
-    let sum: String = (hash.finalize().iter()).map(|byte| format!("{byte:02x}")).collect();
+    let sum: String = (hash.finalize().iter())
+        .map(|byte| format!("{byte:02x}"))
+        .collect();
     guid::of(&sum)
 }

@@ -155,7 +155,7 @@ pub fn ask(library: &Path, bytes: &[u8], version: FmiVersion) -> Result<Interfac
         reason,
     };
     let host = Platform::host().ok_or_else(|| refuse("this platform is not known".into()))?;
-    platform::check(&host, bytes, version, true)?;
+    platform::check(&host, bytes, version)?;
     // A bare file name would be searched among the system's libraries.
     let path = std::fs::canonicalize(library).map_err(|error| refuse(error.to_string()))?;
     let (answer, answered) = std::sync::mpsc::channel();

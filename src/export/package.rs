@@ -98,7 +98,7 @@ fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportE
             documentation::provenance(interface, provenance).into_bytes(),
         ),
     ]);
-    add_binaries(&mut entries, &contents.binaries, (version, &interface.name), true)?;
+    add_binaries(&mut entries, &contents.binaries, (version, &interface.name))?;
     for (name, content) in documentation::files(contents) {
         entries.insert(format!("documentation/{name}"), content.into_bytes());
     }
@@ -109,7 +109,15 @@ fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportE
     if version == FmiVersion::V3 {
         let path = format!("{}/terminalsAndIcons.xml", terminals::FOLDER);
         let is_outside = |v: &&Variable| v.role == Role::Input || v.is_output();
-        entries.insert(path, terminals::file((interface.variables.iter()).filter(is_outside).map(|v| v.name.as_str())).into_bytes());
+        entries.insert(
+            path,
+            terminals::file(
+                (interface.variables.iter())
+                    .filter(is_outside)
+                    .map(|v| v.name.as_str()),
+            )
+            .into_bytes(),
+        );
     }
     if let Some((name, text)) = &provenance.source {
         entries.insert(format!("{EXTRA}/{name}"), text.clone().into_bytes());
@@ -122,11 +130,10 @@ pub(super) fn add_binaries(
     entries: &mut BTreeMap<String, Vec<u8>>,
     binaries: &[(Platform, Vec<u8>)],
     (version, name): (FmiVersion, &str),
-    has_model_exchange: bool,
 ) -> Result<(), ExportError> {
     let mut aliases = Vec::new();
     for (platform, bytes) in binaries {
-        platform::check(platform, bytes, version, has_model_exchange)?;
+        platform::check(platform, bytes, version)?;
         let mut paths = platform.paths(version, name).into_iter();
         if let Some(path) = paths.next()
             && entries.insert(path.clone(), bytes.clone()).is_some()

@@ -5,7 +5,7 @@ use crate::fmi::binary;
 use crate::fmi::description::FmiVersion;
 pub use crate::fmi::platform::Platform;
 use object::{Object, ObjectKind};
-use pilotage_abi::{Part, fmi2, fmi3};
+use pilotage_abi::{fmi2, fmi3};
 
 /// Finds a platform by its name in either version of FMI.
 ///
@@ -23,17 +23,11 @@ pub fn named(name: &str) -> Result<Platform, ExportError> {
     })
 }
 
-/// Refuses a file that is no library for the platform with all functions of the version; one for co-simulation alone needs
-/// no others.
+/// Refuses a file that is no library for the platform with all functions of the version.
 ///
 /// # Errors
 /// If the format, the architecture or a function is wrong.
-pub fn check(
-    platform: &Platform,
-    bytes: &[u8],
-    version: FmiVersion,
-    has_model_exchange: bool,
-) -> Result<(), ExportError> {
+pub fn check(platform: &Platform, bytes: &[u8], version: FmiVersion) -> Result<(), ExportError> {
     let wrong = |found: String| ExportError::WrongBinary {
         platform: platform.tuple,
         found,
@@ -49,14 +43,12 @@ pub fn check(
         return Err(wrong(format!("it is of kind {:?}", file.kind())));
     }
     let exported = binary::exported(&file).map_err(|error| wrong(error.to_string()))?;
-    let names: Vec<(&str, Part)> = match version {
-        FmiVersion::V2 => (fmi2::Function::ALL.iter().map(|f| (f.name(), f.part()))).collect(),
-        FmiVersion::V3 => (fmi3::Function::ALL.iter().map(|f| (f.name(), f.part()))).collect(),
+    let names: Vec<&str> = match version {
+        FmiVersion::V2 => fmi2::Function::ALL.iter().map(|f| f.name()).collect(),
+        FmiVersion::V3 => fmi3::Function::ALL.iter().map(|f| f.name()).collect(),
     };
-    let mut names = names.into_iter();
-    let is_needed = |part| has_model_exchange || part != Part::ModelExchange;
-    match names.find(|(name, part)| is_needed(*part) && !exported.contains(name.as_bytes())) {
-        Some((missing, _)) => Err(wrong(format!("it lacks the function {missing}"))),
+    match names.iter().find(|n| !exported.contains(n.as_bytes())) {
+        Some(missing) => Err(wrong(format!("it lacks the function {missing}"))),
         None => Ok(()),
     }
 }

@@ -19,7 +19,12 @@ fn gain(name: &str, gain: f64) -> String {
 
 /// Three gains in a loop of outputs that depend on inputs at once.
 const LOOP: [&str; 6] = [
-    "--connect", "a.y=b.u", "--connect", "b.y=c.u", "--connect", "c.y=a.u",
+    "--connect",
+    "a.y=b.u",
+    "--connect",
+    "b.y=c.u",
+    "--connect",
+    "c.y=a.u",
 ];
 
 fn done(folder: &Folder, arguments: &[&str]) -> String {
@@ -51,13 +56,17 @@ fn columns(folder: &Folder, file: &str, prefix: &str) -> Vec<(String, Vec<f64>)>
 
 /// Whether two results have the same names and numbers, to within a difference.
 fn assert_near(a: &[(String, Vec<f64>)], b: &[(String, Vec<f64>)], within: f64) {
-    let names = |own: &[(String, Vec<f64>)]| own.iter().map(|own| own.0.clone()).collect::<Vec<_>>();
+    let names =
+        |own: &[(String, Vec<f64>)]| own.iter().map(|own| own.0.clone()).collect::<Vec<_>>();
     assert_eq!(names(a), names(b));
     assert!(a[0].1.len() > 10);
     for ((name, a), (_, b)) in a.iter().zip(b) {
         assert_eq!(a.len(), b.len(), "{name}");
         for (row, (a, b)) in a.iter().zip(b).enumerate() {
-            assert!((a - b).abs() <= within * (1.0 + b.abs()), "{name}[{row}]: {a} {b}");
+            assert!(
+                (a - b).abs() <= within * (1.0 + b.abs()),
+                "{name}[{row}]: {a} {b}"
+            );
         }
     }
 }
@@ -68,11 +77,25 @@ fn assert_same(folder: &Folder, system: &[&str], coupling: &[&str], fmi: &str) {
     let common = [system, coupling, &["--step", step]].concat();
     done(
         folder,
-        &[&["cosim"], &common[..], &["--stop-time", stop, "-o", "parts.csv"]].concat(),
+        &[
+            &["cosim"],
+            &common[..],
+            &["--stop-time", stop, "-o", "parts.csv"],
+        ]
+        .concat(),
     );
     let made = ["--fmi", fmi, "-o", "one.fmu", "--force"];
     done(folder, &[&["container"], &common[..], &made].concat());
-    let run = ["cosim", "one.fmu", "--step", step, "--stop-time", stop, "-o", "one.csv"];
+    let run = [
+        "cosim",
+        "one.fmu",
+        "--step",
+        step,
+        "--stop-time",
+        stop,
+        "-o",
+        "one.csv",
+    ];
     done(folder, &run);
     let parts = columns(folder, "parts.csv", "");
     assert_near(&columns(folder, "one.csv", "one."), &parts, 0.0);
@@ -84,7 +107,15 @@ fn gains() -> Folder {
     let folder = Folder::new();
     for (name, k) in [("a", -0.5), ("b", 0.7), ("c", 0.9)] {
         folder.write(&format!("{name}.toml"), gain(name, k));
-        done(&folder, &["export", &format!("{name}.toml"), "-o", &format!("{name}.fmu")]);
+        done(
+            &folder,
+            &[
+                "export",
+                &format!("{name}.toml"),
+                "-o",
+                &format!("{name}.fmu"),
+            ],
+        );
     }
     folder
 }
@@ -108,7 +139,11 @@ fn an_algebraic_loop_of_three_and_native_models() {
     let folder = gains();
     let fmus = [&["a.fmu", "b.fmu", "c.fmu", "--set", "b.d=0.3"], &LOOP[..]].concat();
     assert_same(&folder, &fmus, &["--algorithm", "strong"], "3");
-    let native = [&["a.toml", "b.fmu", "c.toml", "--set", "c.k=0.8"], &LOOP[..]].concat();
+    let native = [
+        &["a.toml", "b.fmu", "c.toml", "--set", "c.k=0.8"],
+        &LOOP[..],
+    ]
+    .concat();
     assert_same(&folder, &native, &["--algorithm", "gauss-seidel"], "2");
     assert_same(&folder, &native, &["--algorithm", "strong"], "2");
 }
@@ -130,10 +165,27 @@ fn systems_in_files_with_tables() {
 #[test]
 fn containers_in_systems_and_in_containers() {
     let folder = gains();
-    let two = ["a.fmu", "b.toml", "--connect", "a.y=b.u", "--algorithm", "strong", "--step", "0.05"];
-    done(&folder, &[&["container"], &two[..], &["-o", "two.fmu"]].concat());
+    let two = [
+        "a.fmu",
+        "b.toml",
+        "--connect",
+        "a.y=b.u",
+        "--algorithm",
+        "strong",
+        "--step",
+        "0.05",
+    ];
+    done(
+        &folder,
+        &[&["container"], &two[..], &["-o", "two.fmu"]].concat(),
+    );
     let system = [
-        "two.fmu", "c.fmu", "--connect", "two.b.y=c.u", "--connect", "c.y=two.a.u",
+        "two.fmu",
+        "c.fmu",
+        "--connect",
+        "two.b.y=c.u",
+        "--connect",
+        "c.y=two.a.u",
     ];
     for algorithm in ["jacobi", "gauss-seidel", "strong"] {
         assert_same(&folder, &system, &["--algorithm", algorithm], "2");
@@ -148,8 +200,24 @@ fn a_run_goes_on_from_the_state_of_a_container() {
     let strong = ["--algorithm", "strong", "--step", "0.05", "-o", "one.fmu"];
     done(&folder, &[&system[..], &strong].concat());
     let run = ["cosim", "one.fmu", "--step", "0.05", "--stop-time", "3"];
-    done(&folder, &[&run[..], &["-o", "whole.csv", "--save-state", "1.5=s.state"]].concat());
-    let rest = ["cosim", "one.fmu", "--from-state", "s.state", "--stop-time", "3", "-o", "rest.csv"];
+    done(
+        &folder,
+        &[
+            &run[..],
+            &["-o", "whole.csv", "--save-state", "1.5=s.state"],
+        ]
+        .concat(),
+    );
+    let rest = [
+        "cosim",
+        "one.fmu",
+        "--from-state",
+        "s.state",
+        "--stop-time",
+        "3",
+        "-o",
+        "rest.csv",
+    ];
     done(&folder, &rest);
     let (whole, rest) = (folder.read("whole.csv"), folder.read("rest.csv"));
     let (whole, rest): (Vec<&str>, Vec<&str>) = (whole.lines().collect(), rest.lines().collect());
@@ -160,7 +228,12 @@ fn a_run_goes_on_from_the_state_of_a_container() {
 #[test]
 fn steps_of_the_importer_are_multiples_or_cut() {
     let folder = gains();
-    let system = [&["a.fmu", "b.toml", "c.fmu"], &LOOP[..], &["--algorithm", "strong"]].concat();
+    let system = [
+        &["a.fmu", "b.toml", "c.fmu"],
+        &LOOP[..],
+        &["--algorithm", "strong"],
+    ]
+    .concat();
     let made = ["--step", "0.05", "-o", "one.fmu"];
     done(&folder, &[&["container"], &system[..], &made].concat());
     for (importer, own, within) in [("0.1", "0.05", 0.0), ("0.025", "0.025", 1e-9)] {
@@ -178,7 +251,14 @@ fn steps_of_the_importer_are_multiples_or_cut() {
 fn its_description_has_what_the_parts_have() {
     let folder = gains();
     folder.write("good.fmu", foreign::fmu("good"));
-    let system = ["a.toml", "good.fmu", "--connect", "a.y=good.u", "--set", "a.k=0.25"];
+    let system = [
+        "a.toml",
+        "good.fmu",
+        "--connect",
+        "a.y=good.u",
+        "--set",
+        "a.k=0.25",
+    ];
     let made = ["--step", "0.1", "--outputs", "good.*,a.x", "-o", "one.fmu"];
     done(&folder, &[&["container"], &system[..], &made].concat());
     let fmu = pilotage::fmi::Fmu::open(&folder.path("one.fmu")).unwrap();
@@ -191,7 +271,15 @@ fn its_description_has_what_the_parts_have() {
     let inputs = ["a.u", "a.d", "good.n_in", "good.flag_in", "good.text_in"];
     assert_eq!(of(Causality::Input), inputs);
     assert_eq!(of(Causality::Parameter), ["a.k", "a.tau", "good.k"]);
-    let outputs = ["good.y", "good.tolerance", "good.start", "good.stop", "good.n", "good.flag", "a.x"];
+    let outputs = [
+        "good.y",
+        "good.tolerance",
+        "good.start",
+        "good.stop",
+        "good.n",
+        "good.flag",
+        "a.x",
+    ];
     assert_eq!(of(Causality::Output), outputs);
     let (_, k) = description.variable("a.k").unwrap();
     assert_eq!(k.description.as_deref(), Some("Its gain"));
@@ -203,7 +291,10 @@ fn its_description_has_what_the_parts_have() {
             .unwrap(),
     )
     .unwrap();
-    assert!(xml.contains("unit=\"1\" start=\"0.25\"") || xml.contains("start=\"0.25\""), "{xml}");
+    assert!(
+        xml.contains("unit=\"1\" start=\"0.25\"") || xml.contains("start=\"0.25\""),
+        "{xml}"
+    );
     let cs = description.co_simulation.as_ref().unwrap();
     assert!(cs.can_handle_variable_communication_step_size && cs.can_get_and_set_fmu_state);
     // The foreign FMU does not say that it writes its state.
@@ -214,21 +305,53 @@ fn its_description_has_what_the_parts_have() {
 fn mistakes_are_said_before_anything_is_written() {
     let folder = gains();
     for (arguments, words) in [
-        (&["a.toml"][..], "error: no --step, and the FMUs suggest none\nhint: say the communication step"),
-        (&["a.toml", "--step", "0.1", "--outputs", "a.z"], "error: no variable is named like `a.z`"),
-        (&["a.toml", "--step", "0.1", "--outputs", "a.k"], "error: no output or local is named like a.k"),
-        (&["a.toml", "--step", "0.1", "--parallel"], "error: --parallel is not for `container`"),
-        (&["a.toml", "--step", "0.1", "--connect", "a.y=a.z"], "error: "),
+        (
+            &["a.toml"][..],
+            "error: no --step, and the FMUs suggest none\nhint: say the communication step",
+        ),
+        (
+            &["a.toml", "--step", "0.1", "--outputs", "a.z"],
+            "error: no variable is named like `a.z`",
+        ),
+        (
+            &["a.toml", "--step", "0.1", "--outputs", "a.k"],
+            "error: no output or local is named like a.k",
+        ),
+        (
+            &["a.toml", "--step", "0.1", "--parallel"],
+            "error: --parallel is not for `container`",
+        ),
+        (
+            &["a.toml", "--step", "0.1", "--connect", "a.y=a.z"],
+            "error: ",
+        ),
         (&["nowhere.fmu", "--step", "0.1"], "error: "),
         (
-            &["a.toml", "b.toml", "--connect", "a.y=b.u", "--connect", "b.y=a.u", "--set", "a.k=1", "--set", "b.k=1", "--step", "0.1"],
+            &[
+                "a.toml",
+                "b.toml",
+                "--connect",
+                "a.y=b.u",
+                "--connect",
+                "b.y=a.u",
+                "--set",
+                "a.k=1",
+                "--set",
+                "b.k=1",
+                "--step",
+                "0.1",
+            ],
             "error: the initial values of ",
         ),
         (&["a.toml", "--step", "0.1", "-o", "a.toml"], "error: "),
     ] {
         let ended = folder.pilotage(&[&["container"], arguments].concat());
         assert_eq!(ended.code, 2, "{arguments:?} {}", ended.stderr);
-        assert!(ended.stderr.starts_with(words), "{arguments:?} {}", ended.stderr);
+        assert!(
+            ended.stderr.starts_with(words),
+            "{arguments:?} {}",
+            ended.stderr
+        );
         assert!(!folder.path("container.fmu").exists(), "{arguments:?}");
     }
 }

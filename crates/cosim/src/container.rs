@@ -94,7 +94,9 @@ impl Manifest {
     /// If there is no algorithm of that name.
     pub fn coupling(&self) -> Result<Coupling, String> {
         let all = [Algorithm::Jacobi, Algorithm::GaussSeidel, Algorithm::Strong];
-        let algorithm = all.into_iter().find(|own| own.to_string() == self.algorithm);
+        let algorithm = all
+            .into_iter()
+            .find(|own| own.to_string() == self.algorithm);
         let algorithm = algorithm.ok_or_else(|| format!("no algorithm `{}`", self.algorithm))?;
         Ok(Coupling {
             extrapolation: self.extrapolation,

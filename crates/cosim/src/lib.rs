@@ -29,8 +29,8 @@
 
 pub mod algorithms;
 pub mod clock;
-pub mod container;
 pub mod component;
+pub mod container;
 pub mod description;
 pub mod finite;
 pub mod fmu_component;

@@ -100,7 +100,10 @@ impl Saved {
     /// The state of an instance.
     pub fn of(own: &mut Container, version: u8, state: u16) -> Result<Self, Problem> {
         let slot = own.slots.take();
-        let kept = own.session.save(slot.place).map_err(|why| of_master(&why))?;
+        let kept = own
+            .session
+            .save(slot.place)
+            .map_err(|why| of_master(&why))?;
         Ok(Self {
             version,
             state,

@@ -160,7 +160,8 @@ impl Container {
             }
             Ending::EndRequested { instance, time } => {
                 self.is_end_requested = true;
-                let message = format!("`{instance}` asks for the end of the simulation at {time} s");
+                let message =
+                    format!("`{instance}` asks for the end of the simulation at {time} s");
                 (Severity::Discard, message)
             }
             Ending::Discarded {

@@ -27,7 +27,7 @@ macro_rules! export {
             let model: $model = $load(resources)?;
             Ok($crate::instance::Instance::new(model, kind))
         });
-        $crate::__model_exchange!($model);
+        $crate::__model_exchange!(__functions, $model);
     };
 }
 
@@ -38,6 +38,8 @@ macro_rules! export_unit {
     ($unit:ty, $load:expr) => {
         $crate::__fmi2!($unit, $load);
         $crate::__fmi3!($unit, $load);
+        // Some importers want to see all functions.
+        $crate::__model_exchange!(__refused, $unit);
     };
 }
 
@@ -279,14 +281,35 @@ macro_rules! __fmi3 {
     };
 }
 
-/// The functions for model exchange.
+/// Defines C functions that refuse every call.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __refused {
+    ($fmi:ident, $unit:ty; $(
+        $variant:ident = $name:ident($first:ident: $first_type:ty $(, $argument:ident: $type:ty)* $(,)?)
+            -> $returns:ty;
+    )*) => {$(
+        #[unsafe(no_mangle)]
+        #[allow(non_snake_case, missing_docs, clippy::missing_safety_doc, clippy::too_many_arguments)]
+        pub unsafe extern "C" fn $name($first: $first_type $(, $argument: $type)*) -> $returns {
+            let _ = ($($argument,)*);
+            let function = $crate::abi::$fmi::Function::$variant;
+            // SAFETY: the caller guarantees what the standard requires.
+            unsafe { $crate::$fmi::refused::<$unit>($first, function) }
+        }
+
+        const _: $crate::abi::$fmi::functions::pointers::$variant = $name;
+    )*};
+}
+
+/// The functions for model exchange, as that macro defines them.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! __model_exchange {
-    ($model:ty) => {
+    ($how:ident, $model:ty) => {
         const _: () = {
             use $crate::abi::fmi2::types::*;
-            $crate::__functions! { fmi2, $model;
+            $crate::$how! { fmi2, $model;
                 EnterEventMode = fmi2EnterEventMode(c: Component) -> Status;
                 NewDiscreteStates = fmi2NewDiscreteStates(c: Component, info: *mut EventInfo) -> Status;
                 EnterContinuousTimeMode = fmi2EnterContinuousTimeMode(c: Component) -> Status;
@@ -304,7 +327,7 @@ macro_rules! __model_exchange {
         };
         const _: () = {
             use $crate::abi::fmi3::types::*;
-            $crate::__functions! { fmi3, $model;
+            $crate::$how! { fmi3, $model;
                 EnterContinuousTimeMode = fmi3EnterContinuousTimeMode(i: Instance) -> Status;
                 CompletedIntegratorStep = fmi3CompletedIntegratorStep(i: Instance, no_set_state: Boolean,
                     enter_event_mode: *mut Boolean, terminate: *mut Boolean) -> Status;

@@ -387,8 +387,8 @@ pub unsafe fn strings<'a>(
 mod tests {
     use super::*;
     use crate::fmi2::Fmi2;
-    use crate::log::Sink;
     use crate::instance::Instance;
+    use crate::log::Sink;
     use crate::{At, Equations, Scalar, Table};
     use abi::fmi2::{Function, State, Status};
 

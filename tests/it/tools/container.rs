@@ -7,7 +7,12 @@ use crate::command::{CONNECTIONS, Folder, exported};
 fn flown(fmi: &str) -> (Folder, String) {
     let folder = exported();
     let fmus = ["pilot.fmu", "quadcopter.fmu", "--set", "pilot.target=10"];
-    let system = [&fmus[..], &CONNECTIONS, &["--algorithm", "strong", "--step", "0.05"]].concat();
+    let system = [
+        &fmus[..],
+        &CONNECTIONS,
+        &["--algorithm", "strong", "--step", "0.05"],
+    ]
+    .concat();
     let made = ["--fmi", fmi, "-o", "container.fmu"];
     let ended = folder.pilotage(&[&["container"], &system[..], &made].concat());
     assert_eq!(ended.code, 0, "{}", ended.stderr);
@@ -18,7 +23,9 @@ fn flown(fmi: &str) -> (Folder, String) {
 }
 
 fn numbers(line: &str) -> Vec<f64> {
-    line.split([',', ' ']).filter_map(|cell| cell.parse().ok()).collect()
+    line.split([',', ' '])
+        .filter_map(|cell| cell.parse().ok())
+        .collect()
 }
 
 /// It validates the FMU, goes back by its states, and resets it.
@@ -33,7 +40,10 @@ fn fmpy_runs_a_container() {
             let (theirs, ours) = (numbers(theirs), numbers(ours));
             assert_eq!(theirs.len(), ours.len());
             for (theirs, ours) in theirs.iter().zip(&ours) {
-                assert!((theirs - ours).abs() <= 1e-12 * ours.abs().max(1.0), "{theirs} {ours}");
+                assert!(
+                    (theirs - ours).abs() <= 1e-12 * ours.abs().max(1.0),
+                    "{theirs} {ours}"
+                );
             }
         }
     }
@@ -50,6 +60,9 @@ fn libcosim_runs_a_container() {
     let ours = &numbers(rows.lines().last().unwrap())[1..];
     assert_eq!(theirs.len(), ours.len());
     for (theirs, ours) in theirs.iter().zip(ours) {
-        assert!((theirs - ours).abs() <= 1e-12 * ours.abs().max(1.0), "{theirs} {ours}");
+        assert!(
+            (theirs - ours).abs() <= 1e-12 * ours.abs().max(1.0),
+            "{theirs} {ours}"
+        );
     }
 }

@@ -50,7 +50,8 @@ impl Plan {
             let read = variables.filter(|(variable, v)| {
                 v.role == crate::component::Role::Output || own.observed.contains(variable)
             });
-            let (reals, others): (Vec<_>, Vec<_>) = read.partition(|(_, v)| v.kind == ValueKind::Real);
+            let (reals, others): (Vec<_>, Vec<_>) =
+                read.partition(|(_, v)| v.kind == ValueKind::Real);
             let first = slots.len();
             for (k, (variable, _)) in reals.iter().enumerate() {
                 let variable = *variable;
@@ -65,7 +66,14 @@ impl Plan {
         let instances = system.instances.iter();
         Self {
             instances: instances
-                .map(|own| (own.name.clone(), own.observed.clone(), own.parts, own.at_once))
+                .map(|own| {
+                    (
+                        own.name.clone(),
+                        own.observed.clone(),
+                        own.parts,
+                        own.at_once,
+                    )
+                })
                 .collect(),
             connections: system.connections.clone(),
             settings: system.settings.clone(),
@@ -227,7 +235,12 @@ impl Session {
     ///
     /// # Errors
     /// If a component fails.
-    pub fn get(&mut self, port: Port, handle: u32, kind: ValueKind) -> Result<Value, ComponentError> {
+    pub fn get(
+        &mut self,
+        port: Port,
+        handle: u32,
+        kind: ValueKind,
+    ) -> Result<Value, ComponentError> {
         self.settle()?;
         if let Now::Before(system) = &self.stage
             && let Some((_, value)) = system.settings.iter().find(|(own, _)| *own == port)
@@ -317,7 +330,8 @@ impl Session {
             Now::Initializing(_, is_settled) => KeptStage::Initializing(*is_settled),
             Now::Before(system) => {
                 let settings = system.settings.iter();
-                let flat = |(port, value): &(Port, Value)| (port.instance, port.variable, value.clone());
+                let flat =
+                    |(port, value): &(Port, Value)| (port.instance, port.variable, value.clone());
                 KeptStage::Before(settings.map(flat).collect())
             }
             Now::Running(_) | Now::Lost => KeptStage::Before(Vec::new()),

@@ -82,7 +82,10 @@ others! {
 }
 
 /// `fmi2GetFMUstate`.
-pub unsafe fn fmi2GetFMUstate<U: SimulationUnit>(component: Component, state: *mut FmuState) -> Status {
+pub unsafe fn fmi2GetFMUstate<U: SimulationUnit>(
+    component: Component,
+    state: *mut FmuState,
+) -> Status {
     // SAFETY: the importer passes NULL or its instance, and a pointer to NULL or its state.
     unsafe { shared::get_state::<U, Fmi2>(component, Function::GetFmuState, state) }
 }
@@ -94,7 +97,10 @@ pub unsafe fn fmi2SetFMUstate<U: SimulationUnit>(component: Component, state: Fm
 }
 
 /// `fmi2FreeFMUstate`.
-pub unsafe fn fmi2FreeFMUstate<U: SimulationUnit>(component: Component, state: *mut FmuState) -> Status {
+pub unsafe fn fmi2FreeFMUstate<U: SimulationUnit>(
+    component: Component,
+    state: *mut FmuState,
+) -> Status {
     // SAFETY: the importer passes NULL or its instance, and a pointer to NULL or its state.
     unsafe { shared::free_state::<U, Fmi2>(component, Function::FreeFmuState, state) }
 }

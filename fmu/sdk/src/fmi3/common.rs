@@ -151,7 +151,10 @@ pub unsafe fn fmi3GetVariableDependencies<U: SimulationUnit>(
 }
 
 /// `fmi3GetFMUState`.
-pub unsafe fn fmi3GetFMUState<U: SimulationUnit>(instance: Instance, state: *mut FmuState) -> Status {
+pub unsafe fn fmi3GetFMUState<U: SimulationUnit>(
+    instance: Instance,
+    state: *mut FmuState,
+) -> Status {
     // SAFETY: the importer passes NULL or its instance, and a pointer to NULL or its state.
     unsafe { shared::get_state::<U, Fmi3>(instance, Function::GetFmuState, state) }
 }
@@ -163,7 +166,10 @@ pub unsafe fn fmi3SetFMUState<U: SimulationUnit>(instance: Instance, state: FmuS
 }
 
 /// `fmi3FreeFMUState`.
-pub unsafe fn fmi3FreeFMUState<U: SimulationUnit>(instance: Instance, state: *mut FmuState) -> Status {
+pub unsafe fn fmi3FreeFMUState<U: SimulationUnit>(
+    instance: Instance,
+    state: *mut FmuState,
+) -> Status {
     // SAFETY: the importer passes NULL or its instance, and a pointer to NULL or its state.
     unsafe { shared::free_state::<U, Fmi3>(instance, Function::FreeFmuState, state) }
 }

@@ -1,13 +1,13 @@
 //! Events, steps and model exchange (FMI 3.0, sections 2.3, 3.2 and 4.2).
 
 use super::Fmi3;
-use crate::{Equations, SimulationUnit};
 use crate::abi::fmi3::types::*;
 use crate::abi::fmi3::{Function, State};
 use crate::guard::{Component, call, place};
 use crate::instance::{Instance as Model, InterfaceType};
 use crate::problem::Problem;
 use crate::shared;
+use crate::{Equations, SimulationUnit};
 
 /// Enters a mode.
 unsafe fn enter<U: SimulationUnit>(instance: Instance, function: Function, mode: State) -> Status {
@@ -93,7 +93,11 @@ pub unsafe fn fmi3UpdateDiscreteStates<U: SimulationUnit>(
 ///
 /// # Safety
 /// `instance` as for [`call`].
-unsafe fn ask_inputs<U: SimulationUnit>(instance: Instance, time: Float64, step: Float64) -> Status {
+unsafe fn ask_inputs<U: SimulationUnit>(
+    instance: Instance,
+    time: Float64,
+    step: Float64,
+) -> Status {
     let function = Function::DoStep;
     let (mut asked, mut before) = (None, Vec::new());
     let body = |c: &mut Component<U, Fmi3>| {
