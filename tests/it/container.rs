@@ -363,7 +363,7 @@ fn what_a_part_does_and_says_has_its_name() {
         ("error@1", 1, "`error`"),
         ("discard@1", 1, "`discard`"),
         ("end@1", 0, "end"),
-        ("warn@1", 0, "`warn`"),
+        ("warn", 0, "`warn`"),
     ] {
         let folder = Folder::new();
         let name = behaviour.split('@').next().unwrap();
