@@ -41,6 +41,8 @@ struct Seen {
     port: Port,
     handle: u32,
     kind: ValueKind,
+    /// Its place among the values of the last communication point.
+    slot: Option<usize>,
     role: Role,
     is_tunable: bool,
     name: String,
@@ -58,17 +60,22 @@ impl Container {
                 port,
                 handle: variable.handle,
                 kind: variable.kind,
+                slot: None,
                 role: variable.role,
                 is_tunable: variable.is_tunable,
                 name: name.clone(),
             })
         });
-        let variables = seen.collect::<Result<_, LoadError>>()?;
+        let mut variables = seen.collect::<Result<Vec<Seen>, LoadError>>()?;
         let can_vary = system.abilities().all(|own| own.variable_steps);
         let coupling = opener.manifest.coupling()?;
-        let session = Session::new(system, coupling);
+        let session = Session::new(system, coupling).map_err(|why| error_chain(&why))?;
+        let reals = variables
+            .iter_mut()
+            .filter(|own| own.kind == ValueKind::Real);
+        reals.for_each(|own| own.slot = session.slot(own.port));
         Ok(Self {
-            session: session.map_err(|why| error_chain(&why))?,
+            session,
             grid: Grid::new(0.0, opener.manifest.step),
             variables,
             can_vary,
@@ -128,6 +135,18 @@ impl Container {
         let (port, handle, kind) = (variable.port, variable.handle, variable.kind);
         let session = &mut self.session;
         let got = self.inbox.during(|| session.get(port, handle, kind));
+        got.map_err(|why| self.refused(reference, why.as_ref()))
+    }
+
+    /// A real that is not among the values of the last communication point.
+    fn get_now(&mut self, reference: u32) -> Result<f64, Problem> {
+        if index_of(reference) == self.variables.len() {
+            return Ok(self.time());
+        }
+        let variable = self.typed(reference, REAL)?;
+        let (port, handle) = (variable.port, variable.handle);
+        let session = &mut self.session;
+        let got = self.inbox.during(|| session.get_real(port, handle));
         got.map_err(|why| self.refused(reference, why.as_ref()))
     }
 
@@ -280,20 +299,14 @@ impl SimulationUnit for Container {
     }
 
     fn get(&mut self, references: References<'_>, values: &mut [f64]) -> Result<(), Problem> {
-        let inbox = self.inbox.clone();
-        inbox.during(|| {
-            for (&reference, value) in references.iter().zip(values) {
-                if index_of(reference) == self.variables.len() {
-                    *value = self.time();
-                    continue;
-                }
-                let variable = self.typed(reference, REAL)?;
-                let (port, handle) = (variable.port, variable.handle);
-                let got = self.session.get_real(port, handle);
-                *value = got.map_err(|why| self.refused(reference, why.as_ref()))?;
-            }
-            Ok(())
-        })
+        for (&reference, value) in references.iter().zip(values) {
+            let seen = self.variables.get(index_of(reference));
+            *value = match (seen.and_then(|own| own.slot), self.session.row()) {
+                (Some(slot), Some(row)) => row[slot],
+                _ => self.get_now(reference)?,
+            };
+        }
+        Ok(())
     }
 
     fn set(&mut self, references: References<'_>, values: &[f64], now: Now) -> Result<(), Problem> {

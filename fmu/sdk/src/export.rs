@@ -23,7 +23,7 @@ macro_rules! export {
         }
     };
     ($model:ty, $load:expr) => {
-        $crate::export_unit!($crate::instance::Instance<$model>, |kind, resources| {
+        $crate::__co_simulation!($crate::instance::Instance<$model>, |kind, resources| {
             let model: $model = $load(resources)?;
             Ok($crate::instance::Instance::new(model, kind))
         });
@@ -36,10 +36,19 @@ macro_rules! export {
 #[macro_export]
 macro_rules! export_unit {
     ($unit:ty, $load:expr) => {
-        $crate::__fmi2!($unit, $load);
-        $crate::__fmi3!($unit, $load);
+        $crate::__co_simulation!($unit, $load);
         // Some importers want to see all functions.
         $crate::__model_exchange!(__refused, $unit);
+    };
+}
+
+/// The functions of both versions, but for model exchange.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __co_simulation {
+    ($unit:ty, $load:expr) => {
+        $crate::__fmi2!($unit, $load);
+        $crate::__fmi3!($unit, $load);
     };
 }
 

@@ -250,24 +250,35 @@ impl Session {
         self.component(port.instance)?.get(handle, kind)
     }
 
-    /// The value of a real as [`get`](Self::get) gives it.
+    /// The current value of a real of a component; those of a communication point are in the [`row`](Self::row).
     ///
     /// # Errors
     /// If a component fails.
     #[inline]
     pub fn get_real(&mut self, port: Port, handle: u32) -> Result<f64, ComponentError> {
-        if let Now::Running(stepper) = &mut self.stage {
-            return match self.plan.slots.get(&port) {
-                Some(&slot) => Ok(stepper.exchange.values.row[slot]),
-                None => {
-                    let mut value = [0.0];
-                    let component = &mut stepper.exchange.wired[port.instance].component;
-                    component.get_reals(&[handle], &mut value)?;
-                    Ok(value[0])
-                }
-            };
+        match &mut self.stage {
+            Now::Running(stepper) => {
+                let mut value = [0.0];
+                let component = &mut stepper.exchange.wired[port.instance].component;
+                component.get_reals(&[handle], &mut value)?;
+                Ok(value[0])
+            }
+            _ => Ok(self.get(port, handle, ValueKind::Real)?.as_number()),
         }
-        Ok(self.get(port, handle, ValueKind::Real)?.as_number())
+    }
+
+    /// Place in the [`row`](Self::row) of a real output, or of what is observed.
+    pub fn slot(&self, port: Port) -> Option<usize> {
+        self.plan.slots.get(&port).copied()
+    }
+
+    /// The values at the last communication point; `None` before the end of initialization.
+    #[inline]
+    pub fn row(&self) -> Option<&[f64]> {
+        match &self.stage {
+            Now::Running(stepper) => Some(&stepper.exchange.values.row),
+            _ => None,
+        }
     }
 
     /// Steps all components from the communication point at `t` to that at `end`, `h` later \[s\].
