@@ -14,7 +14,15 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs};
 
-const PACKAGE: &str = "pilotage-fmu";
+/// The packages of the libraries, the stems of their files, and under which name each is embedded.
+const LIBRARIES: [(&str, &str, &str); 2] = [
+    ("pilotage-fmu", "pilotage_fmu", "fmu-binary"),
+    (
+        "pilotage-container",
+        "pilotage_container",
+        "container-binary",
+    ),
+];
 /// The profile in Cargo.toml: optimised, stripped, and unwinding, so that panics can be caught.
 const PROFILE: &str = "fmu";
 
@@ -27,7 +35,12 @@ fn main() {
         "Cargo.toml",
         "Cargo.lock",
         "fmu",
+        "crates/cosim",
+        "crates/fmi",
+        "crates/linear",
         "crates/ode",
+        "crates/process",
+        "crates/series",
         "crates/units",
         "crates/text",
         "crates/expression",
@@ -46,14 +59,16 @@ fn main() {
         println!("cargo::metadata=stand_ins={folder}");
     }
     build(&folder, &target, &flags);
-    let built = folder.join(&target).join(PROFILE).join(file_name());
-    let embedded = out.join("fmu-binary");
-    if let Err(error) = fs::copy(&built, &embedded) {
-        fail(&format!(
-            "cargo built {PACKAGE}, but {} cannot be copied to {}: {error}",
-            built.display(),
-            embedded.display()
-        ));
+    for (package, stem, embedded) in LIBRARIES {
+        let built = folder.join(&target).join(PROFILE).join(file_name(stem));
+        let embedded = out.join(embedded);
+        if let Err(error) = fs::copy(&built, &embedded) {
+            fail(&format!(
+                "cargo built {package}, but {} cannot be copied to {}: {error}",
+                built.display(),
+                embedded.display()
+            ));
+        }
     }
 }
 
@@ -68,7 +83,8 @@ fn target_folder(out: &Path) -> PathBuf {
 fn build(folder: &Path, target: &str, flags: &[String]) {
     let mut command = Command::new(variable("CARGO"));
     command
-        .args(["build", "--package", PACKAGE, "--profile", PROFILE])
+        .args(["build", "--profile", PROFILE])
+        .args(LIBRARIES.map(|(package, ..)| format!("--package={package}")))
         .args(["--locked", "--target", target, "--target-dir"])
         .arg(folder)
         .current_dir(variable("CARGO_MANIFEST_DIR"))
@@ -79,8 +95,8 @@ fn build(folder: &Path, target: &str, flags: &[String]) {
     match command.status() {
         Ok(status) if status.success() => {}
         Ok(status) => fail(&format!(
-            "the library of exported FMUs could not be built ({status}); the messages above say why. \
-             To see them alone: cargo build -p {PACKAGE} --profile {PROFILE} --locked"
+            "the libraries of exported FMUs could not be built ({status}); the messages above say why. \
+             To see them alone: cargo build -p pilotage-fmu -p pilotage-container --profile {PROFILE} --locked"
         )),
         Err(error) => fail(&format!("cargo could not be started: {error}")),
     }
@@ -132,11 +148,11 @@ fn stand_ins(out: &Path, target: &str) -> Option<PathBuf> {
     made.ok()
 }
 
-fn file_name() -> &'static str {
+fn file_name(stem: &str) -> String {
     match variable("CARGO_CFG_TARGET_OS").as_str() {
-        "windows" => "pilotage_fmu.dll",
-        "macos" => "libpilotage_fmu.dylib",
-        _ => "libpilotage_fmu.so",
+        "windows" => format!("{stem}.dll"),
+        "macos" => format!("lib{stem}.dylib"),
+        _ => format!("lib{stem}.so"),
     }
 }
 

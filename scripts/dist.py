@@ -76,7 +76,7 @@ def licences(target: str) -> bytes:
     packages = {package["id"]: package for package in metadata["packages"]}
     nodes = {node["id"]: node for node in metadata["resolve"]["nodes"]}
     reached: set[str] = set()
-    left = [key for key, package in packages.items() if package["name"] in ("pilotage", "pilotage-fmu")]
+    left = [key for key, package in packages.items() if package["name"] in ("pilotage", "pilotage-fmu", "pilotage-container")]
     while left:
         key = left.pop()
         if key not in reached:

@@ -96,7 +96,7 @@ pub struct FmuArgs {
     #[arg(long, value_name = "DATE", value_parser = date)]
     date: Option<String>,
     #[command(flatten)]
-    overwrite: Overwrite,
+    pub(super) overwrite: Overwrite,
 }
 
 /// Parses a date in the format of FMI.
@@ -315,7 +315,7 @@ fn write(
     print_written(provenance, output)
 }
 
-fn print_written(provenance: &Provenance, output: &Path) -> Result<Outcome, Failure> {
+pub(super) fn print_written(provenance: &Provenance, output: &Path) -> Result<Outcome, Failure> {
     let mut text = format!("wrote {}\n", terminal::shown(output));
     if let Some(caveat) = &provenance.caveat {
         text += &terminal::labelled("note", caveat);

@@ -5,6 +5,7 @@
 pub mod call;
 mod compare;
 mod completions;
+mod container;
 mod convert;
 pub mod cosim;
 mod deadline;
@@ -99,6 +100,8 @@ enum Command {
     Pack(pack::Args),
     /// Draw figures of a fit or of results as files.
     Plot(plot::Args),
+    /// Make one FMU of a system.
+    Container(Box<container::Args>),
     /// Convert a system file to SSP, or SSP to a system file.
     Convert(convert::Args),
     /// Connect FMUs and simulate them.
@@ -262,6 +265,7 @@ fn done(command: Command) -> Result<Outcome, Failure> {
         Command::Pack(args) => pack::run(args),
         Command::Plot(args) => plot::run(args),
         Command::Convert(args) => convert::run(&args),
+        Command::Container(args) => container::run(&args),
         Command::Cosim(args) => cosim::run(*args),
         Command::Linearize(args) => linearize::run(*args),
         Command::Validate(args) => validate::run(args),
@@ -306,7 +310,7 @@ impl Command {
     /// Whether the command may run code of FMUs in its own process.
     fn may_call_fmus(&self) -> bool {
         match self {
-            Self::Cosim(_) | Self::Linearize(_) | Self::Sweep(_) => true,
+            Self::Cosim(_) | Self::Container(_) | Self::Linearize(_) | Self::Sweep(_) => true,
             Self::Fit(_)
             | Self::Compare(_)
             | Self::Init(_)

@@ -2,6 +2,7 @@
 
 use super::package::{Contents, picture_path};
 use super::{EXTRA, Provenance};
+use crate::fmi::description::{FmiVersion, ScalarVariable};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use pilotage_language::ModelFile;
 use pilotage_sdk::variable::reference;
@@ -95,6 +96,64 @@ fn page(contents: &Contents<'_>) -> String {
         "\n"
     };
     page.into_string()
+}
+
+/// The page and the licences of a system in one FMU.
+pub(super) fn container(
+    name: &str,
+    about: &str,
+    parts: &[(String, String)],
+    variables: &[ScalarVariable],
+    version: FmiVersion,
+) -> Vec<(&'static str, String)> {
+    let page = html! {
+        (DOCTYPE) "\n"
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta http-equiv="Content-Security-Policy" content=(POLICY);
+                title { (name) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                h1 { (name) }
+                p { (about) }
+                img src={ "../" (picture_path(version)) } alt="" width="480";
+                h2 { "Parts" }
+                table {
+                    tr { th { "Name" } th { "Source" } }
+                    @for (name, source) in parts {
+                        "\n"
+                        tr { td { code { (name) } } td { (source) } }
+                    }
+                }
+                h2 { "Variables" }
+                table {
+                    tr { th { "Name" } th { "Causality" } th { "Meaning" } }
+                    @for own in variables {
+                        "\n"
+                        tr {
+                            td { code { (own.name) } }
+                            td { (own.causality.as_str()) }
+                            td { (own.description.as_deref().unwrap_or_default()) }
+                        }
+                    }
+                }
+                p {
+                    "Exported by pilotage " (env!("CARGO_PKG_VERSION")) ". Licences of its own library: "
+                    a href="licenses/license.txt" { "licenses" }
+                    "; the parts have theirs, in resources/parts."
+                }
+            }
+        }
+        "\n"
+    };
+    vec![
+        ("index.html", page.into_string()),
+        ("licenses/license.txt", LICENSES.into()),
+        ("licenses/Apache-2.0.txt", APACHE.into()),
+        ("licenses/MIT.txt", MIT.into()),
+    ]
 }
 
 /// No script runs, and only the picture of the FMU is shown.

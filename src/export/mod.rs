@@ -13,9 +13,11 @@
 //! | `old_glibc` | libraries that run on old Linux systems |
 //! | `documentation` | documentation/index.html and the licences |
 //! | `pictures`, `terminals` | model.png; icon and terminals of FMI 3.0 |
+//! | [`container`] | a system in one FMU |
 //! | [`mod@package`] | the archive: the same input gives the same bytes |
 
 pub mod binary;
+pub mod container;
 pub mod description;
 mod documentation;
 mod error;
@@ -35,7 +37,7 @@ pub use platform::Platform;
 use crate::atomic_file;
 use crate::fmi::description::FmiVersion;
 use crate::models::model::MODEL_FILE;
-use crate::models::{Model, ModelKind, TextModel};
+use crate::models::{AnyModel, Model, ModelKind, TextModel};
 use pilotage_sdk::Interface;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -259,6 +261,24 @@ impl<'a> Export<'a> {
     }
 }
 
+/// The files from which the library of FMUs reads a model.
+///
+/// # Errors
+/// If a start value is not finite or out of range.
+pub fn resources_of(model: &AnyModel) -> Result<BTreeMap<String, Vec<u8>>, ExportError> {
+    match model {
+        AnyModel::Text(model) => {
+            model.variables().check()?;
+            Ok(resources(model))
+        }
+        AnyModel::BuiltIn(model) => {
+            model.check()?;
+            let file = model.to_file().into_bytes();
+            Ok(BTreeMap::from([(MODEL_FILE.to_owned(), file)]))
+        }
+    }
+}
+
 /// The files in `resources`: the model file and its tables.
 fn resources(model: &TextModel) -> BTreeMap<String, Vec<u8>> {
     let compiled = model.compiled();
@@ -271,7 +291,11 @@ fn resources(model: &TextModel) -> BTreeMap<String, Vec<u8>> {
     tables.chain([own]).collect()
 }
 
-fn write(path: &Path, bytes: &[u8]) -> Result<(), ExportError> {
+/// Writes an FMU, completely or not at all.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<(), ExportError> {
     atomic_file::write(path, bytes).map_err(|source| ExportError::Write {
         path: path.to_owned(),
         source,

@@ -5,7 +5,7 @@ use super::{
 };
 use crate::fmi::description::{FmiVersion, ModelDescription};
 use maud::Markup;
-use pilotage_sdk::Interface;
+use pilotage_sdk::{Interface, Role, Variable};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Write};
 use zip::write::SimpleFileOptions;
@@ -37,13 +37,15 @@ pub struct Contents<'c> {
 /// # Errors
 /// If a library does not fit its platform, or a platform is given twice.
 pub fn archive(contents: &Contents<'_>) -> Result<Vec<u8>, ExportError> {
+    zipped(entries(contents)?)
+}
+
+/// An archive of files by name; what an FMU runs is executable.
+pub(super) fn zipped(entries: BTreeMap<String, Vec<u8>>) -> Result<Vec<u8>, ExportError> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-    for (name, content) in entries(contents)? {
-        let mode = if name.starts_with("binaries/") {
-            0o755
-        } else {
-            0o644
-        };
+    for (name, content) in entries {
+        let is_run = name.starts_with("binaries/") || name.starts_with("resources/parts/");
+        let mode = if is_run { 0o755 } else { 0o644 };
         let options = SimpleFileOptions::default()
             .compression_method(CompressionMethod::Deflated)
             .last_modified_time(DateTime::default())
@@ -96,10 +98,43 @@ fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportE
             documentation::provenance(interface, provenance).into_bytes(),
         ),
     ]);
+    add_binaries(&mut entries, &contents.binaries, (version, &interface.name))?;
+    for (name, content) in documentation::files(contents) {
+        entries.insert(format!("documentation/{name}"), content.into_bytes());
+    }
+    for (name, content) in &contents.resources {
+        entries.insert(format!("resources/{name}"), content.clone());
+    }
+    entries.insert(picture_path(version), contents.picture.to_vec());
+    if version == FmiVersion::V3 {
+        let path = format!("{}/terminalsAndIcons.xml", terminals::FOLDER);
+        let is_outside = |v: &&Variable| v.role == Role::Input || v.is_output();
+        entries.insert(
+            path,
+            terminals::file(
+                (interface.variables.iter())
+                    .filter(is_outside)
+                    .map(|v| v.name.as_str()),
+            )
+            .into_bytes(),
+        );
+    }
+    if let Some((name, text)) = &provenance.source {
+        entries.insert(format!("{EXTRA}/{name}"), text.clone().into_bytes());
+    }
+    Ok(entries)
+}
+
+/// Adds a library for each platform, in all its folders.
+pub(super) fn add_binaries(
+    entries: &mut BTreeMap<String, Vec<u8>>,
+    binaries: &[(Platform, Vec<u8>)],
+    (version, name): (FmiVersion, &str),
+) -> Result<(), ExportError> {
     let mut aliases = Vec::new();
-    for (platform, bytes) in &contents.binaries {
+    for (platform, bytes) in binaries {
         platform::check(platform, bytes, version)?;
-        let mut paths = platform.paths(version, &interface.name).into_iter();
+        let mut paths = platform.paths(version, name).into_iter();
         if let Some(path) = paths.next()
             && entries.insert(path.clone(), bytes.clone()).is_some()
         {
@@ -111,19 +146,5 @@ fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportE
     for (path, bytes) in aliases {
         entries.entry(path).or_insert_with(|| bytes.clone());
     }
-    for (name, content) in documentation::files(contents) {
-        entries.insert(format!("documentation/{name}"), content.into_bytes());
-    }
-    for (name, content) in &contents.resources {
-        entries.insert(format!("resources/{name}"), content.clone());
-    }
-    entries.insert(picture_path(version), contents.picture.to_vec());
-    if version == FmiVersion::V3 {
-        let path = format!("{}/terminalsAndIcons.xml", terminals::FOLDER);
-        entries.insert(path, terminals::file(interface).into_bytes());
-    }
-    if let Some((name, text)) = &provenance.source {
-        entries.insert(format!("{EXTRA}/{name}"), text.clone().into_bytes());
-    }
-    Ok(entries)
+    Ok(())
 }

@@ -1,24 +1,19 @@
 //! terminalsAndIcons.xml of FMI 3.0 (section 2.4.9): the icon, and a terminal with all inputs and outputs.
 
-use pilotage_sdk::{Interface, Role, Variable};
 use pilotage_text::printable::markup;
 
 /// Folder of the file and the icon.
 pub(super) const FOLDER: &str = "terminalsAndIcons";
 
-/// The text of the file. The terminal is a bus: its members are matched by name.
-pub(super) fn file(interface: &Interface) -> String {
+/// The text of the file, with the names of all inputs and outputs. The terminal is a bus: its members are matched by name.
+pub(super) fn file<'n>(names: impl Iterator<Item = &'n str>) -> String {
     let member = |name: &str| {
         let name = markup(name);
         format!(
             "      <TerminalMemberVariable variableName=\"{name}\" memberName=\"{name}\" variableKind=\"signal\"/>\n"
         )
     };
-    let is_outside = |v: &&Variable| v.role == Role::Input || v.is_output();
-    let members: String = (interface.variables.iter())
-        .filter(is_outside)
-        .map(|v| member(&v.name))
-        .collect();
+    let members: String = names.map(member).collect();
     let icon = "x1=\"-120\" y1=\"-80\" x2=\"120\" y2=\"80\"";
     format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\

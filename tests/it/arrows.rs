@@ -19,6 +19,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "fmi",
             "text",
             "atomic_file",
+            "cosim",
         ],
     ),
     (
@@ -408,10 +409,11 @@ fn the_table_of_dependencies_is_that_of_the_manifests() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let crates = fs::read_dir(root.join("crates")).unwrap();
     let crates = crates.map(|entry| entry.unwrap().path());
-    let folders: Vec<PathBuf> = (["abi", "sdk", "models"].map(|name| root.join("fmu").join(name)))
-        .into_iter()
-        .chain(crates.filter(|path| path.is_dir()))
-        .collect();
+    let folders: Vec<PathBuf> = (["abi", "sdk", "models", "container"]
+        .map(|name| root.join("fmu").join(name)))
+    .into_iter()
+    .chain(crates.filter(|path| path.is_dir()))
+    .collect();
     let name = |folder: &PathBuf| folder.file_name().unwrap().to_str().unwrap().to_owned();
     let names: BTreeSet<String> = folders.iter().map(name).collect();
     let table = written_table();

@@ -16,6 +16,7 @@ mod closed_loop;
 mod codes;
 mod command;
 mod compare;
+mod container;
 mod cosim;
 mod cosim_command;
 mod defaults;

@@ -265,6 +265,10 @@ pub struct Variable {
     pub role: Role,
     /// Whether the user may set its start value.
     pub settable: bool,
+    /// Whether it may be set between steps: a tunable parameter.
+    pub is_tunable: bool,
+    /// What it is, in the words of its model.
+    pub description: String,
     /// Whether it is piecewise constant between events, even if it is a real.
     pub is_discrete: bool,
     /// Unit of a real; `None` if not specified.
@@ -314,6 +318,8 @@ impl Variable {
             kind,
             role,
             settable: matches!(role, Role::Parameter | Role::Input),
+            is_tunable: false,
+            description: String::new(),
             is_discrete: kind != ValueKind::Real,
             unit: None,
             range: [f64::NEG_INFINITY, f64::INFINITY],

@@ -15,6 +15,7 @@
 //! | [`system`] | instances and connections, with checks |
 //! | [`description`] | description of a system in files and command lines |
 //! | [`clock`] | communication points |
+//! | [`container`] | a system inside one FMU: what its resources say |
 //! | [`algorithms`] | Jacobi, Gauss-Seidel and strong coupling; extrapolation; step-size control |
 //! | [`master`] | initialization and the stepping loop |
 //! | [`finite`] | detection of signals that are NaN or infinite |
@@ -29,6 +30,7 @@
 pub mod algorithms;
 pub mod clock;
 pub mod component;
+pub mod container;
 pub mod description;
 pub mod finite;
 pub mod fmu_component;
@@ -54,7 +56,8 @@ pub use fmu_component::isolated::{Isolated, Limits, Program};
 pub use fmu_component::{FmuComponent, ModelExchangeComponent};
 pub use linearize::{Linearization, LinearizeError, Loop, linearize};
 pub use master::{
-    Checkpoints, Components, Ending, MasterError, Run, State, run, run_between, run_open,
+    Checkpoints, Components, Ending, Kept, MasterError, Run, Session, State, run, run_between,
+    run_open,
 };
 pub use native_component::NativeComponent;
 pub use recorder::{CsvRecorder, Recorder, SeriesRecorder};
@@ -64,4 +67,4 @@ pub use report::{
 pub use scenario::{Scenario, ScenarioError};
 pub use selection::{Selection, SelectionError, Thinned};
 pub use source::{Source, SourceError};
-pub use system::{System, SystemError};
+pub use system::{Port, System, SystemError};

@@ -149,6 +149,8 @@ fn seen(
             variable.min.unwrap_or(f64::NEG_INFINITY),
             variable.max.unwrap_or(f64::INFINITY),
         ],
+        is_tunable: variable.role == variable::Role::Tunable,
+        description: variable.description.clone(),
         nominal: variable.nominal,
         feedthrough,
         initial_feedthrough,
@@ -212,7 +214,6 @@ impl<E: Equations + Send> Component for NativeComponent<E> {
 
     fn renew(&mut self) -> Result<bool, ComponentError> {
         self.simulation.reset();
-        self.saved.clear();
         Ok(true)
     }
 

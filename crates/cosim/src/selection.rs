@@ -50,6 +50,18 @@ impl Selection {
     /// # Errors
     /// If a pattern matches nothing that can be recorded.
     pub fn new(system: &mut System, patterns: &[String]) -> Result<Self, SelectionError> {
+        let chosen = Self::matching(system, patterns)?;
+        Ok(Self::of(system, chosen))
+    }
+
+    /// The variables that [`new`](Self::new) selects, with their names.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn matching(
+        system: &System,
+        patterns: &[String],
+    ) -> Result<Vec<(Port, String)>, SelectionError> {
         let names: Vec<(Port, String)> = system.names().collect();
         let (mut chosen, mut known) = (Vec::new(), HashSet::new());
         for pattern in patterns {
@@ -81,7 +93,7 @@ impl Selection {
                 .filter(|(_, name)| known.insert(name.clone()));
             chosen.extend(wanted.cloned());
         }
-        Ok(Self::of(system, chosen))
+        Ok(chosen)
     }
 
     /// All outputs except those of some components; instead, the inputs that these feed are recorded, since the input's

@@ -170,18 +170,7 @@ impl Fmu {
 
     /// The supported kinds, each with its modelIdentifier.
     pub fn kinds(&self) -> Vec<(InterfaceType, &str)> {
-        let cs = self.description.co_simulation.as_ref();
-        let me = self.description.model_exchange.as_ref();
-        let se = self.description.scheduled_execution.as_ref();
-        let cs = cs.map(|cs| (InterfaceType::CoSimulation, cs.model_identifier.as_str()));
-        let me = me.map(|me| (InterfaceType::ModelExchange, me.model_identifier.as_str()));
-        let se = se.map(|se| {
-            (
-                InterfaceType::ScheduledExecution,
-                se.model_identifier.as_str(),
-            )
-        });
-        cs.into_iter().chain(me).chain(se).collect()
+        kinds(&self.description)
     }
 
     /// Unpacks the FMU, checks its binaries (usually one for all kinds) and loads them. Each call loads separate
@@ -213,66 +202,74 @@ impl Fmu {
     /// As [`load`](Self::load).
     pub fn load_from(&mut self, unpacked: Option<Unpacked>) -> Result<Library, FmuError> {
         let path = self.path().to_owned();
-        let mut groups: Vec<(String, Vec<InterfaceType>)> = Vec::new();
-        for (kind, identifier) in self.kinds() {
-            match groups.iter_mut().find(|(name, _)| name == identifier) {
-                Some((_, kinds)) => kinds.push(kind),
-                None => groups.push((identifier.to_owned(), vec![kind])),
-            }
-        }
-        let entries = groups.iter().map(|(name, _)| self.find_library(name));
-        let entries: Vec<String> = entries.collect::<Result<_, _>>()?;
+        let files: Vec<&str> = self.archive.files().collect();
+        let groups = libraries(&path, &self.description, &files)?;
         let folder = match unpacked {
-            Some(folder) => Arc::new(folder),
-            None => Arc::new(self.archive.unpack()?),
+            Some(folder) => folder,
+            None => self.archive.unpack()?,
         };
-        let mut loaded = Vec::new();
-        for ((_, kinds), entry) in groups.into_iter().zip(entries) {
-            let binding = bind(&path, &folder, entry, self.version(), &kinds)?;
-            let folder = folder.clone();
-            let loaded_one = Loaded {
-                binding,
-                folder,
-                fmu: path.clone(),
-            };
-            loaded.push((kinds, Arc::new(loaded_one)));
-        }
-        match loaded.is_empty() {
-            true => Err(FmuError::NoKind { path }),
-            false => Ok(Library {
-                path,
-                loaded,
-                description: self.description.clone(),
-            }),
-        }
+        Library::loaded(path, self.description.clone(), groups, folder)
     }
+}
 
-    /// Name of this machine's binary in the archive.
-    fn find_library(&self, identifier: &str) -> Result<String, FmuError> {
-        let path = || self.path().to_owned();
-        let present = self.platforms();
-        let wanted = platform::folders();
-        let Some(folder) = wanted.iter().find(|folder| present.contains(folder)) else {
-            return Err(FmuError::NoPlatform {
-                path: path(),
-                wanted,
-                present,
-            });
-        };
-        let name = platform::library_name(identifier);
-        let entry = format!("binaries/{folder}/{name}");
-        if self.archive.files().any(|file| file == entry) {
-            return Ok(entry);
+/// The interface types that a description has, each with its modelIdentifier.
+fn kinds(description: &ModelDescription) -> Vec<(InterfaceType, &str)> {
+    let cs = description.co_simulation.as_ref();
+    let me = description.model_exchange.as_ref();
+    let se = description.scheduled_execution.as_ref();
+    let cs = cs.map(|cs| (InterfaceType::CoSimulation, cs.model_identifier.as_str()));
+    let me = me.map(|me| (InterfaceType::ModelExchange, me.model_identifier.as_str()));
+    let se = se.map(|se| {
+        (
+            InterfaceType::ScheduledExecution,
+            se.model_identifier.as_str(),
+        )
+    });
+    cs.into_iter().chain(me).chain(se).collect()
+}
+
+/// Names of this machine's binaries among the files of an FMU, each with the kinds that it supports.
+fn libraries(
+    path: &Path,
+    description: &ModelDescription,
+    files: &[&str],
+) -> Result<Vec<(String, Vec<InterfaceType>)>, FmuError> {
+    let mut groups: Vec<(String, Vec<InterfaceType>)> = Vec::new();
+    for (kind, identifier) in kinds(description) {
+        match groups.iter_mut().find(|(name, _)| name == identifier) {
+            Some((_, kinds)) => kinds.push(kind),
+            None => groups.push((identifier.to_owned(), vec![kind])),
         }
-        let prefix = format!("binaries/{folder}/");
-        let beside = self.archive.files().filter_map(|f| f.strip_prefix(&prefix));
-        Err(FmuError::NoLibrary {
-            path: path(),
-            expected: entry,
-            identifier: identifier.to_owned(),
-            found: beside.map(str::to_owned).collect(),
-        })
     }
+    let found = groups.into_iter();
+    let found = found.map(|(name, kinds)| Ok((find_library(path, &name, files)?, kinds)));
+    found.collect()
+}
+
+/// Name of this machine's binary among the files.
+fn find_library(path: &Path, identifier: &str, files: &[&str]) -> Result<String, FmuError> {
+    let present = platform::present(files.iter().copied());
+    let wanted = platform::folders();
+    let Some(folder) = (wanted.iter()).find(|folder| present.contains(&folder.as_str())) else {
+        return Err(FmuError::NoPlatform {
+            path: path.to_owned(),
+            present: present.into_iter().map(str::to_owned).collect(),
+            wanted,
+        });
+    };
+    let name = platform::library_name(identifier);
+    let entry = format!("binaries/{folder}/{name}");
+    if files.contains(&entry.as_str()) {
+        return Ok(entry);
+    }
+    let prefix = format!("binaries/{folder}/");
+    let beside = files.iter().filter_map(|f| f.strip_prefix(&prefix));
+    Err(FmuError::NoLibrary {
+        path: path.to_owned(),
+        expected: entry,
+        identifier: identifier.to_owned(),
+        found: beside.map(str::to_owned).collect(),
+    })
 }
 
 /// Checks an unpacked binary and loads it.
@@ -316,6 +313,67 @@ pub struct Library {
 }
 
 impl Library {
+    /// Loads an FMU that lies unpacked in a folder, which stays as it is and must outlive the library. Nothing but its
+    /// description and this machine's binaries is read.
+    ///
+    /// # Foreign code
+    /// As [`Fmu::load`].
+    ///
+    /// # Errors
+    /// As [`Fmu::open`] and [`Fmu::load`].
+    pub fn in_folder(path: &Path) -> Result<Self, FmuError> {
+        let unreadable = |source| FmuError::Read {
+            path: path.to_owned(),
+            entry: DESCRIPTION.to_owned(),
+            source,
+        };
+        let bytes = fs::read(path.join(DESCRIPTION)).map_err(unreadable)?;
+        let description = description::read(&bytes).and_then(description::Reading::into_usable);
+        let description = description.map_err(|source| FmuError::Description {
+            path: path.to_owned(),
+            source,
+        })?;
+        let mut files = Vec::new();
+        for folder in platform::folders() {
+            let found = fs::read_dir(path.join("binaries").join(&folder));
+            let found = found.into_iter().flatten().flatten();
+            let names = found.filter_map(|own| own.file_name().into_string().ok());
+            files.extend(names.map(|name| format!("binaries/{folder}/{name}")));
+        }
+        let files: Vec<&str> = files.iter().map(String::as_str).collect();
+        let groups = libraries(path, &description, &files)?;
+        let folder = Unpacked::of_others(path.to_owned());
+        Self::loaded(path.to_owned(), Arc::new(description), groups, folder)
+    }
+
+    /// Checks and loads the binaries in a folder.
+    fn loaded(
+        path: PathBuf,
+        description: Arc<ModelDescription>,
+        groups: Vec<(String, Vec<InterfaceType>)>,
+        folder: Unpacked,
+    ) -> Result<Self, FmuError> {
+        let folder = Arc::new(folder);
+        let mut loaded = Vec::new();
+        for (entry, kinds) in groups {
+            let binding = bind(&path, &folder, entry, description.fmi_version, &kinds)?;
+            let loaded_one = Loaded {
+                binding,
+                folder: folder.clone(),
+                fmu: path.clone(),
+            };
+            loaded.push((kinds, Arc::new(loaded_one)));
+        }
+        match loaded.is_empty() {
+            true => Err(FmuError::NoKind { path }),
+            false => Ok(Self {
+                path,
+                loaded,
+                description,
+            }),
+        }
+    }
+
     /// Creates an instance of a kind, without window, event mode or early return.
     ///
     /// # Errors

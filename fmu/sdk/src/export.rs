@@ -23,8 +23,32 @@ macro_rules! export {
         }
     };
     ($model:ty, $load:expr) => {
-        $crate::__fmi2!($model, $load);
-        $crate::__fmi3!($model, $load);
+        $crate::__co_simulation!($crate::instance::Instance<$model>, |kind, resources| {
+            let model: $model = $load(resources)?;
+            Ok($crate::instance::Instance::new(model, kind))
+        });
+        $crate::__model_exchange!(__functions, $model);
+    };
+}
+
+/// Makes the shared library of an FMU for co-simulation alone, of a [`SimulationUnit`](crate::SimulationUnit). The second
+/// argument makes an instance: see [`Load`](crate::Load).
+#[macro_export]
+macro_rules! export_unit {
+    ($unit:ty, $load:expr) => {
+        $crate::__co_simulation!($unit, $load);
+        // Some importers want to see all functions.
+        $crate::__model_exchange!(__refused, $unit);
+    };
+}
+
+/// The functions of both versions, but for model exchange.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __co_simulation {
+    ($unit:ty, $load:expr) => {
+        $crate::__fmi2!($unit, $load);
+        $crate::__fmi3!($unit, $load);
     };
 }
 
@@ -113,19 +137,6 @@ macro_rules! __fmi2 {
                     value: *mut Boolean) -> Status;
                 GetStringStatus = fmi2GetStringStatus(c: Component, kind: StatusKind,
                     value: *mut *const Char) -> Status;
-                EnterEventMode = fmi2EnterEventMode(c: Component) -> Status;
-                NewDiscreteStates = fmi2NewDiscreteStates(c: Component, info: *mut EventInfo) -> Status;
-                EnterContinuousTimeMode = fmi2EnterContinuousTimeMode(c: Component) -> Status;
-                CompletedIntegratorStep = fmi2CompletedIntegratorStep(c: Component, no_set_state: Boolean,
-                    enter_event_mode: *mut Boolean, terminate: *mut Boolean) -> Status;
-                SetTime = fmi2SetTime(c: Component, time: Real) -> Status;
-                SetContinuousStates = fmi2SetContinuousStates(c: Component, x: *const Real, n: usize)
-                    -> Status;
-                GetDerivatives = fmi2GetDerivatives(c: Component, dx: *mut Real, n: usize) -> Status;
-                GetEventIndicators = fmi2GetEventIndicators(c: Component, z: *mut Real, n: usize) -> Status;
-                GetContinuousStates = fmi2GetContinuousStates(c: Component, x: *mut Real, n: usize) -> Status;
-                GetNominalsOfContinuousStates = fmi2GetNominalsOfContinuousStates(c: Component,
-                    x: *mut Real, n: usize) -> Status;
             }
         };
     };
@@ -167,7 +178,6 @@ macro_rules! __fmi3 {
                 ExitConfigurationMode = fmi3ExitConfigurationMode(i: Instance) -> Status;
                 EvaluateDiscreteStates = fmi3EvaluateDiscreteStates(i: Instance) -> Status;
                 EnterStepMode = fmi3EnterStepMode(i: Instance) -> Status;
-                EnterContinuousTimeMode = fmi3EnterContinuousTimeMode(i: Instance) -> Status;
                 GetFloat32 = fmi3GetFloat32(i: Instance, vr: *const ValueReference, n: usize, values: *mut Float32,
                     n_values: usize) -> Status;
                 SetFloat32 = fmi3SetFloat32(i: Instance, vr: *const ValueReference, n: usize, values: *const Float32,
@@ -273,6 +283,61 @@ macro_rules! __fmi3 {
                 DoStep = fmi3DoStep(i: Instance, time: Float64, step: Float64, no_set_state: Boolean,
                     event_needed: *mut Boolean, terminate: *mut Boolean, early_return: *mut Boolean,
                     last_successful_time: *mut Float64) -> Status;
+                ActivateModelPartition = fmi3ActivateModelPartition(i: Instance, clock: ValueReference,
+                    time: Float64) -> Status;
+            }
+        };
+    };
+}
+
+/// Defines C functions that refuse every call.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __refused {
+    ($fmi:ident, $unit:ty; $(
+        $variant:ident = $name:ident($first:ident: $first_type:ty $(, $argument:ident: $type:ty)* $(,)?)
+            -> $returns:ty;
+    )*) => {$(
+        #[unsafe(no_mangle)]
+        #[allow(non_snake_case, missing_docs, clippy::missing_safety_doc, clippy::too_many_arguments)]
+        pub unsafe extern "C" fn $name($first: $first_type $(, $argument: $type)*) -> $returns {
+            let _ = ($($argument,)*);
+            let function = $crate::abi::$fmi::Function::$variant;
+            // SAFETY: the caller guarantees what the standard requires.
+            unsafe { $crate::$fmi::refused::<$unit>($first, function) }
+        }
+
+        const _: $crate::abi::$fmi::functions::pointers::$variant = $name;
+    )*};
+}
+
+/// The functions for model exchange, as that macro defines them.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __model_exchange {
+    ($how:ident, $model:ty) => {
+        const _: () = {
+            use $crate::abi::fmi2::types::*;
+            $crate::$how! { fmi2, $model;
+                EnterEventMode = fmi2EnterEventMode(c: Component) -> Status;
+                NewDiscreteStates = fmi2NewDiscreteStates(c: Component, info: *mut EventInfo) -> Status;
+                EnterContinuousTimeMode = fmi2EnterContinuousTimeMode(c: Component) -> Status;
+                CompletedIntegratorStep = fmi2CompletedIntegratorStep(c: Component, no_set_state: Boolean,
+                    enter_event_mode: *mut Boolean, terminate: *mut Boolean) -> Status;
+                SetTime = fmi2SetTime(c: Component, time: Real) -> Status;
+                SetContinuousStates = fmi2SetContinuousStates(c: Component, x: *const Real, n: usize)
+                    -> Status;
+                GetDerivatives = fmi2GetDerivatives(c: Component, dx: *mut Real, n: usize) -> Status;
+                GetEventIndicators = fmi2GetEventIndicators(c: Component, z: *mut Real, n: usize) -> Status;
+                GetContinuousStates = fmi2GetContinuousStates(c: Component, x: *mut Real, n: usize) -> Status;
+                GetNominalsOfContinuousStates = fmi2GetNominalsOfContinuousStates(c: Component,
+                    x: *mut Real, n: usize) -> Status;
+            }
+        };
+        const _: () = {
+            use $crate::abi::fmi3::types::*;
+            $crate::$how! { fmi3, $model;
+                EnterContinuousTimeMode = fmi3EnterContinuousTimeMode(i: Instance) -> Status;
                 CompletedIntegratorStep = fmi3CompletedIntegratorStep(i: Instance, no_set_state: Boolean,
                     enter_event_mode: *mut Boolean, terminate: *mut Boolean) -> Status;
                 SetTime = fmi3SetTime(i: Instance, time: Float64) -> Status;
@@ -285,8 +350,6 @@ macro_rules! __fmi3 {
                     -> Status;
                 GetNumberOfContinuousStates = fmi3GetNumberOfContinuousStates(i: Instance, n: *mut usize)
                     -> Status;
-                ActivateModelPartition = fmi3ActivateModelPartition(i: Instance, clock: ValueReference,
-                    time: Float64) -> Status;
             }
         };
     };

@@ -1,13 +1,12 @@
 //! Layer between C and safe code: it checks pointers, turns panics into a status, and enforces the calling order of a
 //! version of FMI.
 
-use crate::checkpoint::Checkpoint;
-use crate::instance::{Instance, InterfaceType, Phase};
+use crate::instance::{InterfaceType, Phase};
 use crate::log::Log;
 use crate::problem::{Problem, Severity};
-use crate::{Equations, abi};
+use crate::{SimulationUnit, abi};
 use std::any::Any;
-use std::ffi::{CStr, c_char, c_void};
+use std::ffi::{CStr, CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Differences between FMI 2.0 and FMI 3.0: states, functions, status.
@@ -43,15 +42,17 @@ pub trait Version {
 
 /// The object to which the importer has a pointer.
 #[derive(Debug)]
-pub struct Component<E, V: Version> {
+pub struct Component<U, V: Version> {
     /// The instance.
-    pub instance: Instance<E>,
+    pub instance: U,
     /// State of the calling order.
     pub state: V::State,
     /// Logger of its messages.
     pub log: Log,
     /// Handling of events.
     pub events: Events,
+    /// The strings that the importer got last.
+    pub strings: Vec<CString>,
 }
 
 /// How the importer handles events, and inputs within a step (co-simulation of FMI 3.0; unused in FMI 2.0).
@@ -68,7 +69,7 @@ pub struct Events {
     )>,
 }
 
-impl<E: Equations, V: Version> Component<E, V> {
+impl<U: SimulationUnit, V: Version> Component<U, V> {
     /// Runs the body of a function if it may be called now; reports a problem and enters the state that follows from
     /// it.
     pub fn call(
@@ -77,9 +78,18 @@ impl<E: Equations, V: Version> Component<E, V> {
         body: impl FnOnce(&mut Self) -> Result<(), Problem>,
     ) -> V::Status {
         let result = self.check(function).and_then(|()| body(self));
+        self.pass_messages_on();
         match result {
             Ok(()) => V::status(None),
             Err(problem) => self.fail(function, &problem),
+        }
+    }
+
+    /// Passes what something inside has said to the importer's logger.
+    #[inline]
+    fn pass_messages_on(&mut self) {
+        for (severity, text) in self.instance.take_messages() {
+            self.log.say(severity, &text);
         }
     }
 
@@ -88,16 +98,16 @@ impl<E: Equations, V: Version> Component<E, V> {
             abi::Part::Common => ("", None),
             abi::Part::CoSimulation => ("co-simulation", Some(InterfaceType::ModelExchange)),
             abi::Part::ModelExchange => ("model exchange", Some(InterfaceType::CoSimulation)),
-            abi::Part::ScheduledExecution => ("scheduled execution", Some(self.instance.kind)),
+            abi::Part::ScheduledExecution => ("scheduled execution", Some(self.instance.kind())),
         };
         V::legal(function, self.state).map_err(|legal| Problem::IllegalState {
             state: V::state_name(self.state),
             legal,
         })?;
-        match other == Some(self.instance.kind) {
+        match other == Some(self.instance.kind()) {
             true => Err(Problem::WrongKind {
                 needed,
-                found: self.instance.kind.name(),
+                found: self.instance.kind().name(),
             }),
             false => Ok(()),
         }
@@ -116,7 +126,10 @@ impl<E: Equations, V: Version> Component<E, V> {
     }
 
     /// A copy of the complete state.
-    pub fn checkpoint(&self) -> Checkpoint {
+    ///
+    /// # Errors
+    /// If something inside cannot be copied.
+    pub fn checkpoint(&mut self) -> Result<U::State, Problem> {
         self.instance.checkpoint(V::NUMBER, V::bits(self.state))
     }
 
@@ -124,12 +137,13 @@ impl<E: Equations, V: Version> Component<E, V> {
     ///
     /// # Errors
     /// If it is not a state of this version of FMI.
-    pub fn state_of(&self, checkpoint: &Checkpoint) -> Result<V::State, Problem> {
-        let own = checkpoint.version == V::NUMBER;
-        let state = own.then(|| V::from_bits(checkpoint.state)).flatten();
+    pub fn state_of(&self, checkpoint: &U::State) -> Result<V::State, Problem> {
+        let (version, bits) = U::origin(checkpoint);
+        let own = version == V::NUMBER;
+        let state = own.then(|| V::from_bits(bits)).flatten();
         state.ok_or_else(|| Problem::Bytes {
             what: "the state",
-            found: format!("{} of FMI {}", checkpoint.state, checkpoint.version),
+            found: format!("{bits} of FMI {version}"),
             expected: format!("that of an instance of FMI {}", V::NUMBER),
         })
     }
@@ -138,7 +152,7 @@ impl<E: Equations, V: Version> Component<E, V> {
     ///
     /// # Errors
     /// If it belongs to another FMU, kind or version of FMI.
-    pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), Problem> {
+    pub fn restore(&mut self, checkpoint: &U::State) -> Result<(), Problem> {
         let state = self.state_of(checkpoint)?;
         self.instance.restore(checkpoint)?;
         self.state = state;
@@ -151,13 +165,13 @@ impl<E: Equations, V: Version> Component<E, V> {
 /// # Safety
 /// `component` is NULL, or was returned by an instantiate function for this model and this version and has not been
 /// freed, and no other thread uses it.
-pub unsafe fn call<E: Equations, V: Version>(
+pub unsafe fn call<U: SimulationUnit, V: Version>(
     component: *mut c_void,
     function: V::Function,
-    body: impl FnOnce(&mut Component<E, V>) -> Result<(), Problem>,
+    body: impl FnOnce(&mut Component<U, V>) -> Result<(), Problem>,
 ) -> V::Status {
     // SAFETY: guaranteed by the caller to be NULL, or an instance that is not used elsewhere.
-    let Some(component) = (unsafe { component.cast::<Component<E, V>>().as_mut() }) else {
+    let Some(component) = (unsafe { component.cast::<Component<U, V>>().as_mut() }) else {
         return V::status(Some(Severity::Error));
     };
     guarded(component, function, body)
@@ -165,10 +179,10 @@ pub unsafe fn call<E: Equations, V: Version>(
 
 /// Turns a panic of the body into a status. The instance is then in the state `fatal` and can only be freed, so it does
 /// not matter in which condition the panic left it.
-fn guarded<E: Equations, V: Version>(
-    component: &mut Component<E, V>,
+fn guarded<U: SimulationUnit, V: Version>(
+    component: &mut Component<U, V>,
     function: V::Function,
-    body: impl FnOnce(&mut Component<E, V>) -> Result<(), Problem>,
+    body: impl FnOnce(&mut Component<U, V>) -> Result<(), Problem>,
 ) -> V::Status {
     let run = catch_unwind(AssertUnwindSafe(|| component.call(function, body)));
     run.unwrap_or_else(|panic| {
@@ -181,12 +195,12 @@ fn guarded<E: Equations, V: Version>(
 }
 
 /// Creates an instance; if that fails, reports a message and returns NULL.
-pub fn instantiate<E: Equations, V: Version>(
+pub fn instantiate<U: SimulationUnit, V: Version>(
     function: V::Function,
     log: Log,
     state: V::State,
     events: Events,
-    create: impl FnOnce() -> Result<Instance<E>, Problem>,
+    create: impl FnOnce() -> Result<U, Problem>,
 ) -> *mut c_void {
     let result = catch_unwind(AssertUnwindSafe(create)).unwrap_or_else(|panic| {
         Err(Problem::Panic {
@@ -194,13 +208,17 @@ pub fn instantiate<E: Equations, V: Version>(
         })
     });
     match result {
-        Ok(instance) => Box::into_raw(Box::new(Component::<E, V> {
-            instance,
-            state,
-            log,
-            events,
-        }))
-        .cast(),
+        Ok(instance) => {
+            let mut component = Component::<U, V> {
+                instance,
+                state,
+                log,
+                events,
+                strings: Vec::new(),
+            };
+            component.pass_messages_on();
+            Box::into_raw(Box::new(component)).cast()
+        }
         Err(problem) => {
             log.report(V::name(function), &problem);
             std::ptr::null_mut()
@@ -212,19 +230,18 @@ pub fn instantiate<E: Equations, V: Version>(
 ///
 /// # Errors
 /// If the name is missing, the model cannot be loaded, or the fingerprint differs.
-pub fn create<E: Equations>(
-    load: crate::Load<E>,
+pub fn create<U: SimulationUnit>(
+    load: crate::Load<U>,
     name: Result<&CStr, Problem>,
     kind: InterfaceType,
     fingerprint: (&'static str, &CStr),
     location: Option<&CStr>,
-) -> Result<Instance<E>, Problem> {
+) -> Result<U, Problem> {
     if name?.is_empty() {
         return Err(Problem::NoName);
     }
     let location = location.map(CStr::to_string_lossy);
-    let model = load(location.as_deref()).map_err(Problem::Load)?;
-    let instance = Instance::new(model, kind);
+    let instance = load(kind, location.as_deref()).map_err(Problem::Load)?;
     let (argument, found) = fingerprint;
     match found.to_bytes() == instance.guid().as_bytes() {
         true => Ok(instance),
@@ -240,12 +257,12 @@ pub fn create<E: Equations>(
 ///
 /// # Safety
 /// As [`call`]; the instance must not be used afterwards.
-pub unsafe fn free<E, V: Version>(component: *mut c_void) {
+pub unsafe fn free<U, V: Version>(component: *mut c_void) {
     if component.is_null() {
         return;
     }
     // SAFETY: it came from `Box::into_raw` in `instantiate`, and the importer does not use it afterwards.
-    let component = unsafe { Box::from_raw(component.cast::<Component<E, V>>()) };
+    let component = unsafe { Box::from_raw(component.cast::<Component<U, V>>()) };
     // A panic while freeing must not reach the host; it can no longer be reported.
     let _ = catch_unwind(AssertUnwindSafe(|| drop(component)));
 }
@@ -370,8 +387,9 @@ pub unsafe fn strings<'a>(
 mod tests {
     use super::*;
     use crate::fmi2::Fmi2;
+    use crate::instance::Instance;
     use crate::log::Sink;
-    use crate::{At, Scalar, Table};
+    use crate::{At, Equations, Scalar, Table};
     use abi::fmi2::{Function, State, Status};
 
     struct Nothing;
@@ -392,12 +410,13 @@ mod tests {
             state: State::Instantiated,
             log: Log::new(Sink::Fmi2(None), c"test", false),
             events: Events::default(),
+            strings: Vec::new(),
         };
         let (mut broken, mut other) = (new(), new());
         let status = guarded(&mut broken, Function::GetVersion, |_| panic!("at {}", 1));
         assert_eq!(status, Status::FATAL);
         assert_eq!(broken.state, State::Fatal);
-        let reset = |c: &mut Component<Nothing, Fmi2>| {
+        let reset = |c: &mut Component<Instance<Nothing>, Fmi2>| {
             c.instance.reset();
             Ok(())
         };

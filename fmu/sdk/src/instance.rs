@@ -50,6 +50,33 @@ pub struct Experiment {
     pub stop: Option<f64>,
 }
 
+impl Experiment {
+    /// Refuses times and tolerances that are none.
+    ///
+    /// # Errors
+    /// With the argument's name.
+    pub fn check(&self) -> Result<(), Problem> {
+        let refuse = |name, value, expected| Problem::Experiment {
+            name,
+            value,
+            expected,
+        };
+        let Self { start, .. } = *self;
+        if !start.is_finite() {
+            return Err(refuse("startTime", start, "pass a finite number"));
+        }
+        if let Some(stop) = (self.stop).filter(|stop| !(stop.is_finite() && *stop >= start)) {
+            let expected = "pass a number not before startTime";
+            return Err(refuse("stopTime", stop, expected));
+        }
+        let is_possible = |own: &f64| own.is_finite() && *own > 0.0;
+        match self.tolerance.filter(|own| !is_possible(own)) {
+            Some(own) => Err(refuse("tolerance", own, "pass a number greater than 0")),
+            None => Ok(()),
+        }
+    }
+}
+
 /// The model with everything that an FMU adds to it.
 #[derive(Debug)]
 pub struct Instance<E> {
@@ -96,38 +123,12 @@ impl<E: Equations> Instance<E> {
 
     /// Sets up an experiment.
     pub fn setup(&mut self, experiment: Experiment) -> Result<(), Problem> {
-        let Experiment {
-            tolerance,
-            start,
-            stop,
-        } = experiment;
-        let refuse = |name, value, expected| Problem::Experiment {
-            name,
-            value,
-            expected,
-        };
-        if !start.is_finite() {
-            return Err(refuse("startTime", start, "pass a finite number"));
-        }
-        if let Some(stop) = stop.filter(|stop| !(stop.is_finite() && *stop >= start)) {
-            return Err(refuse(
-                "stopTime",
-                stop,
-                "pass a number not before startTime",
-            ));
-        }
-        if let Some(tolerance) = tolerance {
-            if !(tolerance.is_finite() && tolerance > 0.0) {
-                return Err(refuse(
-                    "tolerance",
-                    tolerance,
-                    "pass a number greater than 0",
-                ));
-            }
+        experiment.check()?;
+        if let Some(tolerance) = experiment.tolerance {
             self.simulation.set_tolerance(tolerance);
         }
-        self.clock = Some(Clock::new(start, stop));
-        self.simulation.set_time(start);
+        self.clock = Some(Clock::new(experiment.start, experiment.stop));
+        self.simulation.set_time(experiment.start);
         Ok(())
     }
 

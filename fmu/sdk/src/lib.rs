@@ -49,6 +49,7 @@
 //! | [`structure`], [`interface`] | dependencies between variables; interface for exporters |
 //! | [`simulation`], [`lti`] | a running model: steps, events, exact derivatives |
 //! | [`instance`], [`clock`], [`checkpoint`], [`resources`] | one instance of an FMU: safe code of the C functions |
+//! | [`simulation_unit`] | what the C functions call; a model's instance is one |
 //! | [`fmi2`], [`fmi3`], [`guard`] | the C functions: thin wrappers that check pointers and catch panics |
 //! | [`log`], [`problem`] | messages to the importer; all problems of a call |
 //! | `export` | the macro that makes C functions of the generic ones |
@@ -66,7 +67,7 @@ mod export;
 pub mod fmi2;
 pub mod fmi3;
 pub mod guard;
-mod guid;
+pub mod guid;
 pub mod instance;
 pub mod interface;
 mod json;
@@ -76,18 +77,20 @@ pub mod problem;
 pub mod resources;
 pub mod shared;
 pub mod simulation;
+pub mod simulation_unit;
 pub mod structure;
 pub mod table;
 pub mod unit;
 pub mod variable;
 
-/// How a library loads its model: from the resource location, or without it.
-pub type Load<E> = fn(Option<&str>) -> Result<E, resources::LoadError>;
+/// How a library makes an instance of a kind: from the resource location, or without it.
+pub type Load<U> = fn(instance::InterfaceType, Option<&str>) -> Result<U, resources::LoadError>;
 
 pub use equations::{At, Equations, Scalar};
 pub use interface::Interface;
 pub use pilotage_abi as abi;
 pub use simulation::Simulation;
+pub use simulation_unit::SimulationUnit;
 pub use table::Table;
 pub use unit::Unit;
 pub use variable::{Role, ValueError, Variable};

@@ -81,11 +81,26 @@ impl Log {
         };
         if self.enabled[category] || severity >= Severity::Error {
             let message = format!("{function}: {problem}");
-            self.send(severity, LOG_CATEGORIES[category].0, &message);
+            self.send(severity as i32, LOG_CATEGORIES[category].0, &message);
         }
     }
 
-    fn send(&self, severity: Severity, category: &str, message: &str) {
+    /// Passes on what something inside has said, if its category is on; what has no severity, if all are.
+    pub fn say(&self, severity: Option<Severity>, text: &str) {
+        let (is_on, category) = match severity {
+            Some(severity) => {
+                let index = severity as usize - 1;
+                (self.enabled[index], LOG_CATEGORIES[index].0)
+            }
+            None => (self.enabled.iter().all(|on| *on), LOG_CATEGORIES[0].0),
+        };
+        if is_on {
+            self.send(severity.map_or(0, |own| own as i32), category, text);
+        }
+    }
+
+    /// `status`: that of the message, 0 for an information.
+    fn send(&self, status: i32, category: &str, message: &str) {
         let category = c_string(category);
         match self.sink {
             Sink::Fmi2(Some(callbacks)) => {
@@ -100,14 +115,14 @@ impl Log {
                     logger(
                         callbacks.component_environment,
                         self.instance_name.as_ptr(),
-                        fmi2::Status(severity as i32),
+                        fmi2::Status(status),
                         category.as_ptr(),
                         message.as_ptr(),
                     );
                 }
             }
             Sink::Fmi3(Some(logger), environment) => {
-                let (status, message) = (fmi3::Status(severity as i32), c_string(message));
+                let (status, message) = (fmi3::Status(status), c_string(message));
                 // SAFETY: the importer's logger takes these arguments; the strings live until it returns.
                 unsafe { logger(environment, status, category.as_ptr(), message.as_ptr()) };
             }

@@ -299,6 +299,14 @@ pub enum Problem {
         /// Number of bytes needed.
         needed: usize,
     },
+    /// What something inside the FMU says.
+    #[error("{message}")]
+    Inside {
+        /// Its severity; a discarded step is `Discard`.
+        severity: Severity,
+        /// Its message.
+        message: String,
+    },
     /// A fault of this library.
     #[error(
         "internal fault: {message}; this instance cannot go on. Please report it to the makers of \
@@ -315,6 +323,7 @@ impl Problem {
     pub fn severity(&self) -> Severity {
         match self {
             Self::LogCategory { .. } => Severity::Warning,
+            Self::Inside { severity, .. } => *severity,
             Self::Step { .. }
             | Self::NoStatus { .. }
             | Self::NotFinite { .. }

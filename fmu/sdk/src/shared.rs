@@ -1,11 +1,10 @@
 //! C functions that differ between FMI 2.0 and FMI 3.0 only in their names.
 
-use crate::Equations;
-use crate::checkpoint::Checkpoint;
-use crate::guard::{Component, Version, array, array_mut, call, place};
-use crate::instance::check_number;
-use crate::problem::Problem;
-use std::ffi::c_void;
+use crate::guard::{Component, Version, array, array_mut, call, place, string};
+use crate::instance::{Instance, check_number};
+use crate::problem::{Problem, Severity};
+use crate::{Equations, SimulationUnit};
+use std::ffi::{c_char, c_void};
 
 type Pointer = *mut c_void;
 
@@ -49,7 +48,7 @@ unsafe fn to_write<'a, T>(
 ///
 /// # Safety
 /// `component` as for [`call`]; the pointers are NULL or point to `count` elements.
-pub unsafe fn get<E: Equations, V: Version>(
+pub unsafe fn get<U: SimulationUnit, V: Version>(
     component: Pointer,
     function: V::Function,
     references: *const u32,
@@ -57,7 +56,7 @@ pub unsafe fn get<E: Equations, V: Version>(
     values: *mut f64,
     n_values: usize,
 ) -> V::Status {
-    let body = |c: &mut Component<E, V>| {
+    let body = |c: &mut Component<U, V>| {
         // SAFETY: guaranteed by the caller.
         let (references, values) = unsafe { to_write(references, count, values, n_values)? };
         c.instance.get(references, values)
@@ -70,7 +69,7 @@ pub unsafe fn get<E: Equations, V: Version>(
 ///
 /// # Safety
 /// As [`get`].
-pub unsafe fn set<E: Equations, V: Version>(
+pub unsafe fn set<U: SimulationUnit, V: Version>(
     component: Pointer,
     function: V::Function,
     references: *const u32,
@@ -78,11 +77,11 @@ pub unsafe fn set<E: Equations, V: Version>(
     values: *const f64,
     n_values: usize,
 ) -> V::Status {
-    let body = |c: &mut Component<E, V>| {
+    let body = |c: &mut Component<U, V>| {
         // SAFETY: guaranteed by the caller.
         let (references, values) = unsafe { to_read(references, count, values, n_values)? };
-        let (phase, state) = c.phase();
-        c.instance.set(references, values, phase, state)
+        let now = c.phase();
+        c.instance.set(references, values, now)
     };
     // SAFETY: guaranteed by the caller.
     unsafe { call(component, function, body) }
@@ -92,7 +91,7 @@ pub unsafe fn set<E: Equations, V: Version>(
 ///
 /// # Safety
 /// As [`get`].
-pub unsafe fn get_booleans<E: Equations, V: Version, B: From<bool>>(
+pub unsafe fn get_booleans<U: SimulationUnit, V: Version, B: From<bool>>(
     component: Pointer,
     function: V::Function,
     references: *const u32,
@@ -100,7 +99,7 @@ pub unsafe fn get_booleans<E: Equations, V: Version, B: From<bool>>(
     values: *mut B,
     n_values: usize,
 ) -> V::Status {
-    let body = |c: &mut Component<E, V>| {
+    let body = |c: &mut Component<U, V>| {
         // SAFETY: guaranteed by the caller.
         let (references, values) = unsafe { to_write(references, count, values, n_values)? };
         for (reference, value) in references.iter().zip(values) {
@@ -116,7 +115,7 @@ pub unsafe fn get_booleans<E: Equations, V: Version, B: From<bool>>(
 ///
 /// # Safety
 /// As [`get`].
-pub unsafe fn set_booleans<E: Equations, V: Version, B: Copy + Default + PartialEq>(
+pub unsafe fn set_booleans<U: SimulationUnit, V: Version, B: Copy + Default + PartialEq>(
     component: Pointer,
     function: V::Function,
     references: *const u32,
@@ -124,13 +123,139 @@ pub unsafe fn set_booleans<E: Equations, V: Version, B: Copy + Default + Partial
     values: *const B,
     n_values: usize,
 ) -> V::Status {
-    let body = |c: &mut Component<E, V>| {
+    let body = |c: &mut Component<U, V>| {
         // SAFETY: guaranteed by the caller.
         let (references, values) = unsafe { to_read(references, count, values, n_values)? };
-        let (phase, state) = c.phase();
+        let now = c.phase();
         for (reference, value) in references.iter().zip(values) {
             let value = *value != B::default();
-            c.instance.set_boolean(*reference, value, phase, state)?;
+            c.instance.set_boolean(*reference, value, now)?;
+        }
+        Ok(())
+    };
+    // SAFETY: guaranteed by the caller.
+    unsafe { call(component, function, body) }
+}
+
+/// Integers and enumerations; `I` is their type in C. Units without any refuse the call as [`no_variables`].
+///
+/// # Safety
+/// As [`get`].
+pub unsafe fn get_integers<U: SimulationUnit, V: Version, I: TryFrom<i64>>(
+    component: Pointer,
+    function: V::Function,
+    references: *const u32,
+    count: usize,
+    values: *mut I,
+    n_values: usize,
+    types: [&'static str; 2],
+) -> V::Status {
+    if !U::HAS_ALL_TYPES {
+        // SAFETY: guaranteed by the caller.
+        return unsafe { no_variables::<U, V>(component, function, count, types) };
+    }
+    let body = |c: &mut Component<U, V>| {
+        // SAFETY: guaranteed by the caller.
+        let (references, values) = unsafe { to_write(references, count, values, n_values)? };
+        for (reference, value) in references.iter().zip(values) {
+            let found = c.instance.get_integer(*reference)?;
+            *value = I::try_from(found).map_err(|_| Problem::Inside {
+                severity: Severity::Error,
+                message: format!("{found} (value reference {reference}) is no {}", types[0]),
+            })?;
+        }
+        Ok(())
+    };
+    // SAFETY: guaranteed by the caller.
+    unsafe { call(component, function, body) }
+}
+
+/// Sets integers and enumerations.
+///
+/// # Safety
+/// As [`get`].
+pub unsafe fn set_integers<U: SimulationUnit, V: Version, I: Copy + Into<i64>>(
+    component: Pointer,
+    function: V::Function,
+    references: *const u32,
+    count: usize,
+    values: *const I,
+    n_values: usize,
+    types: [&'static str; 2],
+) -> V::Status {
+    if !U::HAS_ALL_TYPES {
+        // SAFETY: guaranteed by the caller.
+        return unsafe { no_variables::<U, V>(component, function, count, types) };
+    }
+    let body = |c: &mut Component<U, V>| {
+        // SAFETY: guaranteed by the caller.
+        let (references, values) = unsafe { to_read(references, count, values, n_values)? };
+        let now = c.phase();
+        for (reference, value) in references.iter().zip(values) {
+            c.instance.set_integer(*reference, (*value).into(), now)?;
+        }
+        Ok(())
+    };
+    // SAFETY: guaranteed by the caller.
+    unsafe { call(component, function, body) }
+}
+
+/// Strings; they live until the next call that asks for strings (FMI 2.0.5, section 2.1.7; FMI 3.0, section 2.2.6).
+///
+/// # Safety
+/// As [`get`].
+pub unsafe fn get_strings<U: SimulationUnit, V: Version>(
+    component: Pointer,
+    function: V::Function,
+    references: *const u32,
+    count: usize,
+    values: *mut *const c_char,
+    n_values: usize,
+    types: [&'static str; 2],
+) -> V::Status {
+    if !U::HAS_ALL_TYPES {
+        // SAFETY: guaranteed by the caller.
+        return unsafe { no_variables::<U, V>(component, function, count, types) };
+    }
+    let body = |c: &mut Component<U, V>| {
+        // SAFETY: guaranteed by the caller.
+        let (references, values) = unsafe { to_write(references, count, values, n_values)? };
+        let found = references.iter().map(|own| c.instance.get_string(*own));
+        c.strings = found.collect::<Result<_, Problem>>()?;
+        for (value, own) in values.iter_mut().zip(&c.strings) {
+            *value = own.as_ptr();
+        }
+        Ok(())
+    };
+    // SAFETY: guaranteed by the caller.
+    unsafe { call(component, function, body) }
+}
+
+/// Sets strings.
+///
+/// # Safety
+/// As [`get`]; the values are NULL or C strings.
+pub unsafe fn set_strings<U: SimulationUnit, V: Version>(
+    component: Pointer,
+    function: V::Function,
+    references: *const u32,
+    count: usize,
+    values: *const *const c_char,
+    n_values: usize,
+    types: [&'static str; 2],
+) -> V::Status {
+    if !U::HAS_ALL_TYPES {
+        // SAFETY: guaranteed by the caller.
+        return unsafe { no_variables::<U, V>(component, function, count, types) };
+    }
+    let body = |c: &mut Component<U, V>| {
+        // SAFETY: guaranteed by the caller.
+        let (references, values) = unsafe { to_read(references, count, values, n_values)? };
+        let now = c.phase();
+        for (reference, value) in references.iter().zip(values) {
+            // SAFETY: guaranteed by the caller.
+            let value = unsafe { string(*value, "value") }?.to_string_lossy();
+            c.instance.set_string(*reference, &value, now)?;
         }
         Ok(())
     };
@@ -142,13 +267,13 @@ pub unsafe fn set_booleans<E: Equations, V: Version, B: Copy + Default + Partial
 ///
 /// # Safety
 /// `component` as for [`call`].
-pub unsafe fn no_variables<E: Equations, V: Version>(
+pub unsafe fn no_variables<U: SimulationUnit, V: Version>(
     component: Pointer,
     function: V::Function,
     count: usize,
     [base_type, used]: [&'static str; 2],
 ) -> V::Status {
-    let body = |_: &mut Component<E, V>| match count {
+    let body = |_: &mut Component<U, V>| match count {
         0 => Ok(()),
         _ => Err(Problem::NoSuchType {
             base_type,
@@ -169,9 +294,9 @@ pub unsafe fn vector<E: Equations, V: Version>(
     function: V::Function,
     values: *mut f64,
     count: usize,
-    write: impl FnOnce(&crate::instance::Instance<E>, &mut [f64]) -> Result<(), Problem>,
+    write: impl FnOnce(&Instance<E>, &mut [f64]) -> Result<(), Problem>,
 ) -> V::Status {
-    let body = |c: &mut Component<E, V>| {
+    let body = |c: &mut Component<Instance<E>, V>| {
         // SAFETY: guaranteed by the caller.
         let values = unsafe { array_mut(values, count, "values") }?;
         write(&c.instance, values)
@@ -190,7 +315,7 @@ pub unsafe fn set_states<E: Equations, V: Version>(
     values: *const f64,
     count: usize,
 ) -> V::Status {
-    let body = |c: &mut Component<E, V>| {
+    let body = |c: &mut Component<Instance<E>, V>| {
         // SAFETY: guaranteed by the caller.
         let values = unsafe { array(values, count, "x") }?;
         c.instance.set_states(values)
@@ -225,13 +350,13 @@ pub struct Partial {
 ///
 /// # Safety
 /// `component` as for [`call`]; each pointer of `partial` is NULL or points to that number of elements.
-pub unsafe fn derivative<E: Equations, V: Version>(
+pub unsafe fn derivative<U: SimulationUnit, V: Version>(
     component: Pointer,
     function: V::Function,
     direction: Direction,
     partial: Partial,
 ) -> V::Status {
-    let body = |c: &mut Component<E, V>| {
+    let body = |c: &mut Component<U, V>| {
         // SAFETY: guaranteed by the caller.
         let (unknowns, knowns, seed, result) = unsafe {
             (
@@ -261,7 +386,7 @@ pub unsafe fn derivative<E: Equations, V: Version>(
 ///
 /// # Safety
 /// `component` as for [`call`]; the pointers are NULL or point to `count` elements.
-pub unsafe fn output_derivatives<E: Equations, V: Version>(
+pub unsafe fn output_derivatives<U: SimulationUnit, V: Version>(
     component: Pointer,
     function: V::Function,
     references: *const u32,
@@ -269,7 +394,7 @@ pub unsafe fn output_derivatives<E: Equations, V: Version>(
     orders: *const i32,
     values: *mut f64,
 ) -> V::Status {
-    let body = |c: &mut Component<E, V>| {
+    let body = |c: &mut Component<U, V>| {
         // SAFETY: guaranteed by the caller.
         let (references, orders, values) = unsafe {
             (
@@ -288,18 +413,18 @@ pub unsafe fn output_derivatives<E: Equations, V: Version>(
 ///
 /// # Safety
 /// `component` as for [`call`]; `state` is NULL, or points to NULL or to a state of this library.
-pub unsafe fn get_state<E: Equations, V: Version>(
+pub unsafe fn get_state<U: SimulationUnit, V: Version>(
     component: Pointer,
     function: V::Function,
     state: *mut Pointer,
 ) -> V::Status {
-    let body = |c: &mut Component<E, V>| {
+    let body = |c: &mut Component<U, V>| {
         // SAFETY: guaranteed by the caller.
         let slot = unsafe { place(state, "FMUstate") }?;
         // SAFETY: according to the standard it holds NULL or a state of this FMU, which is then overwritten.
-        match unsafe { slot.cast::<Checkpoint>().as_mut() } {
-            Some(checkpoint) => *checkpoint = c.checkpoint(),
-            None => *slot = Box::into_raw(Box::new(c.checkpoint())).cast(),
+        match unsafe { slot.cast::<U::State>().as_mut() } {
+            Some(checkpoint) => *checkpoint = c.checkpoint()?,
+            None => *slot = Box::into_raw(Box::new(c.checkpoint()?)).cast(),
         }
         Ok(())
     };
@@ -311,14 +436,14 @@ pub unsafe fn get_state<E: Equations, V: Version>(
 ///
 /// # Safety
 /// `component` as for [`call`]; `state` is NULL or a state of this library.
-pub unsafe fn set_state<E: Equations, V: Version>(
+pub unsafe fn set_state<U: SimulationUnit, V: Version>(
     component: Pointer,
     function: V::Function,
     state: Pointer,
 ) -> V::Status {
-    let body = |c: &mut Component<E, V>| {
+    let body = |c: &mut Component<U, V>| {
         // SAFETY: guaranteed by the caller.
-        let checkpoint = unsafe { place(state.cast::<Checkpoint>(), "FMUstate") }?;
+        let checkpoint = unsafe { place(state.cast::<U::State>(), "FMUstate") }?;
         c.restore(checkpoint)
     };
     // SAFETY: guaranteed by the caller.
@@ -329,18 +454,18 @@ pub unsafe fn set_state<E: Equations, V: Version>(
 ///
 /// # Safety
 /// As [`get_state`]; the state must not be used afterwards.
-pub unsafe fn free_state<E: Equations, V: Version>(
+pub unsafe fn free_state<U: SimulationUnit, V: Version>(
     component: Pointer,
     function: V::Function,
     state: *mut Pointer,
 ) -> V::Status {
-    let body = |_: &mut Component<E, V>| {
+    let body = |_: &mut Component<U, V>| {
         // SAFETY: guaranteed by the caller.
         if let Some(slot) = unsafe { state.as_mut() }
             && !slot.is_null()
         {
             // SAFETY: it came from `Box::into_raw` in `get_state` or `deserialize`.
-            drop(unsafe { Box::from_raw(slot.cast::<Checkpoint>()) });
+            drop(unsafe { Box::from_raw(slot.cast::<U::State>()) });
             *slot = std::ptr::null_mut();
         }
         Ok(())
@@ -353,21 +478,21 @@ pub unsafe fn free_state<E: Equations, V: Version>(
 ///
 /// # Safety
 /// As [`set_state`]; `size` is NULL or a valid pointer.
-pub unsafe fn state_size<E: Equations, V: Version>(
+pub unsafe fn state_size<U: SimulationUnit, V: Version>(
     component: Pointer,
     function: V::Function,
     state: Pointer,
     size: *mut usize,
 ) -> V::Status {
-    let body = |_: &mut Component<E, V>| {
+    let body = |c: &mut Component<U, V>| {
         // SAFETY: guaranteed by the caller.
         let (checkpoint, size) = unsafe {
             (
-                place(state.cast::<Checkpoint>(), "FMUstate")?,
+                place(state.cast::<U::State>(), "FMUstate")?,
                 place(size, "size")?,
             )
         };
-        *size = checkpoint.to_bytes().len();
+        *size = c.instance.to_bytes(checkpoint)?.len();
         Ok(())
     };
     // SAFETY: guaranteed by the caller.
@@ -378,22 +503,22 @@ pub unsafe fn state_size<E: Equations, V: Version>(
 ///
 /// # Safety
 /// As [`set_state`]; `bytes` is NULL or points to `size` bytes.
-pub unsafe fn serialize<E: Equations, V: Version>(
+pub unsafe fn serialize<U: SimulationUnit, V: Version>(
     component: Pointer,
     function: V::Function,
     state: Pointer,
     bytes: *mut u8,
     size: usize,
 ) -> V::Status {
-    let body = |_: &mut Component<E, V>| {
+    let body = |c: &mut Component<U, V>| {
         // SAFETY: guaranteed by the caller.
         let (checkpoint, target) = unsafe {
             (
-                place(state.cast::<Checkpoint>(), "FMUstate")?,
+                place(state.cast::<U::State>(), "FMUstate")?,
                 array_mut(bytes, size, "serializedState")?,
             )
         };
-        let source = checkpoint.to_bytes();
+        let source = c.instance.to_bytes(checkpoint)?;
         let needed = source.len();
         let target = target.get_mut(..needed).ok_or(Problem::NoSpace {
             found: size,
@@ -410,14 +535,14 @@ pub unsafe fn serialize<E: Equations, V: Version>(
 ///
 /// # Safety
 /// `component` as for [`call`]; `bytes` is NULL or points to `size` bytes, `state` is NULL or a valid pointer.
-pub unsafe fn deserialize<E: Equations, V: Version>(
+pub unsafe fn deserialize<U: SimulationUnit, V: Version>(
     component: Pointer,
     function: V::Function,
     bytes: *const u8,
     size: usize,
     state: *mut Pointer,
 ) -> V::Status {
-    let body = |c: &mut Component<E, V>| {
+    let body = |c: &mut Component<U, V>| {
         // SAFETY: guaranteed by the caller.
         let (bytes, slot) = unsafe {
             (
@@ -425,8 +550,7 @@ pub unsafe fn deserialize<E: Equations, V: Version>(
                 place(state, "FMUstate")?,
             )
         };
-        let table = c.instance.simulation().table();
-        let checkpoint = Checkpoint::from_bytes(bytes, table, c.instance.guid())?;
+        let checkpoint = c.instance.from_bytes(bytes)?;
         c.state_of(&checkpoint)?;
         *slot = Box::into_raw(Box::new(checkpoint)).cast();
         Ok(())

@@ -21,7 +21,7 @@ pub mod isolation;
 mod one;
 pub mod opened;
 mod parameters;
-mod resolve;
+pub mod resolve;
 mod save;
 pub mod sum;
 pub mod tables;

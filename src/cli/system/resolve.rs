@@ -21,8 +21,36 @@ pub enum Resolved {
     Table(PathBuf),
 }
 
+/// What an instance is made of.
+pub enum Source {
+    /// A model of pilotage.
+    Native(AnyModel),
+    /// An FMU, with the interface to use.
+    Fmu(PathBuf, Option<fmi::InterfaceType>),
+    /// A table.
+    Table(PathBuf),
+}
+
 /// Opens the source of an instance.
 pub fn resolve(instance: &InstanceDescription, isolation: &Isolation) -> Result<Resolved, Failure> {
+    let place = instance.source.place.as_ref();
+    let component = match source(instance)? {
+        Source::Table(file) => return Ok(Resolved::Table(file)),
+        Source::Native(model) => return Ok(Resolved::Model(native_component::of_model(model))),
+        Source::Fmu(file, kind) if isolation.is_of(&instance.name) => {
+            isolation.open(&file, &instance.name, kind)
+        }
+        Source::Fmu(file, kind) => {
+            fmu_component::open(&file, &instance.name, kind).map_err(Failure::from)
+        }
+    };
+    component
+        .map(Resolved::Model)
+        .map_err(|failure| failure.at(place))
+}
+
+/// Reads what an instance is made of; of an FMU it says where it is.
+pub fn source(instance: &InstanceDescription) -> Result<Source, Failure> {
     let place = instance.source.place.as_ref();
     let folder = place.and_then(|place| Path::new(&place.file).parent());
     if let (Some(order), Some(file)) = (&instance.order, instance.source.value.file()) {
@@ -35,12 +63,12 @@ pub fn resolve(instance: &InstanceDescription, isolation: &Isolation) -> Result<
             .at(order.place.as_ref())
             .hint("leave `order` out"));
     }
-    let resolved = match &instance.source.value {
+    let source = match &instance.source.value {
         InstanceSource::BuiltIn(name) => built_in(name, instance, folder),
-        InstanceSource::Model(file) => model(file, instance, isolation).map(Resolved::Model),
+        InstanceSource::Model(file) => model(file, instance),
         InstanceSource::Table(file) => table(file),
     };
-    resolved.map_err(|failure| failure.at(place))
+    source.map_err(|failure| failure.at(place))
 }
 
 /// Opens a built-in model.
@@ -48,15 +76,13 @@ fn built_in(
     name: &str,
     instance: &InstanceDescription,
     folder: Option<&Path>,
-) -> Result<Resolved, Failure> {
+) -> Result<Source, Failure> {
     if library::find(name).is_none() {
         return Err(unknown(name, folder.unwrap_or(Path::new(""))));
     }
     let order = instance.order.as_ref();
     let model = open::named(name, order.map(|order| order.value as usize))?;
-    Ok(Resolved::Model(native_component::of_model(AnyModel::Text(
-        model,
-    ))))
+    Ok(Source::Native(AnyModel::Text(model)))
 }
 
 /// The failure for an unknown built-in model, with a suggestion of a similar model or file.
@@ -105,18 +131,14 @@ fn expect_there(file: &Path) -> Result<(), Failure> {
     })
 }
 
-fn table(file: &Path) -> Result<Resolved, Failure> {
+fn table(file: &Path) -> Result<Source, Failure> {
     let kinds = [FileKind::Trial, FileKind::Table];
     recognise::expect([&file.to_owned()], &kinds, "a table over time (CSV)")?;
     expect_there(file)?;
-    Ok(Resolved::Table(file.to_owned()))
+    Ok(Source::Table(file.to_owned()))
 }
 
-fn model(
-    file: &Path,
-    instance: &InstanceDescription,
-    isolation: &Isolation,
-) -> Result<Box<dyn Component>, Failure> {
+fn model(file: &Path, instance: &InstanceDescription) -> Result<Source, Failure> {
     let kinds = [
         FileKind::Fmu,
         FileKind::Archive,
@@ -130,19 +152,11 @@ fn model(
     // A file that `fit -o` has written may have any ending.
     let texts = [FileKind::Pilot, FileKind::Vehicle, FileKind::Model];
     let is_text = recognise::of(file).is_some_and(|kind| texts.contains(&kind));
-    match is_text || recognise::is_toml(file) {
-        true if recognise::is_model(file) => Ok(native_component::of_model(AnyModel::Text(
-            open::read(file)?,
-        ))),
-        true => Ok(native_component::of_model(AnyModel::BuiltIn(native(file)?))),
-        false => {
-            let kind = instance.interface.map(kind);
-            if isolation.is_of(&instance.name) {
-                return isolation.open(file, &instance.name, kind);
-            }
-            Ok(fmu_component::open(file, &instance.name, kind)?)
-        }
-    }
+    Ok(match is_text || recognise::is_toml(file) {
+        true if recognise::is_model(file) => Source::Native(AnyModel::Text(open::read(file)?)),
+        true => Source::Native(AnyModel::BuiltIn(native(file)?)),
+        false => Source::Fmu(file.to_owned(), instance.interface.map(kind)),
+    })
 }
 
 fn kind(interface: Interface) -> fmi::InterfaceType {

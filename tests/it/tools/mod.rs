@@ -2,6 +2,7 @@
 //! themselves (network); cargo, which builds models, what is released, and finds the built examples; binutils; valgrind.
 
 mod book;
+mod container;
 mod dependencies;
 mod describing;
 mod dist;

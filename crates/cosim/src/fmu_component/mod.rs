@@ -44,19 +44,42 @@ pub fn open(
     name: &str,
     wanted: Option<InterfaceType>,
 ) -> Result<Box<dyn Component>, FmuError> {
-    let mut fmu = Fmu::open(path)?;
-    let kind = chosen(&fmu, wanted);
-    let library = fmu.load()?;
-    Ok(match kind {
-        InterfaceType::ModelExchange => Box::new(ModelExchangeComponent::new(&library, name)?),
-        _ => Box::new(FmuComponent::new(&library, name)?),
+    of_library(&Fmu::open(path)?.load()?, name, wanted)
+}
+
+/// As [`open`], of an FMU that lies unpacked in a folder.
+///
+/// # Foreign code
+/// As [`open`].
+///
+/// # Errors
+/// As [`open`].
+pub fn open_in_folder(
+    folder: &Path,
+    name: &str,
+    wanted: Option<InterfaceType>,
+) -> Result<Box<dyn Component>, FmuError> {
+    of_library(&fmu::Library::in_folder(folder)?, name, wanted)
+}
+
+fn of_library(
+    library: &fmu::Library,
+    name: &str,
+    wanted: Option<InterfaceType>,
+) -> Result<Box<dyn Component>, FmuError> {
+    Ok(match chosen(library.description(), wanted) {
+        InterfaceType::ModelExchange => Box::new(ModelExchangeComponent::new(library, name)?),
+        _ => Box::new(FmuComponent::new(library, name)?),
     })
 }
 
 /// Interface type used for an FMU.
-fn chosen(fmu: &Fmu, wanted: Option<InterfaceType>) -> InterfaceType {
-    let kinds = fmu.kinds();
-    let has = |kind: &InterfaceType| kinds.iter().any(|(own, _)| own == kind);
+fn chosen(description: &ModelDescription, wanted: Option<InterfaceType>) -> InterfaceType {
+    let has = |kind: &InterfaceType| match kind {
+        InterfaceType::CoSimulation => description.co_simulation.is_some(),
+        InterfaceType::ModelExchange => description.model_exchange.is_some(),
+        InterfaceType::ScheduledExecution => description.scheduled_execution.is_some(),
+    };
     let order = [InterfaceType::CoSimulation, InterfaceType::ModelExchange];
     let kind = wanted.into_iter().chain(order).find(has);
     kind.unwrap_or(InterfaceType::CoSimulation)
@@ -86,7 +109,7 @@ impl Outline {
         let arrays = Arrays::of(description);
         let variables = variables(description, &arrays);
         let access = Access::new(description, arrays);
-        let abilities = match chosen(&fmu, wanted) {
+        let abilities = match chosen(description, wanted) {
             InterfaceType::ModelExchange => model_exchange::abilities(description, &access),
             _ => {
                 let is_fmi3 = description.fmi_version == FmiVersion::V3;

@@ -63,6 +63,8 @@ pub(super) fn variables(description: &ModelDescription, arrays: &Arrays) -> Vec<
             kind,
             role: role(variable),
             settable: variable.is_settable(),
+            is_tunable: variable.variability == Variability::Tunable,
+            description: variable.description.clone().unwrap_or_default(),
             is_discrete: variable.variability != Variability::Continuous,
             unit: (units(variable).filter(|name| !name.is_empty()))
                 .map(|name| description.unit(name)),

@@ -8,7 +8,13 @@ use thiserror::Error;
 
 /// Initializes all components with consistent values at the start time.
 pub(super) fn initialize(system: &mut System, experiment: &Experiment) -> Result<(), MasterError> {
-    let propagation = Propagation::of(system);
+    enter(system, experiment)?;
+    propagate(system)?;
+    exit(system)
+}
+
+/// Enters initialization with the system's start values; values on wires are not yet consistent.
+pub(super) fn enter(system: &mut System, experiment: &Experiment) -> Result<(), MasterError> {
     each(system, Stage::Setup, |component| {
         component.setup(experiment)
     })?;
@@ -16,8 +22,11 @@ pub(super) fn initialize(system: &mut System, experiment: &Experiment) -> Result
     each(system, Stage::EnterInitialization, |component| {
         component.enter_initialization()
     })?;
-    apply_settings(system, |role| role == Role::Input)?;
-    propagate(system, &propagation)?;
+    apply_settings(system, |role| role == Role::Input)
+}
+
+/// Exits initialization.
+pub(super) fn exit(system: &mut System) -> Result<(), MasterError> {
     each(system, Stage::ExitInitialization, |component| {
         component.exit_initialization()
     })
@@ -58,7 +67,8 @@ fn apply_settings(system: &mut System, wanted: impl Fn(Role) -> bool) -> Result<
 }
 
 /// Passes values along the connections until they are consistent.
-fn propagate(system: &mut System, propagation: &Propagation) -> Result<(), MasterError> {
+pub(super) fn propagate(system: &mut System) -> Result<(), MasterError> {
+    let propagation = Propagation::of(system);
     for &c in &propagation.once {
         pass(system, &system.connections[c].clone())?;
     }

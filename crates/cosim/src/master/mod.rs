@@ -8,6 +8,7 @@ mod exchange;
 mod history;
 mod initialize;
 mod lu;
+mod session;
 mod state;
 mod stepper;
 mod stopwatch;
@@ -20,6 +21,7 @@ mod wires;
 
 use self::exchange::Exchange;
 use self::initialize::initialize;
+pub use self::session::{Kept, Session};
 use self::state::NotKept;
 pub use self::state::{Checkpoints, State};
 use self::stepper::Stepper;
@@ -386,24 +388,11 @@ pub(super) fn run_and_look(
     checkpoints: &mut Checkpoints,
     look: Option<Look>,
 ) -> Result<Run, MasterError> {
-    if let Some(degree) = coupling.extrapolation.filter(|&d| d > MAX_EXTRAPOLATION) {
-        return Err(MasterError::Extrapolation { degree });
-    }
-    if let Some(control) = coupling.control.filter(|control| !control.is_possible()) {
-        return Err(MasterError::Control { control });
-    }
-    if coupling.algorithm == Algorithm::Strong && !coupling.iteration.is_possible() {
-        let iteration = coupling.iteration;
-        return Err(MasterError::Iteration { iteration });
-    }
+    check(&coupling)?;
     let is_possible = |tolerance: &f64| *tolerance > 0.0 && tolerance.is_finite();
     if let Some(tolerance) = tolerance.filter(|tolerance| !is_possible(tolerance)) {
         return Err(MasterError::Tolerance { tolerance });
     }
-    let order = match coupling.algorithm {
-        Algorithm::Jacobi | Algorithm::Strong => (0..system.instances.len()).collect(),
-        Algorithm::GaussSeidel => gauss_seidel_order(&system),
-    };
     let experiment = Experiment {
         start: clock.start(),
         // `look` may step further.
@@ -416,8 +405,7 @@ pub(super) fn run_and_look(
     checkpoints.check(&system)?;
     initialize(&mut system, &experiment)?;
     let wires = Wires::of(&system);
-    let exchange = Exchange::new(system, &coupling);
-    let mut stepper = Stepper::new(exchange, &coupling, order)?;
+    let mut stepper = Stepper::of(system, &coupling)?;
     stepper.begin(clock.start())?;
     let first = checkpoints.from.as_ref().map_or(0, State::step);
     if let Some(state) = checkpoints.from.take() {
@@ -459,6 +447,32 @@ pub(super) fn run_and_look(
         signals: stepper.exchange.signals,
         unrecorded: stepper.exchange.unrecorded,
     })
+}
+
+/// Refuses options that are impossible together.
+fn check(coupling: &Coupling) -> Result<(), MasterError> {
+    if let Some(degree) = coupling.extrapolation.filter(|&d| d > MAX_EXTRAPOLATION) {
+        return Err(MasterError::Extrapolation { degree });
+    }
+    if let Some(control) = coupling.control.filter(|control| !control.is_possible()) {
+        return Err(MasterError::Control { control });
+    }
+    if coupling.algorithm == Algorithm::Strong && !coupling.iteration.is_possible() {
+        let iteration = coupling.iteration;
+        return Err(MasterError::Iteration { iteration });
+    }
+    Ok(())
+}
+
+impl Stepper {
+    /// The components of an initialized system.
+    fn of(system: System, coupling: &Coupling) -> Result<Self, MasterError> {
+        let order = match coupling.algorithm {
+            Algorithm::Jacobi | Algorithm::Strong => (0..system.instances.len()).collect(),
+            Algorithm::GaussSeidel => gauss_seidel_order(&system),
+        };
+        Self::new(Exchange::new(system, coupling), coupling, order)
+    }
 }
 
 /// Steps and records, from the clock's step `first`, until its stop or until a component ends the run. Returns the number of

@@ -4,7 +4,7 @@ use super::controller::Controller;
 use super::history::History;
 use super::lu::Lu;
 use super::stepper::Stepper;
-use super::wired::Failure;
+use super::wired::{Failure, Wired};
 use super::{MasterError, Stage};
 use crate::system::System;
 use serde::{Deserialize, Serialize};
@@ -114,11 +114,23 @@ pub(super) type Kept = Result<(), NotKept>;
 
 impl Stepper {
     /// The state between two steps of the clock.
-    fn state(&mut self, step: u64) -> Result<State, Failure> {
+    pub(super) fn state(&mut self, step: u64) -> Result<State, Failure> {
+        let bytes = |own: &mut Wired| {
+            let bytes = own.component.serialize();
+            bytes.map_err(|source| own.failure(Stage::Save, source))
+        };
+        self.state_with(step, bytes)
+    }
+
+    /// As [`state`](Self::state), with each component's part as `bytes` gives it.
+    pub(super) fn state_with(
+        &mut self,
+        step: u64,
+        mut bytes: impl FnMut(&mut Wired) -> Result<Vec<u8>, Failure>,
+    ) -> Result<State, Failure> {
         let components = self.exchange.wired.iter_mut().map(|own| {
             Ok(Own {
-                bytes: (own.component.serialize())
-                    .map_err(|source| own.failure(Stage::Save, source))?,
+                bytes: bytes(own)?,
                 name: own.name.clone(),
                 has_slopes: !own.within.sloped.is_empty(),
                 is_watchable: own.within.is_watchable,
@@ -146,6 +158,19 @@ impl Stepper {
 
     /// Goes on from a state of the same system. Variables that are recorded now, and were not then, are read.
     pub(super) fn resume(&mut self, state: State) -> Result<(), MasterError> {
+        let read = |own: &mut Wired, bytes: &[u8]| {
+            let restored = own.component.deserialize(bytes);
+            restored.map_err(|source| own.failure(Stage::Restore, source))
+        };
+        self.resume_with(state, read)
+    }
+
+    /// As [`resume`](Self::resume), where `restore` takes each component's part.
+    pub(super) fn resume_with(
+        &mut self,
+        state: State,
+        mut restore: impl FnMut(&mut Wired, &[u8]) -> Result<(), Failure>,
+    ) -> Result<(), MasterError> {
         let fed = self.exchange.fed.len();
         let names = self.exchange.wired.iter().map(|own| &own.name);
         let fits = state.components.iter().map(|own| &own.name).eq(names)
@@ -158,9 +183,7 @@ impl Stepper {
         }
         for (i, own) in state.components.iter().enumerate() {
             let wired = &mut self.exchange.wired[i];
-            let restored = wired.component.deserialize(&own.bytes);
-            (restored.map_err(|source| wired.failure(Stage::Restore, source)))
-                .map_err(Failure::at_start)?;
+            restore(wired, &own.bytes).map_err(Failure::at_start)?;
             if !own.has_slopes {
                 wired.within.forget_slopes();
             }

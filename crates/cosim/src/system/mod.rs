@@ -4,7 +4,7 @@ mod error;
 
 pub use error::SystemError;
 
-use super::component::{Component, Conversion, Role, Value, ValueKind, Variable};
+use super::component::{Abilities, Component, Conversion, Role, Value, ValueKind, Variable};
 use pilotage_text::suggestion::suggestion;
 
 /// A variable of an instance, given by positions.
@@ -375,7 +375,7 @@ impl System {
     }
 
     /// Makes a variable be read at each communication point, as outputs are.
-    pub(super) fn observe(&mut self, port: Port) {
+    pub fn observe(&mut self, port: Port) {
         let is_output = self.variable(port).role == Role::Output;
         let observed = &mut self.instances[port.instance].observed;
         if !is_output && !observed.contains(&port.variable) {
@@ -414,6 +414,11 @@ impl System {
         ports.map(|port| self.port_name(port)).collect()
     }
 
+    /// What the components can.
+    pub fn abilities(&self) -> impl Iterator<Item = Abilities> {
+        self.instances.iter().map(|own| own.component.abilities())
+    }
+
     fn unfed(&self) -> impl Iterator<Item = Port> {
         self.ports().filter(|port| {
             self.variable(*port).role == Role::Input
@@ -434,7 +439,8 @@ impl System {
             .all(|&port| self.variable(port).kind == ValueKind::Real)
     }
 
-    pub(super) fn variable(&self, port: Port) -> &Variable {
+    /// The variable of a port.
+    pub fn variable(&self, port: Port) -> &Variable {
         &self.instances[port.instance].component.variables()[port.variable]
     }
 
@@ -447,7 +453,8 @@ impl System {
         })
     }
 
-    pub(super) fn ports(&self) -> impl Iterator<Item = Port> {
+    /// All ports.
+    pub fn ports(&self) -> impl Iterator<Item = Port> {
         self.instances
             .iter()
             .enumerate()
@@ -458,7 +465,10 @@ impl System {
     }
 
     /// The port of `instance.variable`. Both parts may contain dots; the longest instance name wins.
-    pub(super) fn resolve(&self, text: &str) -> Result<Port, SystemError> {
+    ///
+    /// # Errors
+    /// If there is no such instance, or it has no such variable.
+    pub fn resolve(&self, text: &str) -> Result<Port, SystemError> {
         let split = |instance: &Instance| {
             let rest = text.strip_prefix(instance.name.as_str())?;
             rest.strip_prefix('.').map(str::len)

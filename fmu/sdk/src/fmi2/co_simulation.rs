@@ -1,7 +1,7 @@
 //! Steps, their status, and derivatives of inputs and outputs (FMI 2.0.5, section 4.2).
 
 use super::Fmi2;
-use crate::Equations;
+use crate::SimulationUnit;
 use crate::abi::fmi2::types::*;
 use crate::abi::fmi2::{Function, State};
 use crate::guard::{Component as Guarded, array, call, place};
@@ -9,14 +9,14 @@ use crate::problem::Problem;
 use crate::shared;
 
 /// `fmi2SetRealInputDerivatives`.
-pub unsafe fn fmi2SetRealInputDerivatives<E: Equations>(
+pub unsafe fn fmi2SetRealInputDerivatives<U: SimulationUnit>(
     component: Component,
     references: *const ValueReference,
     count: usize,
     orders: *const Integer,
     values: *const Real,
 ) -> Status {
-    let body = |c: &mut Guarded<E, Fmi2>| {
+    let body = |c: &mut Guarded<U, Fmi2>| {
         // SAFETY: the importer passes NULL or `count` elements each.
         let (references, orders, values) = unsafe {
             (
@@ -32,7 +32,7 @@ pub unsafe fn fmi2SetRealInputDerivatives<E: Equations>(
 }
 
 /// `fmi2GetRealOutputDerivatives`.
-pub unsafe fn fmi2GetRealOutputDerivatives<E: Equations>(
+pub unsafe fn fmi2GetRealOutputDerivatives<U: SimulationUnit>(
     component: Component,
     references: *const ValueReference,
     count: usize,
@@ -42,32 +42,32 @@ pub unsafe fn fmi2GetRealOutputDerivatives<E: Equations>(
     let function = Function::GetRealOutputDerivatives;
     // SAFETY: the importer passes NULL or its instance, and `count` elements each.
     unsafe {
-        shared::output_derivatives::<E, Fmi2>(
+        shared::output_derivatives::<U, Fmi2>(
             component, function, references, count, orders, values,
         )
     }
 }
 
 /// `fmi2DoStep`. The last argument is ignored: states can be restored at any time.
-pub unsafe fn fmi2DoStep<E: Equations>(
+pub unsafe fn fmi2DoStep<U: SimulationUnit>(
     component: Component,
     time: Real,
     step: Real,
     _no_set_state_prior_to_current_point: Boolean,
 ) -> Status {
-    let body = |c: &mut Guarded<E, Fmi2>| c.instance.step(time, step, false).map(|_| ());
+    let body = |c: &mut Guarded<U, Fmi2>| c.instance.step(time, step, false).map(|_| ());
     // SAFETY: the importer passes NULL or its instance.
     unsafe { call(component, Function::DoStep, body) }
 }
 
 /// `fmi2CancelStep`: never legal, since no step is asynchronous.
-pub unsafe fn fmi2CancelStep<E: Equations>(component: Component) -> Status {
+pub unsafe fn fmi2CancelStep<U: SimulationUnit>(component: Component) -> Status {
     // SAFETY: the importer passes NULL or its instance.
     unsafe {
         call(
             component,
             Function::CancelStep,
-            |_: &mut Guarded<E, Fmi2>| Ok(()),
+            |_: &mut Guarded<U, Fmi2>| Ok(()),
         )
     }
 }
@@ -77,12 +77,12 @@ fn no_status<T>(kind: StatusKind) -> Result<T, Problem> {
 }
 
 /// `fmi2GetStatus`: status of the last step.
-pub unsafe fn fmi2GetStatus<E: Equations>(
+pub unsafe fn fmi2GetStatus<U: SimulationUnit>(
     component: Component,
     kind: StatusKind,
     value: *mut Status,
 ) -> Status {
-    let body = |c: &mut Guarded<E, Fmi2>| {
+    let body = |c: &mut Guarded<U, Fmi2>| {
         // SAFETY: the importer passes NULL or a pointer to the value.
         let value = unsafe { place(value, "value") }?;
         *value = match (kind, c.state) {
@@ -97,12 +97,12 @@ pub unsafe fn fmi2GetStatus<E: Equations>(
 }
 
 /// `fmi2GetRealStatus`: time reached by the last step.
-pub unsafe fn fmi2GetRealStatus<E: Equations>(
+pub unsafe fn fmi2GetRealStatus<U: SimulationUnit>(
     component: Component,
     kind: StatusKind,
     value: *mut Real,
 ) -> Status {
-    let body = |c: &mut Guarded<E, Fmi2>| {
+    let body = |c: &mut Guarded<U, Fmi2>| {
         // SAFETY: the importer passes NULL or a pointer to the value.
         let value = unsafe { place(value, "value") }?;
         *value = match kind {
@@ -116,27 +116,27 @@ pub unsafe fn fmi2GetRealStatus<E: Equations>(
 }
 
 /// `fmi2GetIntegerStatus`: the standard defines no such status.
-pub unsafe fn fmi2GetIntegerStatus<E: Equations>(
+pub unsafe fn fmi2GetIntegerStatus<U: SimulationUnit>(
     component: Component,
     kind: StatusKind,
     _value: *mut Integer,
 ) -> Status {
-    let body = |_: &mut Guarded<E, Fmi2>| no_status(kind);
+    let body = |_: &mut Guarded<U, Fmi2>| no_status(kind);
     // SAFETY: the importer passes NULL or its instance.
     unsafe { call(component, Function::GetIntegerStatus, body) }
 }
 
-/// `fmi2GetBooleanStatus`: whether the FMU requests the end of the simulation, which it never does.
-pub unsafe fn fmi2GetBooleanStatus<E: Equations>(
+/// `fmi2GetBooleanStatus`: whether the FMU requests the end of the simulation, which models never do.
+pub unsafe fn fmi2GetBooleanStatus<U: SimulationUnit>(
     component: Component,
     kind: StatusKind,
     value: *mut Boolean,
 ) -> Status {
-    let body = |_: &mut Guarded<E, Fmi2>| {
+    let body = |c: &mut Guarded<U, Fmi2>| {
         // SAFETY: the importer passes NULL or a pointer to the value.
         let value = unsafe { place(value, "value") }?;
         *value = match kind {
-            StatusKind::TERMINATED => FALSE,
+            StatusKind::TERMINATED => c.instance.is_end_requested().into(),
             _ => return no_status(kind),
         };
         Ok(())
@@ -146,12 +146,12 @@ pub unsafe fn fmi2GetBooleanStatus<E: Equations>(
 }
 
 /// `fmi2GetStringStatus`: concerns pending steps, and no step is ever pending.
-pub unsafe fn fmi2GetStringStatus<E: Equations>(
+pub unsafe fn fmi2GetStringStatus<U: SimulationUnit>(
     component: Component,
     kind: StatusKind,
     _value: *mut *const Char,
 ) -> Status {
-    let body = |_: &mut Guarded<E, Fmi2>| no_status(kind);
+    let body = |_: &mut Guarded<U, Fmi2>| no_status(kind);
     // SAFETY: the importer passes NULL or its instance.
     unsafe { call(component, Function::GetStringStatus, body) }
 }

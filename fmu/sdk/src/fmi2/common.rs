@@ -1,13 +1,13 @@
 //! Values, FMU states and directional derivatives (FMI 2.0.5, sections 2.1.7 to 2.1.9).
 
 use super::Fmi2;
-use crate::Equations;
+use crate::SimulationUnit;
 use crate::abi::fmi2::Function;
 use crate::abi::fmi2::types::*;
 use crate::shared::{self, Direction, Partial};
 
 /// `fmi2GetReal`.
-pub unsafe fn fmi2GetReal<E: Equations>(
+pub unsafe fn fmi2GetReal<U: SimulationUnit>(
     component: Component,
     references: *const ValueReference,
     count: usize,
@@ -15,11 +15,11 @@ pub unsafe fn fmi2GetReal<E: Equations>(
 ) -> Status {
     let function = Function::GetReal;
     // SAFETY: the importer passes NULL or its instance, and `count` elements each.
-    unsafe { shared::get::<E, Fmi2>(component, function, references, count, values, count) }
+    unsafe { shared::get::<U, Fmi2>(component, function, references, count, values, count) }
 }
 
 /// `fmi2SetReal`.
-pub unsafe fn fmi2SetReal<E: Equations>(
+pub unsafe fn fmi2SetReal<U: SimulationUnit>(
     component: Component,
     references: *const ValueReference,
     count: usize,
@@ -27,11 +27,11 @@ pub unsafe fn fmi2SetReal<E: Equations>(
 ) -> Status {
     let function = Function::SetReal;
     // SAFETY: the importer passes NULL or its instance, and `count` elements each.
-    unsafe { shared::set::<E, Fmi2>(component, function, references, count, values, count) }
+    unsafe { shared::set::<U, Fmi2>(component, function, references, count, values, count) }
 }
 
 /// `fmi2GetBoolean`.
-pub unsafe fn fmi2GetBoolean<E: Equations>(
+pub unsafe fn fmi2GetBoolean<U: SimulationUnit>(
     component: Component,
     references: *const ValueReference,
     count: usize,
@@ -39,11 +39,11 @@ pub unsafe fn fmi2GetBoolean<E: Equations>(
 ) -> Status {
     let (function, n) = (Function::GetBoolean, count);
     // SAFETY: the importer passes NULL or its instance, and `count` elements each.
-    unsafe { shared::get_booleans::<E, Fmi2, _>(component, function, references, n, values, n) }
+    unsafe { shared::get_booleans::<U, Fmi2, _>(component, function, references, n, values, n) }
 }
 
 /// `fmi2SetBoolean`.
-pub unsafe fn fmi2SetBoolean<E: Equations>(
+pub unsafe fn fmi2SetBoolean<U: SimulationUnit>(
     component: Component,
     references: *const ValueReference,
     count: usize,
@@ -51,64 +51,73 @@ pub unsafe fn fmi2SetBoolean<E: Equations>(
 ) -> Status {
     let (function, n) = (Function::SetBoolean, count);
     // SAFETY: the importer passes NULL or its instance, and `count` elements each.
-    unsafe { shared::set_booleans::<E, Fmi2, _>(component, function, references, n, values, n) }
+    unsafe { shared::set_booleans::<U, Fmi2, _>(component, function, references, n, values, n) }
 }
 
-/// Get and set functions of the types for which there are no variables.
-macro_rules! no_variables {
-    ($($function:ident, $variant:ident, $base_type:literal, $values:ty;)*) => {$(
+/// Get and set functions of the types that models lack.
+macro_rules! others {
+    ($($function:ident, $variant:ident, $shared:ident($($more:tt)?), $base_type:literal, $values:ty;)*) => {$(
         #[doc = concat!("`", stringify!($function), "`.")]
-        pub unsafe fn $function<E: Equations>(
+        pub unsafe fn $function<U: SimulationUnit>(
             component: Component,
-            _references: *const ValueReference,
+            references: *const ValueReference,
             count: usize,
-            _values: $values,
+            values: $values,
         ) -> Status {
-            let types = [$base_type, "Real"];
-            // SAFETY: the importer passes NULL or its instance.
-            unsafe { shared::no_variables::<E, Fmi2>(component, Function::$variant, count, types) }
+            let (function, types) = (Function::$variant, [$base_type, "Real"]);
+            let n = count;
+            // SAFETY: the importer passes NULL or its instance, and `count` elements each.
+            unsafe {
+                shared::$shared::<U, Fmi2 $(, $more)?>(component, function, references, count, values, n, types)
+            }
         }
     )*};
 }
 
-no_variables! {
-    fmi2GetInteger, GetInteger, "Integer", *mut Integer;
-    fmi2GetString, GetString, "String", *mut *const Char;
-    fmi2SetInteger, SetInteger, "Integer", *const Integer;
-    fmi2SetString, SetString, "String", *const *const Char;
+others! {
+    fmi2GetInteger, GetInteger, get_integers(_), "Integer", *mut Integer;
+    fmi2GetString, GetString, get_strings(), "String", *mut *const Char;
+    fmi2SetInteger, SetInteger, set_integers(_), "Integer", *const Integer;
+    fmi2SetString, SetString, set_strings(), "String", *const *const Char;
 }
 
 /// `fmi2GetFMUstate`.
-pub unsafe fn fmi2GetFMUstate<E: Equations>(component: Component, state: *mut FmuState) -> Status {
+pub unsafe fn fmi2GetFMUstate<U: SimulationUnit>(
+    component: Component,
+    state: *mut FmuState,
+) -> Status {
     // SAFETY: the importer passes NULL or its instance, and a pointer to NULL or its state.
-    unsafe { shared::get_state::<E, Fmi2>(component, Function::GetFmuState, state) }
+    unsafe { shared::get_state::<U, Fmi2>(component, Function::GetFmuState, state) }
 }
 
 /// `fmi2SetFMUstate`.
-pub unsafe fn fmi2SetFMUstate<E: Equations>(component: Component, state: FmuState) -> Status {
+pub unsafe fn fmi2SetFMUstate<U: SimulationUnit>(component: Component, state: FmuState) -> Status {
     // SAFETY: the importer passes NULL or its instance, and its state.
-    unsafe { shared::set_state::<E, Fmi2>(component, Function::SetFmuState, state) }
+    unsafe { shared::set_state::<U, Fmi2>(component, Function::SetFmuState, state) }
 }
 
 /// `fmi2FreeFMUstate`.
-pub unsafe fn fmi2FreeFMUstate<E: Equations>(component: Component, state: *mut FmuState) -> Status {
+pub unsafe fn fmi2FreeFMUstate<U: SimulationUnit>(
+    component: Component,
+    state: *mut FmuState,
+) -> Status {
     // SAFETY: the importer passes NULL or its instance, and a pointer to NULL or its state.
-    unsafe { shared::free_state::<E, Fmi2>(component, Function::FreeFmuState, state) }
+    unsafe { shared::free_state::<U, Fmi2>(component, Function::FreeFmuState, state) }
 }
 
 /// `fmi2SerializedFMUstateSize`.
-pub unsafe fn fmi2SerializedFMUstateSize<E: Equations>(
+pub unsafe fn fmi2SerializedFMUstateSize<U: SimulationUnit>(
     component: Component,
     state: FmuState,
     size: *mut usize,
 ) -> Status {
     let function = Function::SerializedFmuStateSize;
     // SAFETY: the importer passes NULL or its instance, its state, and a valid pointer.
-    unsafe { shared::state_size::<E, Fmi2>(component, function, state, size) }
+    unsafe { shared::state_size::<U, Fmi2>(component, function, state, size) }
 }
 
 /// `fmi2SerializeFMUstate`.
-pub unsafe fn fmi2SerializeFMUstate<E: Equations>(
+pub unsafe fn fmi2SerializeFMUstate<U: SimulationUnit>(
     component: Component,
     state: FmuState,
     bytes: *mut Byte,
@@ -116,11 +125,11 @@ pub unsafe fn fmi2SerializeFMUstate<E: Equations>(
 ) -> Status {
     let function = Function::SerializeFmuState;
     // SAFETY: the importer passes NULL or its instance, its state, and `size` bytes.
-    unsafe { shared::serialize::<E, Fmi2>(component, function, state, bytes.cast(), size) }
+    unsafe { shared::serialize::<U, Fmi2>(component, function, state, bytes.cast(), size) }
 }
 
 /// `fmi2DeSerializeFMUstate`.
-pub unsafe fn fmi2DeSerializeFMUstate<E: Equations>(
+pub unsafe fn fmi2DeSerializeFMUstate<U: SimulationUnit>(
     component: Component,
     bytes: *const Byte,
     size: usize,
@@ -128,11 +137,11 @@ pub unsafe fn fmi2DeSerializeFMUstate<E: Equations>(
 ) -> Status {
     let function = Function::DeSerializeFmuState;
     // SAFETY: the importer passes NULL or its instance, `size` bytes, and a valid pointer.
-    unsafe { shared::deserialize::<E, Fmi2>(component, function, bytes.cast(), size, state) }
+    unsafe { shared::deserialize::<U, Fmi2>(component, function, bytes.cast(), size, state) }
 }
 
 /// `fmi2GetDirectionalDerivative`.
-pub unsafe fn fmi2GetDirectionalDerivative<E: Equations>(
+pub unsafe fn fmi2GetDirectionalDerivative<U: SimulationUnit>(
     component: Component,
     unknowns: *const ValueReference,
     n_unknowns: usize,
@@ -149,5 +158,5 @@ pub unsafe fn fmi2GetDirectionalDerivative<E: Equations>(
         result: (result, n_unknowns),
     };
     // SAFETY: the importer passes NULL or its instance, and as many elements as unknowns and knowns.
-    unsafe { shared::derivative::<E, Fmi2>(component, function, direction, partial) }
+    unsafe { shared::derivative::<U, Fmi2>(component, function, direction, partial) }
 }

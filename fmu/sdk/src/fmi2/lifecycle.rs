@@ -7,26 +7,26 @@ use crate::guard::{self, Component as Guarded, Events, string, strings};
 use crate::instance::{Experiment, InterfaceType};
 use crate::log::{Log, Sink};
 use crate::problem::Problem;
-use crate::{Equations, Load};
+use crate::{Load, SimulationUnit};
 
 /// `fmi2GetTypesPlatform`.
-pub unsafe fn fmi2GetTypesPlatform<E: Equations>() -> *const Char {
+pub unsafe fn fmi2GetTypesPlatform<U: SimulationUnit>() -> *const Char {
     TYPES_PLATFORM.as_ptr()
 }
 
 /// `fmi2GetVersion`.
-pub unsafe fn fmi2GetVersion<E: Equations>() -> *const Char {
+pub unsafe fn fmi2GetVersion<U: SimulationUnit>() -> *const Char {
     VERSION.as_ptr()
 }
 
 /// `fmi2SetDebugLogging`.
-pub unsafe fn fmi2SetDebugLogging<E: Equations>(
+pub unsafe fn fmi2SetDebugLogging<U: SimulationUnit>(
     component: Component,
     on: Boolean,
     count: usize,
     categories: *const *const Char,
 ) -> Status {
-    let body = |c: &mut Guarded<E, Fmi2>| {
+    let body = |c: &mut Guarded<U, Fmi2>| {
         // SAFETY: the importer passes NULL or `count` strings.
         let names = unsafe { strings(categories, count, "categories") }?;
         c.log.switch(on != FALSE, &names)
@@ -36,8 +36,8 @@ pub unsafe fn fmi2SetDebugLogging<E: Equations>(
 }
 
 /// `fmi2Instantiate`, for a model that `load` returns.
-pub unsafe fn fmi2Instantiate<E: Equations>(
-    load: Load<E>,
+pub unsafe fn fmi2Instantiate<U: SimulationUnit>(
+    load: Load<U>,
     name: *const Char,
     kind: Type,
     guid: *const Char,
@@ -62,7 +62,7 @@ pub unsafe fn fmi2Instantiate<E: Equations>(
         let (guid, location) = unsafe { (string(guid, "fmuGUID")?, string(location, "").ok()) };
         guard::create(load, name, kind, ("fmuGUID", guid), location)
     };
-    guard::instantiate::<E, Fmi2>(
+    guard::instantiate::<U, Fmi2>(
         Function::Instantiate,
         log,
         State::Instantiated,
@@ -72,13 +72,13 @@ pub unsafe fn fmi2Instantiate<E: Equations>(
 }
 
 /// `fmi2FreeInstance`: frees in every state, to avoid leaks.
-pub unsafe fn fmi2FreeInstance<E: Equations>(component: Component) {
+pub unsafe fn fmi2FreeInstance<U: SimulationUnit>(component: Component) {
     // SAFETY: the importer passes NULL or its instance, and does not use it afterwards.
-    unsafe { guard::free::<E, Fmi2>(component) }
+    unsafe { guard::free::<U, Fmi2>(component) }
 }
 
 /// `fmi2SetupExperiment`.
-pub unsafe fn fmi2SetupExperiment<E: Equations>(
+pub unsafe fn fmi2SetupExperiment<U: SimulationUnit>(
     component: Component,
     tolerance_defined: Boolean,
     tolerance: Real,
@@ -91,15 +91,16 @@ pub unsafe fn fmi2SetupExperiment<E: Equations>(
         start,
         stop: (stop_defined != FALSE).then_some(stop),
     };
-    let body = |c: &mut Guarded<E, Fmi2>| c.instance.setup(experiment);
+    let body = |c: &mut Guarded<U, Fmi2>| c.instance.setup(experiment);
     // SAFETY: the importer passes NULL or its instance.
     unsafe { guard::call(component, Function::SetupExperiment, body) }
 }
 
 /// `fmi2EnterInitializationMode`.
-pub unsafe fn fmi2EnterInitializationMode<E: Equations>(component: Component) -> Status {
-    let body = |c: &mut Guarded<E, Fmi2>| {
+pub unsafe fn fmi2EnterInitializationMode<U: SimulationUnit>(component: Component) -> Status {
+    let body = |c: &mut Guarded<U, Fmi2>| {
         c.instance.check_setup()?;
+        c.instance.enter_initialization()?;
         c.state = State::InitializationMode;
         Ok(())
     };
@@ -108,9 +109,10 @@ pub unsafe fn fmi2EnterInitializationMode<E: Equations>(component: Component) ->
 }
 
 /// `fmi2ExitInitializationMode`: co-simulation handles an event that is pending from the start.
-pub unsafe fn fmi2ExitInitializationMode<E: Equations>(component: Component) -> Status {
-    let body = |c: &mut Guarded<E, Fmi2>| {
-        c.state = match c.instance.kind {
+pub unsafe fn fmi2ExitInitializationMode<U: SimulationUnit>(component: Component) -> Status {
+    let body = |c: &mut Guarded<U, Fmi2>| {
+        c.instance.exit_initialization()?;
+        c.state = match c.instance.kind() {
             InterfaceType::ModelExchange => State::EventMode,
             InterfaceType::CoSimulation => {
                 c.instance.handle_event()?;
@@ -124,8 +126,9 @@ pub unsafe fn fmi2ExitInitializationMode<E: Equations>(component: Component) -> 
 }
 
 /// `fmi2Terminate`.
-pub unsafe fn fmi2Terminate<E: Equations>(component: Component) -> Status {
-    let body = |c: &mut Guarded<E, Fmi2>| {
+pub unsafe fn fmi2Terminate<U: SimulationUnit>(component: Component) -> Status {
+    let body = |c: &mut Guarded<U, Fmi2>| {
+        c.instance.terminate()?;
         c.state = State::Terminated;
         Ok(())
     };
@@ -134,9 +137,9 @@ pub unsafe fn fmi2Terminate<E: Equations>(component: Component) -> Status {
 }
 
 /// `fmi2Reset`: restores the state after instantiation.
-pub unsafe fn fmi2Reset<E: Equations>(component: Component) -> Status {
-    let body = |c: &mut Guarded<E, Fmi2>| {
-        c.instance.reset();
+pub unsafe fn fmi2Reset<U: SimulationUnit>(component: Component) -> Status {
+    let body = |c: &mut Guarded<U, Fmi2>| {
+        c.instance.reset()?;
         c.state = State::Instantiated;
         Ok(())
     };

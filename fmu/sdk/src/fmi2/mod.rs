@@ -16,15 +16,26 @@ pub use common::*;
 pub use lifecycle::*;
 pub use model_exchange::*;
 
+use crate::SimulationUnit;
 use crate::abi::Part;
 use crate::abi::fmi2::{Function, State, Status};
-use crate::guard::Version;
+use crate::guard::{Component, Version, call};
 use crate::instance::Phase;
 use crate::problem::{Problem, Severity};
 
 /// FMI 2.0.
 #[derive(Debug, Clone, Copy)]
 pub struct Fmi2;
+
+/// A function for model exchange, of a unit for co-simulation alone: the call is refused.
+pub unsafe fn refused<U: SimulationUnit>(
+    component: crate::abi::fmi2::types::Component,
+    function: Function,
+) -> Status {
+    let body = |_: &mut Component<U, Fmi2>| Ok(());
+    // SAFETY: the importer passes NULL or its instance.
+    unsafe { call(component, function, body) }
+}
 
 impl Version for Fmi2 {
     type State = State;
@@ -68,7 +79,7 @@ impl Version for Fmi2 {
             _ if state == State::Fatal => State::Fatal,
             (Severity::Fatal, _) => State::Fatal,
             (Severity::Error, _) => State::Error,
-            (_, Problem::Step { .. }) => State::StepFailed,
+            (Severity::Discard, Problem::Step { .. } | Problem::Inside { .. }) => State::StepFailed,
             _ => state,
         }
     }

@@ -5,11 +5,12 @@ use crate::Equations;
 use crate::abi::fmi2::types::*;
 use crate::abi::fmi2::{Function, State};
 use crate::guard::{Component as Guarded, call, place};
+use crate::instance::Instance;
 use crate::shared;
 
 /// Enters a mode.
 unsafe fn enter<E: Equations>(component: Component, function: Function, mode: State) -> Status {
-    let body = |c: &mut Guarded<E, Fmi2>| {
+    let body = |c: &mut Guarded<Instance<E>, Fmi2>| {
         c.state = mode;
         Ok(())
     };
@@ -35,7 +36,7 @@ pub unsafe fn fmi2NewDiscreteStates<E: Equations>(
     component: Component,
     info: *mut EventInfo,
 ) -> Status {
-    let body = |c: &mut Guarded<E, Fmi2>| {
+    let body = |c: &mut Guarded<Instance<E>, Fmi2>| {
         // SAFETY: the importer passes NULL or a pointer to the information.
         let info = unsafe { place(info, "fmi2EventInfo") }?;
         let changed = c.instance.handle_event()?;
@@ -61,7 +62,7 @@ pub unsafe fn fmi2CompletedIntegratorStep<E: Equations>(
     enter_event_mode: *mut Boolean,
     terminate: *mut Boolean,
 ) -> Status {
-    let body = |_: &mut Guarded<E, Fmi2>| {
+    let body = |_: &mut Guarded<Instance<E>, Fmi2>| {
         // SAFETY: the importer passes NULL or pointers to the results.
         let (enter_event_mode, terminate) = unsafe {
             (
@@ -78,7 +79,7 @@ pub unsafe fn fmi2CompletedIntegratorStep<E: Equations>(
 
 /// `fmi2SetTime`.
 pub unsafe fn fmi2SetTime<E: Equations>(component: Component, time: Real) -> Status {
-    let body = |c: &mut Guarded<E, Fmi2>| c.instance.set_time(time);
+    let body = |c: &mut Guarded<Instance<E>, Fmi2>| c.instance.set_time(time);
     // SAFETY: the importer passes NULL or its instance.
     unsafe { call(component, Function::SetTime, body) }
 }
@@ -103,7 +104,7 @@ macro_rules! vectors {
             values: *mut Real,
             count: usize,
         ) -> Status {
-            let (function, write) = (Function::$variant, crate::instance::Instance::$method);
+            let (function, write) = (Function::$variant, Instance::$method);
             // SAFETY: the importer passes NULL or its instance, and `count` elements.
             unsafe { shared::vector::<E, Fmi2>(component, function, values, count, write) }
         }

@@ -1,7 +1,7 @@
 //! Functions for features that models lack: variables of other types, clocks, structural parameters, partitions.
 
 use super::Fmi3;
-use crate::Equations;
+use crate::SimulationUnit;
 use crate::abi::fmi3::Function;
 use crate::abi::fmi3::types::*;
 use crate::guard::{Component, call};
@@ -12,7 +12,7 @@ use crate::shared;
 macro_rules! no_variables {
     ($($function:ident, $variant:ident, $base_type:literal, ($($argument:ident: $type:ty),*);)*) => {$(
         #[doc = concat!("`", stringify!($function), "`.")]
-        pub unsafe fn $function<E: Equations>(
+        pub unsafe fn $function<U: SimulationUnit>(
             instance: Instance,
             _references: *const ValueReference,
             count: usize,
@@ -20,7 +20,7 @@ macro_rules! no_variables {
         ) -> Status {
             let types = [$base_type, "Float64"];
             // SAFETY: the importer passes NULL or its instance.
-            unsafe { shared::no_variables::<E, Fmi3>(instance, Function::$variant, count, types) }
+            unsafe { shared::no_variables::<U, Fmi3>(instance, Function::$variant, count, types) }
         }
     )*};
 }
@@ -33,9 +33,7 @@ no_variables! {
     fmi3GetUInt16, GetUInt16, "UInt16", (_values: *mut UInt16, _n: usize);
     fmi3GetInt32, GetInt32, "Int32", (_values: *mut Int32, _n: usize);
     fmi3GetUInt32, GetUInt32, "UInt32", (_values: *mut UInt32, _n: usize);
-    fmi3GetInt64, GetInt64, "Int64", (_values: *mut Int64, _n: usize);
     fmi3GetUInt64, GetUInt64, "UInt64", (_values: *mut UInt64, _n: usize);
-    fmi3GetString, GetString, "String", (_values: *mut String, _n: usize);
     fmi3GetBinary, GetBinary, "Binary", (_sizes: *mut usize, _values: *mut Binary, _n: usize);
     fmi3GetClock, GetClock, "Clock", (_values: *mut Clock);
     fmi3SetFloat32, SetFloat32, "Float32", (_values: *const Float32, _n: usize);
@@ -45,9 +43,7 @@ no_variables! {
     fmi3SetUInt16, SetUInt16, "UInt16", (_values: *const UInt16, _n: usize);
     fmi3SetInt32, SetInt32, "Int32", (_values: *const Int32, _n: usize);
     fmi3SetUInt32, SetUInt32, "UInt32", (_values: *const UInt32, _n: usize);
-    fmi3SetInt64, SetInt64, "Int64", (_values: *const Int64, _n: usize);
     fmi3SetUInt64, SetUInt64, "UInt64", (_values: *const UInt64, _n: usize);
-    fmi3SetString, SetString, "String", (_values: *const String, _n: usize);
     fmi3SetBinary, SetBinary, "Binary", (_sizes: *const usize, _values: *const Binary, _n: usize);
     fmi3SetClock, SetClock, "Clock", (_values: *const Clock);
     fmi3GetIntervalDecimal, GetIntervalDecimal, "Clock",
@@ -66,12 +62,12 @@ no_variables! {
 }
 
 /// Rejects the call.
-unsafe fn refuse<E: Equations>(
+unsafe fn refuse<U: SimulationUnit>(
     instance: Instance,
     function: Function,
     why: &'static str,
 ) -> Status {
-    let body = |_: &mut Component<E, Fmi3>| Err(Problem::NotSupported(why));
+    let body = |_: &mut Component<U, Fmi3>| Err(Problem::NotSupported(why));
     // SAFETY: the importer passes NULL or its instance.
     unsafe { call(instance, function, body) }
 }
@@ -80,24 +76,24 @@ const NO_STRUCTURE: &str =
     "this FMU has no structural parameters, so there is nothing to configure";
 
 /// `fmi3EnterConfigurationMode`.
-pub unsafe fn fmi3EnterConfigurationMode<E: Equations>(instance: Instance) -> Status {
+pub unsafe fn fmi3EnterConfigurationMode<U: SimulationUnit>(instance: Instance) -> Status {
     // SAFETY: the importer passes NULL or its instance.
-    unsafe { refuse::<E>(instance, Function::EnterConfigurationMode, NO_STRUCTURE) }
+    unsafe { refuse::<U>(instance, Function::EnterConfigurationMode, NO_STRUCTURE) }
 }
 
 /// `fmi3ExitConfigurationMode`.
-pub unsafe fn fmi3ExitConfigurationMode<E: Equations>(instance: Instance) -> Status {
+pub unsafe fn fmi3ExitConfigurationMode<U: SimulationUnit>(instance: Instance) -> Status {
     // SAFETY: the importer passes NULL or its instance.
-    unsafe { refuse::<E>(instance, Function::ExitConfigurationMode, NO_STRUCTURE) }
+    unsafe { refuse::<U>(instance, Function::ExitConfigurationMode, NO_STRUCTURE) }
 }
 
 /// `fmi3ActivateModelPartition`.
-pub unsafe fn fmi3ActivateModelPartition<E: Equations>(
+pub unsafe fn fmi3ActivateModelPartition<U: SimulationUnit>(
     instance: Instance,
     _clock: ValueReference,
     _time: Float64,
 ) -> Status {
     let why = "this FMU has no model partitions";
     // SAFETY: the importer passes NULL or its instance.
-    unsafe { refuse::<E>(instance, Function::ActivateModelPartition, why) }
+    unsafe { refuse::<U>(instance, Function::ActivateModelPartition, why) }
 }

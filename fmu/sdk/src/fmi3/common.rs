@@ -1,7 +1,7 @@
 //! Values, dependencies, FMU states and derivatives (FMI 3.0, sections 2.2.4 to 2.2.11).
 
 use super::Fmi3;
-use crate::Equations;
+use crate::SimulationUnit;
 use crate::abi::fmi3::Function;
 use crate::abi::fmi3::types::*;
 use crate::guard::{Component, array_mut, call, place};
@@ -9,7 +9,7 @@ use crate::instance::check_number;
 use crate::shared::{self, Direction, Partial};
 
 /// `fmi3GetFloat64`.
-pub unsafe fn fmi3GetFloat64<E: Equations>(
+pub unsafe fn fmi3GetFloat64<U: SimulationUnit>(
     instance: Instance,
     references: *const ValueReference,
     count: usize,
@@ -18,11 +18,11 @@ pub unsafe fn fmi3GetFloat64<E: Equations>(
 ) -> Status {
     let function = Function::GetFloat64;
     // SAFETY: the importer passes NULL or its instance, and as many elements as it says.
-    unsafe { shared::get::<E, Fmi3>(instance, function, references, count, values, n_values) }
+    unsafe { shared::get::<U, Fmi3>(instance, function, references, count, values, n_values) }
 }
 
 /// `fmi3SetFloat64`.
-pub unsafe fn fmi3SetFloat64<E: Equations>(
+pub unsafe fn fmi3SetFloat64<U: SimulationUnit>(
     instance: Instance,
     references: *const ValueReference,
     count: usize,
@@ -31,11 +31,11 @@ pub unsafe fn fmi3SetFloat64<E: Equations>(
 ) -> Status {
     let function = Function::SetFloat64;
     // SAFETY: the importer passes NULL or its instance, and as many elements as it says.
-    unsafe { shared::set::<E, Fmi3>(instance, function, references, count, values, n_values) }
+    unsafe { shared::set::<U, Fmi3>(instance, function, references, count, values, n_values) }
 }
 
 /// `fmi3GetBoolean`.
-pub unsafe fn fmi3GetBoolean<E: Equations>(
+pub unsafe fn fmi3GetBoolean<U: SimulationUnit>(
     instance: Instance,
     references: *const ValueReference,
     count: usize,
@@ -45,12 +45,12 @@ pub unsafe fn fmi3GetBoolean<E: Equations>(
     let (function, values) = (Function::GetBoolean, values.cast::<u8>());
     // SAFETY: the importer passes NULL or its instance, and as many elements as it says; a Boolean is a byte.
     unsafe {
-        shared::get_booleans::<E, Fmi3, _>(instance, function, references, count, values, n_values)
+        shared::get_booleans::<U, Fmi3, _>(instance, function, references, count, values, n_values)
     }
 }
 
 /// `fmi3SetBoolean`.
-pub unsafe fn fmi3SetBoolean<E: Equations>(
+pub unsafe fn fmi3SetBoolean<U: SimulationUnit>(
     instance: Instance,
     references: *const ValueReference,
     count: usize,
@@ -61,17 +61,46 @@ pub unsafe fn fmi3SetBoolean<E: Equations>(
     let (function, values) = (Function::SetBoolean, values.cast::<u8>());
     // SAFETY: the importer passes NULL or its instance, and as many elements as it says; a Boolean is a byte.
     unsafe {
-        shared::set_booleans::<E, Fmi3, _>(instance, function, references, count, values, n_values)
+        shared::set_booleans::<U, Fmi3, _>(instance, function, references, count, values, n_values)
     }
 }
 
+/// Get and set functions of the types that models lack.
+macro_rules! others {
+    ($($function:ident, $variant:ident, $shared:ident($($more:tt)?), $base_type:literal, $values:ty;)*) => {$(
+        #[doc = concat!("`", stringify!($function), "`.")]
+        pub unsafe fn $function<U: SimulationUnit>(
+            instance: Instance,
+            references: *const ValueReference,
+            count: usize,
+            values: $values,
+            n_values: usize,
+        ) -> Status {
+            let (function, types) = (Function::$variant, [$base_type, "Float64"]);
+            // SAFETY: the importer passes NULL or its instance, and as many elements as it says.
+            unsafe {
+                shared::$shared::<U, Fmi3 $(, $more)?>(
+                    instance, function, references, count, values, n_values, types,
+                )
+            }
+        }
+    )*};
+}
+
+others! {
+    fmi3GetInt64, GetInt64, get_integers(_), "Int64", *mut Int64;
+    fmi3GetString, GetString, get_strings(), "String", *mut String;
+    fmi3SetInt64, SetInt64, set_integers(_), "Int64", *const Int64;
+    fmi3SetString, SetString, set_strings(), "String", *const String;
+}
+
 /// `fmi3GetNumberOfVariableDependencies`.
-pub unsafe fn fmi3GetNumberOfVariableDependencies<E: Equations>(
+pub unsafe fn fmi3GetNumberOfVariableDependencies<U: SimulationUnit>(
     instance: Instance,
     reference: ValueReference,
     count: *mut usize,
 ) -> Status {
-    let body = |c: &mut Component<E, Fmi3>| {
+    let body = |c: &mut Component<U, Fmi3>| {
         // SAFETY: the importer passes NULL or a valid pointer.
         let count = unsafe { place(count, "nDependencies") }?;
         let (_, state) = c.phase();
@@ -84,7 +113,7 @@ pub unsafe fn fmi3GetNumberOfVariableDependencies<E: Equations>(
 }
 
 /// `fmi3GetVariableDependencies`. All variables are scalars: element index 0 means the whole variable.
-pub unsafe fn fmi3GetVariableDependencies<E: Equations>(
+pub unsafe fn fmi3GetVariableDependencies<U: SimulationUnit>(
     instance: Instance,
     dependent: ValueReference,
     dependent_elements: *mut usize,
@@ -93,7 +122,7 @@ pub unsafe fn fmi3GetVariableDependencies<E: Equations>(
     kinds: *mut DependencyKind,
     count: usize,
 ) -> Status {
-    let body = |c: &mut Component<E, Fmi3>| {
+    let body = |c: &mut Component<U, Fmi3>| {
         // SAFETY: the importer passes NULL or `count` elements each.
         let (dependent_elements, independents, independent_elements, kinds) = unsafe {
             (
@@ -122,36 +151,42 @@ pub unsafe fn fmi3GetVariableDependencies<E: Equations>(
 }
 
 /// `fmi3GetFMUState`.
-pub unsafe fn fmi3GetFMUState<E: Equations>(instance: Instance, state: *mut FmuState) -> Status {
+pub unsafe fn fmi3GetFMUState<U: SimulationUnit>(
+    instance: Instance,
+    state: *mut FmuState,
+) -> Status {
     // SAFETY: the importer passes NULL or its instance, and a pointer to NULL or its state.
-    unsafe { shared::get_state::<E, Fmi3>(instance, Function::GetFmuState, state) }
+    unsafe { shared::get_state::<U, Fmi3>(instance, Function::GetFmuState, state) }
 }
 
 /// `fmi3SetFMUState`.
-pub unsafe fn fmi3SetFMUState<E: Equations>(instance: Instance, state: FmuState) -> Status {
+pub unsafe fn fmi3SetFMUState<U: SimulationUnit>(instance: Instance, state: FmuState) -> Status {
     // SAFETY: the importer passes NULL or its instance, and its state.
-    unsafe { shared::set_state::<E, Fmi3>(instance, Function::SetFmuState, state) }
+    unsafe { shared::set_state::<U, Fmi3>(instance, Function::SetFmuState, state) }
 }
 
 /// `fmi3FreeFMUState`.
-pub unsafe fn fmi3FreeFMUState<E: Equations>(instance: Instance, state: *mut FmuState) -> Status {
+pub unsafe fn fmi3FreeFMUState<U: SimulationUnit>(
+    instance: Instance,
+    state: *mut FmuState,
+) -> Status {
     // SAFETY: the importer passes NULL or its instance, and a pointer to NULL or its state.
-    unsafe { shared::free_state::<E, Fmi3>(instance, Function::FreeFmuState, state) }
+    unsafe { shared::free_state::<U, Fmi3>(instance, Function::FreeFmuState, state) }
 }
 
 /// `fmi3SerializedFMUStateSize`.
-pub unsafe fn fmi3SerializedFMUStateSize<E: Equations>(
+pub unsafe fn fmi3SerializedFMUStateSize<U: SimulationUnit>(
     instance: Instance,
     state: FmuState,
     size: *mut usize,
 ) -> Status {
     let function = Function::SerializedFmuStateSize;
     // SAFETY: the importer passes NULL or its instance, its state, and a valid pointer.
-    unsafe { shared::state_size::<E, Fmi3>(instance, function, state, size) }
+    unsafe { shared::state_size::<U, Fmi3>(instance, function, state, size) }
 }
 
 /// `fmi3SerializeFMUState`.
-pub unsafe fn fmi3SerializeFMUState<E: Equations>(
+pub unsafe fn fmi3SerializeFMUState<U: SimulationUnit>(
     instance: Instance,
     state: FmuState,
     bytes: *mut Byte,
@@ -159,11 +194,11 @@ pub unsafe fn fmi3SerializeFMUState<E: Equations>(
 ) -> Status {
     let function = Function::SerializeFmuState;
     // SAFETY: the importer passes NULL or its instance, its state, and `size` bytes.
-    unsafe { shared::serialize::<E, Fmi3>(instance, function, state, bytes, size) }
+    unsafe { shared::serialize::<U, Fmi3>(instance, function, state, bytes, size) }
 }
 
 /// `fmi3DeserializeFMUState`.
-pub unsafe fn fmi3DeserializeFMUState<E: Equations>(
+pub unsafe fn fmi3DeserializeFMUState<U: SimulationUnit>(
     instance: Instance,
     bytes: *const Byte,
     size: usize,
@@ -171,11 +206,11 @@ pub unsafe fn fmi3DeserializeFMUState<E: Equations>(
 ) -> Status {
     let function = Function::DeserializeFmuState;
     // SAFETY: the importer passes NULL or its instance, `size` bytes, and a valid pointer.
-    unsafe { shared::deserialize::<E, Fmi3>(instance, function, bytes, size, state) }
+    unsafe { shared::deserialize::<U, Fmi3>(instance, function, bytes, size, state) }
 }
 
 /// `fmi3GetDirectionalDerivative`.
-pub unsafe fn fmi3GetDirectionalDerivative<E: Equations>(
+pub unsafe fn fmi3GetDirectionalDerivative<U: SimulationUnit>(
     instance: Instance,
     unknowns: *const ValueReference,
     n_unknowns: usize,
@@ -194,11 +229,11 @@ pub unsafe fn fmi3GetDirectionalDerivative<E: Equations>(
         result: (sensitivity, n_sensitivity),
     };
     // SAFETY: the importer passes NULL or its instance, and as many elements as it says.
-    unsafe { shared::derivative::<E, Fmi3>(instance, function, direction, partial) }
+    unsafe { shared::derivative::<U, Fmi3>(instance, function, direction, partial) }
 }
 
 /// `fmi3GetAdjointDerivative`.
-pub unsafe fn fmi3GetAdjointDerivative<E: Equations>(
+pub unsafe fn fmi3GetAdjointDerivative<U: SimulationUnit>(
     instance: Instance,
     unknowns: *const ValueReference,
     n_unknowns: usize,
@@ -217,11 +252,11 @@ pub unsafe fn fmi3GetAdjointDerivative<E: Equations>(
         result: (sensitivity, n_sensitivity),
     };
     // SAFETY: the importer passes NULL or its instance, and as many elements as it says.
-    unsafe { shared::derivative::<E, Fmi3>(instance, function, direction, partial) }
+    unsafe { shared::derivative::<U, Fmi3>(instance, function, direction, partial) }
 }
 
 /// `fmi3GetOutputDerivatives`.
-pub unsafe fn fmi3GetOutputDerivatives<E: Equations>(
+pub unsafe fn fmi3GetOutputDerivatives<U: SimulationUnit>(
     instance: Instance,
     references: *const ValueReference,
     count: usize,
@@ -231,12 +266,12 @@ pub unsafe fn fmi3GetOutputDerivatives<E: Equations>(
 ) -> Status {
     let function = Function::GetOutputDerivatives;
     if n_values != count {
-        let body = |_: &mut Component<E, Fmi3>| check_number("nValues", n_values, count);
+        let body = |_: &mut Component<U, Fmi3>| check_number("nValues", n_values, count);
         // SAFETY: the importer passes NULL or its instance.
         return unsafe { call(instance, function, body) };
     }
     // SAFETY: the importer passes NULL or its instance, and as many elements as it says.
     unsafe {
-        shared::output_derivatives::<E, Fmi3>(instance, function, references, count, orders, values)
+        shared::output_derivatives::<U, Fmi3>(instance, function, references, count, orders, values)
     }
 }

@@ -7,21 +7,21 @@ use crate::guard::{self, Component, Events, string, strings};
 use crate::instance::{Experiment, InterfaceType};
 use crate::log::{Log, Sink};
 use crate::problem::Problem;
-use crate::{Equations, Load};
+use crate::{Load, SimulationUnit};
 
 /// `fmi3GetVersion`.
-pub unsafe fn fmi3GetVersion<E: Equations>() -> *const Char {
+pub unsafe fn fmi3GetVersion<U: SimulationUnit>() -> *const Char {
     VERSION.as_ptr()
 }
 
 /// `fmi3SetDebugLogging`.
-pub unsafe fn fmi3SetDebugLogging<E: Equations>(
+pub unsafe fn fmi3SetDebugLogging<U: SimulationUnit>(
     instance: Instance,
     on: Boolean,
     count: usize,
     categories: *const String,
 ) -> Status {
-    let body = |c: &mut Component<E, Fmi3>| {
+    let body = |c: &mut Component<U, Fmi3>| {
         // SAFETY: the importer passes NULL or `count` strings.
         let names = unsafe { strings(categories, count, "categories") }?;
         c.log.switch(on, &names)
@@ -46,9 +46,9 @@ impl Order {
     ///
     /// # Safety
     /// The strings are NULL or C strings.
-    unsafe fn carry_out<E: Equations>(
+    unsafe fn carry_out<U: SimulationUnit>(
         self,
-        load: Load<E>,
+        load: Load<U>,
         kind: Result<InterfaceType, Problem>,
         events: Events,
     ) -> Instance {
@@ -68,13 +68,13 @@ impl Order {
             let fingerprint = ("instantiationToken", token);
             guard::create(load, name, kind, fingerprint, location)
         };
-        guard::instantiate::<E, Fmi3>(self.function, log, State::Instantiated, events, create)
+        guard::instantiate::<U, Fmi3>(self.function, log, State::Instantiated, events, create)
     }
 }
 
 /// `fmi3InstantiateModelExchange`.
-pub unsafe fn fmi3InstantiateModelExchange<E: Equations>(
-    load: Load<E>,
+pub unsafe fn fmi3InstantiateModelExchange<U: SimulationUnit>(
+    load: Load<U>,
     name: String,
     token: String,
     location: String,
@@ -97,8 +97,8 @@ pub unsafe fn fmi3InstantiateModelExchange<E: Equations>(
 }
 
 /// `fmi3InstantiateCoSimulation`. An importer that lists no variables for intermediate updates gets no updates.
-pub unsafe fn fmi3InstantiateCoSimulation<E: Equations>(
-    load: Load<E>,
+pub unsafe fn fmi3InstantiateCoSimulation<U: SimulationUnit>(
+    load: Load<U>,
     name: String,
     token: String,
     location: String,
@@ -132,8 +132,8 @@ pub unsafe fn fmi3InstantiateCoSimulation<E: Equations>(
 }
 
 /// `fmi3InstantiateScheduledExecution`: returns NULL, since no model has partitions.
-pub unsafe fn fmi3InstantiateScheduledExecution<E: Equations>(
-    load: Load<E>,
+pub unsafe fn fmi3InstantiateScheduledExecution<U: SimulationUnit>(
+    load: Load<U>,
     name: String,
     token: String,
     location: String,
@@ -163,13 +163,13 @@ pub unsafe fn fmi3InstantiateScheduledExecution<E: Equations>(
 }
 
 /// `fmi3FreeInstance`: frees in every state, to avoid leaks.
-pub unsafe fn fmi3FreeInstance<E: Equations>(instance: Instance) {
+pub unsafe fn fmi3FreeInstance<U: SimulationUnit>(instance: Instance) {
     // SAFETY: the importer passes NULL or its instance, and does not use it afterwards.
-    unsafe { guard::free::<E, Fmi3>(instance) }
+    unsafe { guard::free::<U, Fmi3>(instance) }
 }
 
 /// `fmi3EnterInitializationMode`.
-pub unsafe fn fmi3EnterInitializationMode<E: Equations>(
+pub unsafe fn fmi3EnterInitializationMode<U: SimulationUnit>(
     instance: Instance,
     tolerance_defined: Boolean,
     tolerance: Float64,
@@ -182,8 +182,9 @@ pub unsafe fn fmi3EnterInitializationMode<E: Equations>(
         start,
         stop: stop_defined.then_some(stop),
     };
-    let body = |c: &mut Component<E, Fmi3>| {
+    let body = |c: &mut Component<U, Fmi3>| {
         c.instance.setup(experiment)?;
+        c.instance.enter_initialization()?;
         c.state = State::InitializationMode;
         Ok(())
     };
@@ -193,9 +194,10 @@ pub unsafe fn fmi3EnterInitializationMode<E: Equations>(
 
 /// `fmi3ExitInitializationMode`: if the importer handles no events, an event that is pending from the start is handled
 /// here.
-pub unsafe fn fmi3ExitInitializationMode<E: Equations>(instance: Instance) -> Status {
-    let body = |c: &mut Component<E, Fmi3>| {
-        c.state = match c.instance.kind == InterfaceType::ModelExchange || c.events.event_mode {
+pub unsafe fn fmi3ExitInitializationMode<U: SimulationUnit>(instance: Instance) -> Status {
+    let body = |c: &mut Component<U, Fmi3>| {
+        c.instance.exit_initialization()?;
+        c.state = match c.instance.kind() == InterfaceType::ModelExchange || c.events.event_mode {
             true => State::EventMode,
             false => {
                 c.instance.handle_event()?;
@@ -209,8 +211,9 @@ pub unsafe fn fmi3ExitInitializationMode<E: Equations>(instance: Instance) -> St
 }
 
 /// `fmi3Terminate`.
-pub unsafe fn fmi3Terminate<E: Equations>(instance: Instance) -> Status {
-    let body = |c: &mut Component<E, Fmi3>| {
+pub unsafe fn fmi3Terminate<U: SimulationUnit>(instance: Instance) -> Status {
+    let body = |c: &mut Component<U, Fmi3>| {
+        c.instance.terminate()?;
         c.state = State::Terminated;
         Ok(())
     };
@@ -219,9 +222,9 @@ pub unsafe fn fmi3Terminate<E: Equations>(instance: Instance) -> Status {
 }
 
 /// `fmi3Reset`: restores the state after instantiation.
-pub unsafe fn fmi3Reset<E: Equations>(instance: Instance) -> Status {
-    let body = |c: &mut Component<E, Fmi3>| {
-        c.instance.reset();
+pub unsafe fn fmi3Reset<U: SimulationUnit>(instance: Instance) -> Status {
+    let body = |c: &mut Component<U, Fmi3>| {
+        c.instance.reset()?;
         c.state = State::Instantiated;
         Ok(())
     };

@@ -17,15 +17,26 @@ pub use common::*;
 pub use lifecycle::*;
 pub use modes::*;
 
+use crate::SimulationUnit;
 use crate::abi::Part;
 use crate::abi::fmi3::{Function, State, Status};
-use crate::guard::Version;
+use crate::guard::{Component, Version, call};
 use crate::instance::Phase;
 use crate::problem::{Problem, Severity};
 
 /// FMI 3.0.
 #[derive(Debug, Clone, Copy)]
 pub struct Fmi3;
+
+/// A function for model exchange, of a unit for co-simulation alone: the call is refused.
+pub unsafe fn refused<U: SimulationUnit>(
+    instance: crate::abi::fmi3::types::Instance,
+    function: Function,
+) -> Status {
+    let body = |_: &mut Component<U, Fmi3>| Ok(());
+    // SAFETY: the importer passes NULL or its instance.
+    unsafe { call(instance, function, body) }
+}
 
 impl Version for Fmi3 {
     type State = State;

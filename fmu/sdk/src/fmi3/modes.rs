@@ -1,18 +1,18 @@
 //! Events, steps and model exchange (FMI 3.0, sections 2.3, 3.2 and 4.2).
 
 use super::Fmi3;
-use crate::Equations;
 use crate::abi::fmi3::types::*;
 use crate::abi::fmi3::{Function, State};
 use crate::guard::{Component, call, place};
-use crate::instance::InterfaceType;
+use crate::instance::{Instance as Model, InterfaceType};
 use crate::problem::Problem;
 use crate::shared;
+use crate::{Equations, SimulationUnit};
 
 /// Enters a mode.
-unsafe fn enter<E: Equations>(instance: Instance, function: Function, mode: State) -> Status {
-    let body = |c: &mut Component<E, Fmi3>| {
-        if c.instance.kind == InterfaceType::CoSimulation && !c.events.event_mode {
+unsafe fn enter<U: SimulationUnit>(instance: Instance, function: Function, mode: State) -> Status {
+    let body = |c: &mut Component<U, Fmi3>| {
+        if c.instance.kind() == InterfaceType::CoSimulation && !c.events.event_mode {
             return Err(Problem::NotSupported(
                 "there is no event mode, since the instance was made with eventModeUsed = fmi3False",
             ));
@@ -25,33 +25,33 @@ unsafe fn enter<E: Equations>(instance: Instance, function: Function, mode: Stat
 }
 
 /// `fmi3EnterEventMode`.
-pub unsafe fn fmi3EnterEventMode<E: Equations>(instance: Instance) -> Status {
+pub unsafe fn fmi3EnterEventMode<U: SimulationUnit>(instance: Instance) -> Status {
     // SAFETY: the importer passes NULL or its instance.
-    unsafe { enter::<E>(instance, Function::EnterEventMode, State::EventMode) }
+    unsafe { enter::<U>(instance, Function::EnterEventMode, State::EventMode) }
 }
 
 /// `fmi3EnterStepMode`.
-pub unsafe fn fmi3EnterStepMode<E: Equations>(instance: Instance) -> Status {
+pub unsafe fn fmi3EnterStepMode<U: SimulationUnit>(instance: Instance) -> Status {
     // SAFETY: the importer passes NULL or its instance.
-    unsafe { enter::<E>(instance, Function::EnterStepMode, State::StepMode) }
+    unsafe { enter::<U>(instance, Function::EnterStepMode, State::StepMode) }
 }
 
 /// `fmi3EnterContinuousTimeMode`.
 pub unsafe fn fmi3EnterContinuousTimeMode<E: Equations>(instance: Instance) -> Status {
     let function = Function::EnterContinuousTimeMode;
     // SAFETY: the importer passes NULL or its instance.
-    unsafe { enter::<E>(instance, function, State::ContinuousTimeMode) }
+    unsafe { enter::<Model<E>>(instance, function, State::ContinuousTimeMode) }
 }
 
 /// `fmi3EvaluateDiscreteStates`: outputs are computed on request.
-pub unsafe fn fmi3EvaluateDiscreteStates<E: Equations>(instance: Instance) -> Status {
-    let body = |_: &mut Component<E, Fmi3>| Ok(());
+pub unsafe fn fmi3EvaluateDiscreteStates<U: SimulationUnit>(instance: Instance) -> Status {
+    let body = |_: &mut Component<U, Fmi3>| Ok(());
     // SAFETY: the importer passes NULL or its instance.
     unsafe { call(instance, Function::EvaluateDiscreteStates, body) }
 }
 
 /// `fmi3UpdateDiscreteStates`: handles the event. One call suffices.
-pub unsafe fn fmi3UpdateDiscreteStates<E: Equations>(
+pub unsafe fn fmi3UpdateDiscreteStates<U: SimulationUnit>(
     instance: Instance,
     needs_update: *mut Boolean,
     terminate: *mut Boolean,
@@ -60,7 +60,7 @@ pub unsafe fn fmi3UpdateDiscreteStates<E: Equations>(
     next_event_defined: *mut Boolean,
     next_event: *mut Float64,
 ) -> Status {
-    let body = |c: &mut Component<E, Fmi3>| {
+    let body = |c: &mut Component<U, Fmi3>| {
         // SAFETY: the importer passes NULL or pointers to the results.
         let (flags, values_changed, next_event) = unsafe {
             (
@@ -93,10 +93,14 @@ pub unsafe fn fmi3UpdateDiscreteStates<E: Equations>(
 ///
 /// # Safety
 /// `instance` as for [`call`].
-unsafe fn ask_inputs<E: Equations>(instance: Instance, time: Float64, step: Float64) -> Status {
+unsafe fn ask_inputs<U: SimulationUnit>(
+    instance: Instance,
+    time: Float64,
+    step: Float64,
+) -> Status {
     let function = Function::DoStep;
     let (mut asked, mut before) = (None, Vec::new());
-    let body = |c: &mut Component<E, Fmi3>| {
+    let body = |c: &mut Component<U, Fmi3>| {
         asked = c.events.update.filter(|_| step > 0.0);
         if asked.is_some() {
             before = c.instance.inputs().to_vec();
@@ -126,7 +130,7 @@ unsafe fn ask_inputs<E: Equations>(instance: Instance, time: Float64, step: Floa
             &raw mut return_time,
         );
     }
-    let body = |c: &mut Component<E, Fmi3>| {
+    let body = |c: &mut Component<U, Fmi3>| {
         // Unless a call from the callback has failed.
         if c.state == State::IntermediateUpdateMode {
             c.state = State::StepMode;
@@ -140,7 +144,7 @@ unsafe fn ask_inputs<E: Equations>(instance: Instance, time: Float64, step: Floa
 }
 
 /// `fmi3DoStep`: ends at the first event if the importer handles events and allows early return.
-pub unsafe fn fmi3DoStep<E: Equations>(
+pub unsafe fn fmi3DoStep<U: SimulationUnit>(
     instance: Instance,
     time: Float64,
     step: Float64,
@@ -151,11 +155,11 @@ pub unsafe fn fmi3DoStep<E: Equations>(
     last_successful_time: *mut Float64,
 ) -> Status {
     // SAFETY: the importer passes NULL or its instance.
-    let asked = unsafe { ask_inputs::<E>(instance, time, step) };
+    let asked = unsafe { ask_inputs::<U>(instance, time, step) };
     if asked > Status::WARNING {
         return asked;
     }
-    let body = |c: &mut Component<E, Fmi3>| {
+    let body = |c: &mut Component<U, Fmi3>| {
         // SAFETY: the importer passes NULL or pointers to the results.
         let (event_needed, terminate, early_return, last) = unsafe {
             (
@@ -169,6 +173,10 @@ pub unsafe fn fmi3DoStep<E: Equations>(
         let stops = c.events.event_mode && c.events.early_return;
         let result = c.instance.step(time, step, stops);
         *last = c.instance.time();
+        if result.is_err() && c.instance.is_end_requested() {
+            (*terminate, *early_return) = (true, *last < time + step);
+            return Ok(());
+        }
         let reached = result?;
         *event_needed = reached.event;
         *early_return = reached.event && *last < time + step;
@@ -185,7 +193,7 @@ pub unsafe fn fmi3CompletedIntegratorStep<E: Equations>(
     enter_event_mode: *mut Boolean,
     terminate: *mut Boolean,
 ) -> Status {
-    let body = |_: &mut Component<E, Fmi3>| {
+    let body = |_: &mut Component<Model<E>, Fmi3>| {
         // SAFETY: the importer passes NULL or pointers to the results.
         let (enter_event_mode, terminate) = unsafe {
             (
@@ -202,7 +210,7 @@ pub unsafe fn fmi3CompletedIntegratorStep<E: Equations>(
 
 /// `fmi3SetTime`.
 pub unsafe fn fmi3SetTime<E: Equations>(instance: Instance, time: Float64) -> Status {
-    let body = |c: &mut Component<E, Fmi3>| c.instance.set_time(time);
+    let body = |c: &mut Component<Model<E>, Fmi3>| c.instance.set_time(time);
     // SAFETY: the importer passes NULL or its instance.
     unsafe { call(instance, Function::SetTime, body) }
 }
@@ -227,7 +235,7 @@ macro_rules! vectors {
             values: *mut Float64,
             count: usize,
         ) -> Status {
-            let (function, write) = (Function::$variant, crate::instance::Instance::$method);
+            let (function, write) = (Function::$variant, Model::$method);
             // SAFETY: the importer passes NULL or its instance, and `count` elements.
             unsafe { shared::vector::<E, Fmi3>(instance, function, values, count, write) }
         }
@@ -246,7 +254,7 @@ macro_rules! numbers {
     ($($function:ident, $variant:ident, $argument:literal, $count:ident;)*) => {$(
         #[doc = concat!("`", stringify!($function), "`.")]
         pub unsafe fn $function<E: Equations>(instance: Instance, count: *mut usize) -> Status {
-            let body = |c: &mut Component<E, Fmi3>| {
+            let body = |c: &mut Component<Model<E>, Fmi3>| {
                 // SAFETY: the importer passes NULL or a valid pointer.
                 *unsafe { place(count, $argument) }? = c.instance.simulation().table().$count();
                 Ok(())
