@@ -1,5 +1,6 @@
 //! Builds the shared library of exported FMUs, which this crate then embeds (`src/export/binary.rs`): an installed
-//! `pilotage` exports FMUs without a compiler or further files.
+//! `pilotage` exports FMUs without a compiler or further files. With `PILOTAGE_FMU_PLATFORMS` it embeds the libraries for all
+//! platforms that are in that folder instead, where `scripts/platforms.py` has put them.
 //!
 //! This is a nested `cargo build` of the workspace's package `pilotage-fmu`, in a separate target folder so that the
 //! two cargo processes do not wait for each other's lock. It needs no network if the outer build needs none: both use
@@ -14,7 +15,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs};
 
-const PACKAGE: &str = "pilotage-fmu";
+/// What is embedded, and its file without the ending.
+const PACKAGES: [(&str, &str); 1] = [("pilotage-fmu", "pilotage_fmu")];
+/// Folder of the libraries for all platforms.
+const PLATFORMS: &str = "PILOTAGE_FMU_PLATFORMS";
 /// The profile in Cargo.toml: optimised, stripped, and unwinding, so that panics can be caught.
 const PROFILE: &str = "fmu";
 
@@ -45,13 +49,51 @@ fn main() {
         println!("cargo::rustc-link-arg-bins=-L{folder}");
         println!("cargo::metadata=stand_ins={folder}");
     }
-    build(&folder, &target, &flags);
-    let built = folder.join(&target).join(PROFILE).join(file_name());
-    let embedded = out.join("fmu-binary");
-    if let Err(error) = fs::copy(&built, &embedded) {
+    println!("cargo::rerun-if-env-changed={PLATFORMS}");
+    for (package, file) in PACKAGES {
+        let (own, all) = match env::var_os(PLATFORMS) {
+            Some(platforms) => (None, Some(archive(Path::new(&platforms), package))),
+            None => {
+                build(package, &folder, &target, &flags);
+                let built = folder.join(&target).join(PROFILE).join(library(file));
+                (Some(built), None)
+            }
+        };
+        embed(own, &out.join(format!("{package}.library")));
+        embed(all, &out.join(format!("{package}.zip")));
+    }
+}
+
+/// The archive of a package's libraries.
+fn archive(platforms: &Path, package: &str) -> PathBuf {
+    if !platforms.is_absolute() {
         fail(&format!(
-            "cargo built {PACKAGE}, but {} cannot be copied to {}: {error}",
-            built.display(),
+            "{PLATFORMS} is {}; give the whole path",
+            platforms.display()
+        ));
+    }
+    let archive = platforms.join(format!("{package}.zip"));
+    println!("cargo::rerun-if-changed={}", archive.display());
+    if !archive.is_file() {
+        fail(&format!(
+            "{PLATFORMS} is {}, where there is no {package}.zip; python3 scripts/platforms.py makes it",
+            platforms.display()
+        ));
+    }
+    archive
+}
+
+/// Copies a file, or makes an empty one.
+fn embed(file: Option<PathBuf>, embedded: &Path) {
+    let written = match &file {
+        Some(file) => fs::copy(file, embedded).map(drop),
+        None => fs::write(embedded, []),
+    };
+    if let Err(error) = written {
+        let file = file.unwrap_or_default();
+        fail(&format!(
+            "{} cannot be copied to {}: {error}",
+            file.display(),
             embedded.display()
         ));
     }
@@ -65,10 +107,10 @@ fn target_folder(out: &Path) -> PathBuf {
     }
 }
 
-fn build(folder: &Path, target: &str, flags: &[String]) {
+fn build(package: &str, folder: &Path, target: &str, flags: &[String]) {
     let mut command = Command::new(variable("CARGO"));
     command
-        .args(["build", "--package", PACKAGE, "--profile", PROFILE])
+        .args(["build", "--package", package, "--profile", PROFILE])
         .args(["--locked", "--target", target, "--target-dir"])
         .arg(folder)
         .current_dir(variable("CARGO_MANIFEST_DIR"))
@@ -80,7 +122,7 @@ fn build(folder: &Path, target: &str, flags: &[String]) {
         Ok(status) if status.success() => {}
         Ok(status) => fail(&format!(
             "the library of exported FMUs could not be built ({status}); the messages above say why. \
-             To see them alone: cargo build -p {PACKAGE} --profile {PROFILE} --locked"
+             To see them alone: cargo build -p {package} --profile {PROFILE} --locked"
         )),
         Err(error) => fail(&format!("cargo could not be started: {error}")),
     }
@@ -132,11 +174,12 @@ fn stand_ins(out: &Path, target: &str) -> Option<PathBuf> {
     made.ok()
 }
 
-fn file_name() -> &'static str {
+/// Name of a library on the target.
+fn library(file: &str) -> String {
     match variable("CARGO_CFG_TARGET_OS").as_str() {
-        "windows" => "pilotage_fmu.dll",
-        "macos" => "libpilotage_fmu.dylib",
-        _ => "libpilotage_fmu.so",
+        "windows" => format!("{file}.dll"),
+        "macos" => format!("lib{file}.dylib"),
+        _ => format!("lib{file}.so"),
     }
 }
 

@@ -96,21 +96,7 @@ fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportE
             documentation::provenance(interface, provenance).into_bytes(),
         ),
     ]);
-    let mut aliases = Vec::new();
-    for (platform, bytes) in &contents.binaries {
-        platform::check(platform, bytes, version)?;
-        let mut paths = platform.paths(version, &interface.name).into_iter();
-        if let Some(path) = paths.next()
-            && entries.insert(path.clone(), bytes.clone()).is_some()
-        {
-            return Err(ExportError::TwoBinaries { path });
-        }
-        aliases.extend(paths.map(|path| (path, bytes)));
-    }
-    // A library built for the folder takes precedence.
-    for (path, bytes) in aliases {
-        entries.entry(path).or_insert_with(|| bytes.clone());
-    }
+    entries.extend(binaries(contents)?);
     for (name, content) in documentation::files(contents) {
         entries.insert(format!("documentation/{name}"), content.into_bytes());
     }
@@ -124,6 +110,38 @@ fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportE
     }
     if let Some((name, text)) = &provenance.source {
         entries.insert(format!("{EXTRA}/{name}"), text.clone().into_bytes());
+    }
+    Ok(entries)
+}
+
+/// The libraries, by name.
+fn binaries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportError> {
+    let (version, name) = (contents.version, &contents.interface.name);
+    let mut entries = BTreeMap::new();
+    let mut aliases = Vec::new();
+    for (platform, bytes) in &contents.binaries {
+        platform::check(platform, bytes, version)?;
+        let mut paths = platform.paths(version, name).into_iter();
+        if let Some(path) = paths.next()
+            && entries.insert(path.clone(), bytes.clone()).is_some()
+        {
+            return Err(ExportError::TwoBinaries { path });
+        }
+        aliases.extend(paths.map(|path| (path, platform, bytes)));
+    }
+    for (alias, platform, bytes) in aliases {
+        // FMI 2.0 has one folder for all Macs: a universal library is for both processors, and needs no folder beside.
+        let other = contents.binaries.iter().find(|(other, _)| {
+            other.tuple != platform.tuple && other.paths(version, name)[0] == alias
+        });
+        let content = match other {
+            Some((other, theirs)) => {
+                entries.remove(&platform.paths(version, name)[0]);
+                platform::universal(&[(*other, theirs), (*platform, bytes)])?
+            }
+            None => bytes.clone(),
+        };
+        entries.insert(alias, content);
     }
     Ok(entries)
 }
