@@ -155,15 +155,20 @@ def remapped(places: dict[Path, str]) -> str:
     return "\x1f".join(f"--remap-path-prefix={folder}={name}" for folder, name in places.items())
 
 
-def build(tools: Tools, platform: Platform, folder: Path, package: list[str], target: Path) -> Path:
-    """Builds a library; where it is."""
+def artefacts(tools: Tools, platform: Platform, folder: Path, package: list[str], target: Path) -> list[dict]:
+    """Builds; what cargo says of all that is made."""
     arguments, env = tools.environment(platform)
     cargo = Path(os.environ.get("CARGO_HOME") or Path.home() / ".cargo")
     env["CARGO_ENCODED_RUSTFLAGS"] = remapped({cargo: "cargo", tools.folder: "rust", folder.resolve(): "pilotage"})
     command = ["cargo", "build", "--target", platform.rust, "--target-dir", target, "--message-format=json-render-diagnostics"]
     printed = run(*command, *arguments, *package, env=env, cwd=folder)
     messages = map(json.loads, printed.splitlines())
-    built = [m for m in messages if m["reason"] == "compiler-artifact" and "cdylib" in m["target"]["crate_types"]]
+    return [message for message in messages if message["reason"] == "compiler-artifact"]
+
+
+def build(tools: Tools, platform: Platform, folder: Path, package: list[str], target: Path) -> Path:
+    """Builds a library; where it is."""
+    built = [m for m in artefacts(tools, platform, folder, package, target) if "cdylib" in m["target"]["crate_types"]]
     if not built:
         sys.exit(f"error: {folder} makes no shared library; its Cargo.toml needs `crate-type = [\"cdylib\"]` below `[lib]`")
     ending = platform.library.rsplit(".", 1)[1]
@@ -188,6 +193,17 @@ def embedded(tools: Tools, chosen: list[Platform], out: Path, target: Path) -> N
     print(f"next: PILOTAGE_FMU_PLATFORMS={out} cargo build --release")
 
 
+def values(tools: Tools, chosen: list[Platform], out: Path, target: Path) -> None:
+    """A program that runs FMUs, for tests of them by emulators (tests/it/tools/platforms.rs)."""
+    package = ["--package", "pilotage-fmi", "--example", "values", "--profile", "quick", "--locked"]
+    for platform in chosen:
+        built = [m["executable"] for m in artefacts(tools, platform, ROOT, package, target) if m.get("executable")]
+        place = out / f"values-{platform.tuple}{Path(built[-1]).suffix}"
+        place.write_bytes(Path(built[-1]).read_bytes())
+        place.chmod(0o755)
+        print(f"{place.stat().st_size / 1e6:8.2f} MB  {place}")
+
+
 def packed(tools: Tools, chosen: list[Platform], folder: Path, out: Path, target: Path) -> None:
     """Libraries of a crate of one's own, and how `pilotage pack` takes them."""
     settings = ["--release", "--config", 'profile.release.panic="unwind"', "--config", f'patch.crates-io.pilotage-sdk.path="{ROOT}/fmu/sdk"']
@@ -210,6 +226,7 @@ def main() -> None:
     parser.add_argument("--platforms", default=",".join(names), help=f"some of {', '.join(names)} [default: all]")
     parser.add_argument("--out", type=Path, help="the folder [default: platforms in the target folder]")
     parser.add_argument("--crate", type=Path, help="the folder of a model in Rust, instead of pilotage's own libraries")
+    parser.add_argument("--values", action="store_true", help="a program that runs FMUs, for tests, instead of libraries")
     parser.add_argument("--std", choices=["rustup", "debian"], default="rustup", help="where a standard library is looked for first")
     options = parser.parse_args()
     wanted = options.platforms.split(",")
@@ -224,6 +241,8 @@ def main() -> None:
         tools = Tools(folder / "platforms-tools", options.std)
         if options.crate:
             packed(tools, chosen, options.crate.resolve(), out, folder / "platforms-build")
+        elif options.values:
+            values(tools, chosen, out, folder / "platforms-build")
         else:
             embedded(tools, chosen, out, folder / "platforms-build")
     except (OSError, subprocess.SubprocessError) as error:
