@@ -66,8 +66,8 @@ def run(*command: str | Path, env: dict[str, str] | None = None, cwd: Path = ROO
 
 def link(target: str, arguments: list[str]) -> None:
     """Becomes zig as the linker of rustc: what zig does not know, or brings itself, is left out."""
-    # Zig brings the libraries of MinGW and of unwinding.
-    dropped = {"-nolibc", "--unwindlib=none", "-lmingw32", "-lmingwex", "-lmsvcrt", "-Wl,--disable-auto-image-base"}
+    # Zig brings the libraries of MinGW, of unwinding, and of macOS but for iconv, which nothing calls.
+    dropped = {"-liconv", "-nolibc", "--unwindlib=none", "-lmingw32", "-lmingwex", "-lmsvcrt", "-Wl,--disable-auto-image-base"}
     kept = []
     for word in arguments:
         if word in dropped or word.startswith("-Wl,-exported_symbols_list") and "macos" not in target:

@@ -9,8 +9,8 @@ use crate::document;
 use crate::export::{Export, ExportOptions, Platform, Provenance, binary, platform};
 use crate::file;
 use crate::flights::pilot::PilotFile;
+use crate::fmi::Fmu;
 use crate::fmi::description::FmiVersion;
-use crate::fmi::platform::present;
 use crate::fmi_check::is_date_and_time;
 use crate::models::Quadcopter;
 use crate::models::model::Model;
@@ -368,14 +368,9 @@ fn print_written(provenance: &Provenance, output: &Path) -> Result<Outcome, Fail
 pub fn written(output: &Path) -> String {
     let name = terminal::shown(output);
     let has = || {
-        let file = std::fs::File::open(output).ok()?;
-        let size = file.metadata().ok()?.len();
-        let archive = zip::ZipArchive::new(file).ok()?;
-        let names: Vec<_> = archive.file_names().flatten().collect();
-        let folders: Vec<&str> = present(names.iter().map(|name| &**name))
-            .into_iter()
-            .collect();
-        Some((folders.join(", "), size as f64 / 1e6))
+        let size = output.metadata().ok()?.len();
+        let platforms = Fmu::open(output).ok()?.platforms();
+        Some((platforms.join(", "), size as f64 / 1e6))
     };
     match has() {
         Some((platforms, size)) => format!("wrote {name} ({platforms}; {size:.2} MB)\n"),
