@@ -77,6 +77,10 @@ def link(target: str, arguments: list[str]) -> None:
     if "macos" in target:
         # The system's own strip is not that of macOS; what is linked so is signed (ad hoc), as Macs with ARM demand.
         kept.append("-s")
+        if "-dynamiclib" in kept:
+            # Else it is the path on this machine.
+            name = Path(kept[kept.index("-o") + 1]).name
+            kept.append(f"-Wl,-install_name,@rpath/{name}")
     command = [sys.executable, "-m", "ziglang", "cc", "-target", target, *kept]
     os.execv(sys.executable, command)
 

@@ -102,6 +102,32 @@ pub fn check(platform: &Platform, bytes: &[u8], version: FmiVersion) -> Result<(
 mod tests {
     use super::*;
 
+    /// As another reader finds them: each part whole, at a memory page.
+    #[test]
+    fn a_universal_library_has_each_part() {
+        use object::read::macho::{FatArch, MachOFatFile32};
+        let thin = |processor: u32, length| {
+            let mut bytes = vec![7; length];
+            bytes[..4].copy_from_slice(&object::macho::MH_MAGIC_64.to_le_bytes());
+            bytes[4..8].copy_from_slice(&processor.to_le_bytes());
+            bytes
+        };
+        let intel = thin(object::macho::CPU_TYPE_X86_64, 20_001);
+        let arm = thin(object::macho::CPU_TYPE_ARM64, 100);
+        let [first, second] = ["x86_64-darwin", "aarch64-darwin"].map(|name| named(name).unwrap());
+        let both = universal(&[(first, &intel), (second, &arm)]).unwrap();
+        let fat = MachOFatFile32::parse(&*both).unwrap();
+        for ((arch, part), platform) in fat.arches().iter().zip([&intel, &arm]).zip([first, second])
+        {
+            assert_eq!(arch.architecture(), platform.architecture);
+            assert!(arch.data(&*both).unwrap() == part);
+            assert_eq!(arch.file_range().0 % 0x4000, 0);
+        }
+        // It is taken apart where it is joined with others.
+        assert!(universal(&[(first, &both), (second, &both)]).unwrap() == both);
+        assert!(universal(&[(first, b"short")]).is_err());
+    }
+
     /// FMI rule 18: folders of binaries.
     #[test]
     fn folders_are_those_of_the_version() {

@@ -131,6 +131,14 @@ fn what_cannot_be_packed_says_why_and_leaves_nothing() {
             &["export", "quadcopter", "--binary", "linux64=own.so"],
             "error: two libraries are given for binaries/linux64/quadcopter.so; give one",
         ),
+        (
+            &["export", "quadcopter", "--platforms", "win64"],
+            "error: this command has no library for x86_64-windows, but for linux64; ",
+        ),
+        (
+            &["export", "quadcopter", "--platforms", "linux64,amiga"],
+            "error: there is no platform \"amiga\"; known are x86_64-linux, ",
+        ),
     ] {
         let ended = folder.pilotage(arguments);
         assert!(ended.stderr.starts_with(message), "{}", ended.stderr);

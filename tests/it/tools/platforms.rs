@@ -224,7 +224,7 @@ fn values(mut command: Command, fmus: &[String]) -> String {
 }
 
 /// Pilot, quadcopter and a model file, by co-simulation and model exchange of both versions: each value is that of Linux, but for the last
-/// digits of functions that each system has of its own.
+/// digits of functions that each system has of its own (sine, exponential, power).
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn other_platforms_compute_what_this_one_does() {
@@ -280,35 +280,33 @@ fn other_platforms_compute_what_this_one_does() {
             continue;
         };
         command.arg(here);
-        let (count, largest) = compared(&expected, &values(command, &fmus));
-        eprintln!("{name}: {count} values differ, by at most {largest:e}");
-        assert!(
-            largest <= 1e-14,
-            "{name}: {count} values differ, by at most {largest:e}"
-        );
+        let [cs, me] = compared(&expected, &values(command, &fmus));
+        eprintln!("{name}: values differ by at most {cs:e}, in model exchange {me:e}");
+        assert!(cs <= 1e-14, "{name}: {cs:e}");
+        // Here the solver's steps differ as well: their lengths are powers of its errors.
+        assert!(me <= 1e-12, "{name}: {me:e}");
     }
 }
 
-/// How many numbers differ, and by how much at most, relative to those above 1.
-fn compared(expected: &str, found: &str) -> (usize, f64) {
-    let (mut count, mut largest) = (0, 0.0_f64);
+/// By how much numbers of co-simulation, and of model exchange, differ at most, relative to those above 1.
+fn compared(expected: &str, found: &str) -> [f64; 2] {
+    let (mut at, mut largest) = (0, [0.0_f64; 2]);
     assert_eq!(expected.lines().count(), found.lines().count(), "{found}");
     for (expected, found) in expected.lines().zip(found.lines()) {
-        if expected == found {
-            continue;
-        }
-        let numbers = |line: &str| -> Vec<f64> {
-            line.split(' ').map(|word| word.parse().unwrap()).collect()
+        let numbers = |line: &str| -> Option<Vec<f64>> {
+            line.split(' ').map(|word| word.parse().ok()).collect()
         };
-        for (a, b) in numbers(expected).into_iter().zip(numbers(found)) {
+        let (Some(expected), Some(found)) = (numbers(expected), numbers(found)) else {
+            assert_eq!(expected, found);
+            at = usize::from(found.contains("model exchange"));
+            continue;
+        };
+        assert_eq!(expected.len(), found.len());
+        for (a, b) in expected.into_iter().zip(found) {
             let apart = (a - b).abs() / a.abs().max(1.0);
-            count += usize::from(a.to_bits() != b.to_bits());
-            largest = if apart.is_nan() {
-                f64::INFINITY
-            } else {
-                largest.max(apart)
-            };
+            assert!(!apart.is_nan());
+            largest[at] = largest[at].max(apart);
         }
     }
-    (count, largest)
+    largest
 }
