@@ -1,7 +1,8 @@
-//! Builds the shared library of exported FMUs, which this crate then embeds (`src/export/binary.rs`): an installed
-//! `pilotage` exports FMUs without a compiler or further files.
+//! Builds the shared libraries of exported FMUs, which this crate then embeds (`src/export/binary.rs`): an installed
+//! `pilotage` exports FMUs without a compiler or further files. With `PILOTAGE_FMU_PLATFORMS` it embeds the libraries for all
+//! platforms that are in that folder instead, where `scripts/platforms.py` has put them.
 //!
-//! This is a nested `cargo build` of the workspace's package `pilotage-fmu`, in a separate target folder so that the
+//! This is a nested `cargo build` of two of the workspace's packages, in a separate target folder so that the
 //! two cargo processes do not wait for each other's lock. It needs no network if the outer build needs none: both use
 //! the same `Cargo.lock`, and it is locked.
 //!
@@ -14,15 +15,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs};
 
-/// The packages of the libraries, the stems of their files, and under which name each is embedded.
-const LIBRARIES: [(&str, &str, &str); 2] = [
-    ("pilotage-fmu", "pilotage_fmu", "fmu-binary"),
-    (
-        "pilotage-container",
-        "pilotage_container",
-        "container-binary",
-    ),
+/// What is embedded, and its file without the ending.
+const PACKAGES: [(&str, &str); 2] = [
+    ("pilotage-fmu", "pilotage_fmu"),
+    ("pilotage-container", "pilotage_container"),
 ];
+/// Folder of the libraries for all platforms.
+const PLATFORMS: &str = "PILOTAGE_FMU_PLATFORMS";
 /// The profile in Cargo.toml: optimised, stripped, and unwinding, so that panics can be caught.
 const PROFILE: &str = "fmu";
 
@@ -58,17 +57,56 @@ fn main() {
         println!("cargo::rustc-link-arg-bins=-L{folder}");
         println!("cargo::metadata=stand_ins={folder}");
     }
-    build(&folder, &target, &flags);
-    for (package, stem, embedded) in LIBRARIES {
-        let built = folder.join(&target).join(PROFILE).join(file_name(stem));
-        let embedded = out.join(embedded);
-        if let Err(error) = fs::copy(&built, &embedded) {
-            fail(&format!(
-                "cargo built {package}, but {} cannot be copied to {}: {error}",
-                built.display(),
-                embedded.display()
-            ));
-        }
+    println!("cargo::rerun-if-env-changed={PLATFORMS}");
+    let platforms = env::var_os(PLATFORMS);
+    if platforms.is_none() {
+        build(&folder, &target, &flags);
+    }
+    for (package, file) in PACKAGES {
+        let (own, all) = match &platforms {
+            Some(platforms) => (None, Some(archive(Path::new(platforms), package))),
+            None => {
+                let built = folder.join(&target).join(PROFILE).join(library(file));
+                (Some(built), None)
+            }
+        };
+        embed(own, &out.join(format!("{package}.library")));
+        embed(all, &out.join(format!("{package}.zip")));
+    }
+}
+
+/// The archive of a package's libraries.
+fn archive(platforms: &Path, package: &str) -> PathBuf {
+    if !platforms.is_absolute() {
+        fail(&format!(
+            "{PLATFORMS} is {}; give the whole path",
+            platforms.display()
+        ));
+    }
+    let archive = platforms.join(format!("{package}.zip"));
+    println!("cargo::rerun-if-changed={}", archive.display());
+    if !archive.is_file() {
+        fail(&format!(
+            "{PLATFORMS} is {}, where there is no {package}.zip; python3 scripts/platforms.py makes it",
+            platforms.display()
+        ));
+    }
+    archive
+}
+
+/// Copies a file, or makes an empty one.
+fn embed(file: Option<PathBuf>, embedded: &Path) {
+    let written = match &file {
+        Some(file) => fs::copy(file, embedded).map(drop),
+        None => fs::write(embedded, []),
+    };
+    if let Err(error) = written {
+        let file = file.unwrap_or_default();
+        fail(&format!(
+            "{} cannot be copied to {}: {error}",
+            file.display(),
+            embedded.display()
+        ));
     }
 }
 
@@ -84,7 +122,7 @@ fn build(folder: &Path, target: &str, flags: &[String]) {
     let mut command = Command::new(variable("CARGO"));
     command
         .args(["build", "--profile", PROFILE])
-        .args(LIBRARIES.map(|(package, ..)| format!("--package={package}")))
+        .args(PACKAGES.map(|(package, _)| format!("--package={package}")))
         .args(["--locked", "--target", target, "--target-dir"])
         .arg(folder)
         .current_dir(variable("CARGO_MANIFEST_DIR"))
@@ -148,11 +186,12 @@ fn stand_ins(out: &Path, target: &str) -> Option<PathBuf> {
     made.ok()
 }
 
-fn file_name(stem: &str) -> String {
+/// Name of a library on the target.
+fn library(file: &str) -> String {
     match variable("CARGO_CFG_TARGET_OS").as_str() {
-        "windows" => format!("{stem}.dll"),
-        "macos" => format!("lib{stem}.dylib"),
-        _ => format!("lib{stem}.so"),
+        "windows" => format!("{file}.dll"),
+        "macos" => format!("lib{file}.dylib"),
+        _ => format!("lib{file}.so"),
     }
 }
 

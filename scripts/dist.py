@@ -2,6 +2,7 @@
 """Builds what is released, into a new folder:
 
     python3 scripts/dist.py                   # into dist/; minutes, all is optimised
+    python3 scripts/dist.py --platforms FOLDER    # with the libraries of scripts/platforms.py: FMUs for all platforms
 
     pilotage-VERSION-cp311-abi3-PLATFORM.whl  the module for Python, with the command
     pilotage-VERSION-TARGET.tar.gz            the command, completions for shells, manual pages, licences
@@ -34,6 +35,7 @@ Tree = dict[str, bytes]
 # The oldest glibc on which it runs, where src/export/old_glibc.rs links for it.
 GLIBC = {"x86_64-unknown-linux-gnu": (2, 17)}
 ARCHITECTURES = {"x86_64": "amd64", "aarch64": "arm64"}
+PROGRAM = "pilotage.exe" if os.name == "nt" else "pilotage"
 DESCRIPTION = """\
 identifies how a human pilot acts on a vehicle
  Fits pilots and other dynamic systems to recorded data by direct collocation,
@@ -61,7 +63,7 @@ def command(profile: str) -> Path:
     """Builds the command."""
     run("cargo", "build", "--locked", "--profile", profile, "--bin", "pilotage")
     folders = json.loads(run("cargo", "metadata", "--no-deps", "--format-version=1"))
-    return Path(folders["target_directory"]) / profile / "pilotage"
+    return Path(folders["target_directory"]) / profile / PROGRAM
 
 
 def needed(program: bytes) -> tuple[int, ...]:
@@ -152,7 +154,12 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=ROOT / "dist", help="the folder, which must not exist")
     parser.add_argument("--profile", default="release", help="cargo's profile")
     parser.add_argument("--command", type=Path, help="a command that is already built")
+    parser.add_argument("--platforms", type=Path, help="the folder of scripts/platforms.py, for FMUs for all platforms")
     options = parser.parse_args()
+    if options.platforms:
+        os.environ["PILOTAGE_FMU_PLATFORMS"] = str(options.platforms.resolve())
+    elif not options.command:
+        print("note: FMUs will be for this machine alone; --platforms makes them for all", file=sys.stderr)
     place = options.out.resolve()
     if place.exists():
         parser.error(f"{place} exists; remove it, or choose another folder by --out")
@@ -179,15 +186,18 @@ def dist(out: Path, profile: str, built: Path | None) -> None:
 
     built = (built or command(profile)).resolve()
     with tempfile.TemporaryDirectory() as folder:
-        program = Path(folder) / "pilotage"
-        run("strip", "-o", program, built)
+        program = Path(folder) / PROGRAM
+        if os.name == "nt":
+            program.write_bytes(built.read_bytes())
+        else:
+            run("strip", "-o", program, built)
         content = program.read_bytes()
         pages = manual(program)
         completions = {shell: run(program, "completions", shell).encode() for shell in ("bash", "zsh", "fish")}
     if target in GLIBC and needed(content) > GLIBC[target]:
         sys.exit(f"{built} needs glibc {needed(content)}; docs/old-glibc.md says what to do")
     common = {
-        "bin/pilotage": content,
+        f"bin/{PROGRAM}": content,
         "share/bash-completion/completions/pilotage": completions["bash"],
         "share/fish/vendor_completions.d/pilotage.fish": completions["fish"],
     }

@@ -1,7 +1,7 @@
 //! `pilotage container`: makes one FMU of a system.
 
 use super::cosim::coupling::CouplingArgs;
-use super::export::{FmuArgs, print_written};
+use super::export::{ExportArgs, print_written};
 use super::number::{number, positive};
 use super::overwrite::OutputKind;
 use super::system::flags::Wiring;
@@ -11,7 +11,7 @@ use super::{Failure, Outcome, terminal};
 use crate::cosim::container::{Kind, Manifest, Part, TABLE};
 use crate::cosim::description::InstanceDescription;
 use crate::cosim::{Clock, Coupling, Port, Role, Selection, System};
-use crate::export::{self, Provenance, container};
+use crate::export::{self, Platform, Provenance, binary, container};
 use crate::file;
 use crate::fmi::archive::{Archive, Limits};
 use crate::fmi::{Fmu, InterfaceType};
@@ -54,7 +54,7 @@ pub struct Args {
     #[arg(short, long, value_name = "FILE", default_value = "container.fmu")]
     output: PathBuf,
     #[command(flatten)]
-    fmu: FmuArgs,
+    fmu: ExportArgs,
 }
 
 /// Runs the command.
@@ -98,8 +98,14 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         wires: Vec::new(),
     };
     let mut provenance = Provenance::default();
-    args.fmu.sign(&mut provenance)?;
-    let options = args.fmu.options()?;
+    args.fmu.fmu.sign(&mut provenance)?;
+    let mut options = args.fmu.options(binary::CONTAINER)?;
+    if let Some(common) = parts.platforms {
+        let all = binary::CONTAINER.platforms()?;
+        let is_common = |own: &Platform| common.contains(&own.tuple);
+        let own = || all.into_iter().filter(is_common).collect();
+        options.platforms.get_or_insert_with(own);
+    }
     let name = args
         .output
         .file_stem()
@@ -107,9 +113,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         .to_string_lossy();
     let contents = container::Contents {
         name: &name,
-        version: options.version,
         provenance: &provenance,
-        binaries: options.binaries,
+        options,
         system,
         manifest,
         outputs,
@@ -192,6 +197,8 @@ struct Parts {
     files: BTreeMap<String, Vec<u8>>,
     sources: Vec<(String, String)>,
     is_single: bool,
+    /// The platforms for which all FMUs have a binary; None without FMUs.
+    platforms: Option<Vec<&'static str>>,
     /// Folders of FMUs that several instances share.
     folders: BTreeMap<PathBuf, String>,
 }
@@ -286,6 +293,13 @@ impl Parts {
             let bytes = archive.read(name)?;
             self.files.insert(format!("{new}/{name}"), bytes);
         }
+        let folders = fmu.platforms();
+        let has = |own: &Platform| folders.iter().any(|name| own.has_name(name));
+        let own = Platform::ALL.into_iter().filter(has).map(|own| own.tuple);
+        self.platforms = Some(match self.platforms.take() {
+            Some(known) => own.filter(|own| known.contains(own)).collect(),
+            None => own.collect(),
+        });
         self.folders.insert(path.to_owned(), new.clone());
         Ok((kind, new))
     }

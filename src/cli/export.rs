@@ -6,9 +6,10 @@ use super::overwrite::{OutputKind, Overwrite};
 use super::{Failure, Outcome, recognise, terminal};
 use crate::date;
 use crate::document;
-use crate::export::{Export, ExportOptions, Provenance, platform};
+use crate::export::{Export, ExportOptions, Platform, Provenance, binary, platform};
 use crate::file;
 use crate::flights::pilot::PilotFile;
+use crate::fmi::Fmu;
 use crate::fmi::description::FmiVersion;
 use crate::fmi_check::is_date_and_time;
 use crate::models::Quadcopter;
@@ -39,7 +40,7 @@ pub struct Args {
     #[arg(long)]
     allow_unconverged: bool,
     #[command(flatten)]
-    fmu: FmuArgs,
+    fmu: ExportArgs,
 }
 
 #[derive(Debug, Subcommand)]
@@ -62,7 +63,7 @@ enum Command {
         #[arg(long)]
         allow_unconverged: bool,
         #[command(flatten)]
-        fmu: FmuArgs,
+        fmu: ExportArgs,
     },
     /// Write a quadcopter as an FMU.
     #[command(after_help = "Examples:\n  \
@@ -75,8 +76,43 @@ enum Command {
         #[arg(short, long, default_value = "quadcopter.fmu")]
         output: PathBuf,
         #[command(flatten)]
-        fmu: FmuArgs,
+        fmu: ExportArgs,
     },
+}
+
+/// Which FMU to make of a model that needs no compiler.
+#[derive(Debug, clap::Args)]
+pub(super) struct ExportArgs {
+    #[command(flatten)]
+    pub(super) fmu: FmuArgs,
+    /// Platforms on which it runs, such as linux64,win64 [default: all for which this command has a library].
+    #[arg(long, value_name = "PLATFORM", value_delimiter = ',')]
+    platforms: Vec<String>,
+}
+
+impl ExportArgs {
+    /// The requested options, with the libraries read.
+    pub(super) fn options(&self, library: binary::Libraries) -> Result<ExportOptions, Failure> {
+        let mut options = self.fmu.options()?;
+        if self.platforms.is_empty() {
+            return Ok(options);
+        }
+        let embedded = library.platforms()?;
+        let mut wanted: Vec<Platform> = Vec::new();
+        for name in &self.platforms {
+            // FMI 2.0 has one name for all Macs.
+            let of_name = embedded.iter().filter(|own| own.has_name(name));
+            let before = wanted.len();
+            wanted.extend(of_name);
+            if wanted.len() == before {
+                wanted.push(platform::named(name)?);
+            }
+        }
+        wanted.sort_by_key(|platform| platform.tuple);
+        wanted.dedup();
+        options.platforms = Some(wanted);
+        Ok(options)
+    }
 }
 
 /// Which FMU to make.
@@ -164,6 +200,7 @@ impl FmuArgs {
                 Version::V3 => FmiVersion::V3,
             },
             binaries: self.binary.iter().map(read).collect::<Result<_, _>>()?,
+            platforms: None,
         })
     }
 }
@@ -206,20 +243,20 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
                 };
                 return text(&model, Some(output), allow_unconverged, &fmu);
             }
-            fmu.check_output(pilot.as_deref(), &output)?;
+            fmu.fmu.check_output(pilot.as_deref(), &output)?;
             let (model, mut provenance) = match (pilot, preset) {
                 (Some(file), _) => fitted(&file, allow_unconverged)?,
                 (None, _) => (Model::pilot(&PAPER_THETA, 1.0), Provenance::paper()),
             };
-            fmu.sign(&mut provenance)?;
-            write(&model, &provenance, fmu.options()?, &output)
+            fmu.fmu.sign(&mut provenance)?;
+            write(&model, &provenance, fmu.options(binary::MODELS)?, &output)
         }
         Command::Quadcopter {
             vehicle,
             output,
             fmu,
         } => {
-            fmu.check_output(vehicle.as_deref(), &output)?;
+            fmu.fmu.check_output(vehicle.as_deref(), &output)?;
             let (vehicle, source) = match &vehicle {
                 Some(file) => (super::vehicle::read(file)?, Some(document::read(file)?)),
                 None => (Quadcopter::default(), None),
@@ -228,9 +265,9 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             if !PitchLoop::of(&vehicle).is_stable() {
                 provenance.caveat = Some(UNSTABLE.into());
             }
-            fmu.sign(&mut provenance)?;
+            fmu.fmu.sign(&mut provenance)?;
             let model = Model::quadcopter(&vehicle);
-            write(&model, &provenance, fmu.options()?, &output)
+            write(&model, &provenance, fmu.options(binary::MODELS)?, &output)
         }
     }
 }
@@ -249,8 +286,9 @@ fn text(
     args: &ModelArgs,
     output: Option<PathBuf>,
     allow_unconverged: bool,
-    fmu: &FmuArgs,
+    args_of_fmu: &ExportArgs,
 ) -> Result<Outcome, Failure> {
+    let fmu = &args_of_fmu.fmu;
     let file = args.file();
     let model = args.open()?;
     let own = &model.compiled().file;
@@ -266,7 +304,7 @@ fn text(
     provenance.caveat = own.fit.as_ref().and_then(|fit| fit.caveat());
     fmu.sign(&mut provenance)?;
     Export::text(&model, &provenance)
-        .options(fmu.options()?)
+        .options(args_of_fmu.options(binary::MODELS)?)
         .write(&output)?;
     print_written(&provenance, &output)
 }
@@ -316,7 +354,7 @@ fn write(
 }
 
 pub(super) fn print_written(provenance: &Provenance, output: &Path) -> Result<Outcome, Failure> {
-    let mut text = format!("wrote {}\n", terminal::shown(output));
+    let mut text = written(output);
     if let Some(caveat) = &provenance.caveat {
         text += &terminal::labelled("note", caveat);
     }
@@ -324,4 +362,18 @@ pub(super) fn print_written(provenance: &Provenance, output: &Path) -> Result<Ou
     text += &format!("next: {program} validate {fmu}\n");
     terminal::print(&text)?;
     Ok(Outcome::Done)
+}
+
+/// That an FMU was written, for which platforms, and how large it is.
+pub fn written(output: &Path) -> String {
+    let name = terminal::shown(output);
+    let has = || {
+        let size = output.metadata().ok()?.len();
+        let platforms = Fmu::open(output).ok()?.platforms();
+        Some((platforms.join(", "), size as f64 / 1e6))
+    };
+    match has() {
+        Some((platforms, size)) => format!("wrote {name} ({platforms}; {size:.2} MB)\n"),
+        None => format!("wrote {name}\n"),
+    }
 }

@@ -1,6 +1,6 @@
 //! `pilotage pack`: packs a user's own model as an FMU.
 
-use super::export::FmuArgs;
+use super::export::{FmuArgs, written};
 use super::made::{program, quoted};
 use super::{Failure, Outcome, recognise, terminal};
 use crate::export::{ExportError, Provenance, pack};
@@ -55,8 +55,8 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         check(&path).map(|()| path)
     })?;
     terminal::print(&format!(
-        "wrote {}\nnext: {} validate {}\n",
-        terminal::shown(&path),
+        "{}next: {} validate {}\n",
+        written(&path),
         program(),
         quoted(&path.to_string_lossy())
     ))?;

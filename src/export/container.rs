@@ -1,6 +1,6 @@
 //! A system in one FMU, for co-simulation: its parts, unpacked in `resources`, and the master's library.
 
-use super::{ExportError, Platform, Provenance, binary, documentation, package, terminals};
+use super::{ExportError, ExportOptions, Provenance, binary, documentation, package, terminals};
 use crate::cosim::component::ComponentError;
 use crate::cosim::container::{FILE, Link, Manifest, TIME};
 use crate::cosim::{
@@ -17,12 +17,10 @@ use std::collections::BTreeMap;
 pub struct Contents<'c> {
     /// Name of the FMU.
     pub name: &'c str,
-    /// Version of the standard.
-    pub version: fmi::FmiVersion,
+    /// Version of the standard and platforms.
+    pub options: ExportOptions,
     /// Author and date.
     pub provenance: &'c Provenance,
-    /// Libraries built elsewhere.
-    pub binaries: Vec<(Platform, Vec<u8>)>,
     /// The wired system, not yet initialized.
     pub system: System,
     /// Coupling, parts and start values; the rest is filled in.
@@ -73,19 +71,22 @@ struct Seen {
 pub fn bytes(contents: Contents<'_>) -> Result<Vec<u8>, ContainerError> {
     let Contents {
         name,
-        version,
         provenance,
         system,
         mut manifest,
         files,
         ..
     } = contents;
+    let version = contents.options.version;
     let abilities: Vec<_> = system.abilities().collect();
     let links = system.links().map(|link| Link {
         from: link.from.0,
         to: link.to.0,
         factor: link.conversion.factor,
         offset: link.conversion.offset,
+        map: (link.map.iter())
+            .map(|(from, to)| (as_text(from), as_text(to)))
+            .collect(),
     });
     manifest.wires = links.collect();
     let seen = seen(system, &manifest, &contents.outputs, contents.times.0)?;
@@ -155,9 +156,8 @@ pub fn bytes(contents: Contents<'_>) -> Result<Vec<u8>, ContainerError> {
         description.to_xml().into_bytes(),
     );
     entries.insert(format!("resources/{FILE}"), text(&manifest).into_bytes());
-    let own = Platform::host().map(|platform| (platform, binary::CONTAINER.to_vec()));
-    let binaries: Vec<_> = contents.binaries.into_iter().chain(own).collect();
-    package::add_binaries(&mut entries, &binaries, (version, &identifier))?;
+    let libraries = contents.options.libraries(binary::CONTAINER)?;
+    entries.extend(package::binaries(&libraries, (version, &identifier))?);
     let pages = documentation::container(
         name,
         &about,
@@ -181,6 +181,16 @@ pub fn bytes(contents: Contents<'_>) -> Result<Vec<u8>, ContainerError> {
         entries.insert(path, terminals::file(outside).into_bytes());
     }
     Ok(package::zipped(entries)?)
+}
+
+/// A value as it is read again.
+fn as_text(value: &Value) -> String {
+    match value {
+        Value::Real(value) => format!("{value:?}"),
+        Value::Integer(value) => value.to_string(),
+        Value::Boolean(value) => value.to_string(),
+        Value::String(value) => value.clone(),
+    }
 }
 
 /// The manifest as a file.

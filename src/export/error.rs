@@ -28,6 +28,17 @@ pub enum ExportError {
         /// The known names.
         known: String,
     },
+    /// A platform for which this program has no library.
+    #[error(
+        "this command has no library for {platform}, but for {known}; scripts/platforms.py builds commands that have all, \
+         or give a library by --binary"
+    )]
+    NotEmbedded {
+        /// The platform.
+        platform: &'static str,
+        /// Those that it has.
+        known: String,
+    },
     /// A library that does not fit its platform.
     #[error(
         "the library for {platform} cannot be used: {found}; build it for that platform with the \

@@ -5,7 +5,7 @@
 //!
 //! | module | contents |
 //! | --- | --- |
-//! | [`binary`], [`platform`] | the library of built-in models; the folders of libraries |
+//! | [`binary`], [`platform`] | the libraries of built-in models; the folders of libraries |
 //! | [`description`](mod@description) | modelDescription.xml, from the table of variables |
 //! | [`interface`] | reads the interface of a model from its library |
 //! | [`pack`] | FMUs of user-written models |
@@ -139,11 +139,40 @@ impl Provenance {
 pub struct ExportOptions {
     /// Version of the standard.
     pub version: FmiVersion,
-    /// Libraries built elsewhere, in addition to that for this platform.
+    /// Libraries built elsewhere, in addition to those that are embedded.
     pub binaries: Vec<(Platform, Vec<u8>)>,
+    /// Platforms whose embedded libraries are taken; by default all.
+    pub platforms: Option<Vec<Platform>>,
 }
 
-/// Builder of an FMU; by default for FMI 2.0 and this platform.
+impl ExportOptions {
+    /// A library for each platform, of those that are embedded.
+    fn libraries(
+        self,
+        embedded: binary::Libraries,
+    ) -> Result<Vec<(Platform, Vec<u8>)>, ExportError> {
+        let mut libraries = self.binaries;
+        let has = embedded.platforms()?;
+        for platform in self.platforms.as_ref().unwrap_or(&has) {
+            // One that was built elsewhere is taken instead, but nobody means to replace that for this machine.
+            let is_given = libraries.iter().any(|(own, _)| own == platform);
+            if is_given && Platform::host() != Some(*platform) {
+                continue;
+            }
+            let library = embedded.of(platform)?;
+            libraries.push((
+                *platform,
+                library.ok_or_else(|| ExportError::NotEmbedded {
+                    platform: platform.tuple,
+                    known: platform::names(&has),
+                })?,
+            ));
+        }
+        Ok(libraries)
+    }
+}
+
+/// Builder of an FMU; by default for FMI 2.0 and all platforms that this program has a library for.
 ///
 /// ```no_run
 /// use pilotage::export::{Export, Provenance};
@@ -209,9 +238,8 @@ impl<'a> Export<'a> {
     /// # Errors
     /// If a start value is not finite or out of range, or a library does not fit its platform.
     pub fn bytes(self) -> Result<Vec<u8>, ExportError> {
-        let own = Platform::host().map(|platform| (platform, binary::LIBRARY.to_vec()));
-        let binaries = self.options.binaries.into_iter().chain(own).collect();
         let (provenance, version) = (self.provenance, self.options.version);
+        let binaries = self.options.libraries(binary::MODELS)?;
         match self.subject {
             Subject::Model(model) => {
                 model.check()?;

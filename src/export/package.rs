@@ -98,7 +98,7 @@ fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportE
             documentation::provenance(interface, provenance).into_bytes(),
         ),
     ]);
-    add_binaries(&mut entries, &contents.binaries, (version, &interface.name))?;
+    entries.extend(binaries(&contents.binaries, (version, &interface.name))?);
     for (name, content) in documentation::files(contents) {
         entries.insert(format!("documentation/{name}"), content.into_bytes());
     }
@@ -125,12 +125,12 @@ fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportE
     Ok(entries)
 }
 
-/// Adds a library for each platform, in all its folders.
-pub(super) fn add_binaries(
-    entries: &mut BTreeMap<String, Vec<u8>>,
+/// The libraries for a model of that name, by their names in the archive.
+pub(super) fn binaries(
     binaries: &[(Platform, Vec<u8>)],
     (version, name): (FmiVersion, &str),
-) -> Result<(), ExportError> {
+) -> Result<BTreeMap<String, Vec<u8>>, ExportError> {
+    let mut entries = BTreeMap::new();
     let mut aliases = Vec::new();
     for (platform, bytes) in binaries {
         platform::check(platform, bytes, version)?;
@@ -140,11 +140,21 @@ pub(super) fn add_binaries(
         {
             return Err(ExportError::TwoBinaries { path });
         }
-        aliases.extend(paths.map(|path| (path, bytes)));
+        aliases.extend(paths.map(|path| (path, platform, bytes)));
     }
-    // A library built for the folder takes precedence.
-    for (path, bytes) in aliases {
-        entries.entry(path).or_insert_with(|| bytes.clone());
+    for (alias, platform, bytes) in aliases {
+        // FMI 2.0 has one folder for all Macs: a universal library is for both processors, and needs no folder beside.
+        let other = binaries.iter().find(|(other, _)| {
+            other.tuple != platform.tuple && other.paths(version, name)[0] == alias
+        });
+        let content = match other {
+            Some((other, theirs)) => {
+                entries.remove(&platform.paths(version, name)[0]);
+                platform::universal(&[(*other, theirs), (*platform, bytes)])?
+            }
+            None => bytes.clone(),
+        };
+        entries.insert(alias, content);
     }
-    Ok(())
+    Ok(entries)
 }

@@ -349,6 +349,11 @@ fn binaries() {
     for (what, content, message) in cases {
         refused(&COSIM, &[(what, content, &message)]);
     }
+    let elsewhere = archive(&[xml, ("binaries/win99/foreign.dll", b"")]);
+    let told = run(&elsewhere, &INFO).stdout;
+    let machine = platform::folders().join(" or ");
+    let expected = format!("win99; none for this machine, which is {machine}\n");
+    assert!(told.contains(&expected), "{told}");
 }
 
 /// Files that are no libraries, or not of this machine.

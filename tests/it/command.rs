@@ -1,5 +1,6 @@
 //! The command line program under test, in a folder of its own.
 
+use pilotage::export::{Platform, binary};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -135,4 +136,17 @@ pub fn exported() -> Folder {
 pub fn waiting<R: Send>(run: impl FnOnce() -> R + Send) -> R {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(4);
     pool.build().expect("four threads").install(run)
+}
+
+/// The embedded library for this machine.
+pub fn own_library() -> Vec<u8> {
+    let host = Platform::host().unwrap();
+    binary::MODELS.of(&host).unwrap().unwrap()
+}
+
+/// Name and size of an FMU for this machine alone, as commands tell them.
+pub fn written(folder: &Folder, name: &str) -> String {
+    let size = std::fs::metadata(folder.path(name)).unwrap().len() as f64 / 1e6;
+    let platform = Platform::host().unwrap().fmi2[0];
+    format!("wrote {name} ({platform}; {size:.2} MB)\n")
 }

@@ -1,6 +1,6 @@
 //! What stands in an exported FMU, and what `pilotage export` says.
 
-use crate::command::{Folder, example};
+use crate::command::{Folder, example, written};
 use pilotage::export::{Export, ExportError, Provenance};
 use pilotage::fmi::description::{self, FmiVersion, ModelDescription};
 use pilotage::models::pilot::PAPER_THETA;
@@ -263,7 +263,8 @@ fn a_fitted_pilot_is_exported_with_its_file() {
     folder.write("fit.toml", pilot_file(true));
     let ended = folder.pilotage(&["export", "pilot", "fit.toml", "-o", "p.fmu"]);
     assert_eq!((ended.code, ended.stderr.as_str()), (0, ""));
-    assert_eq!(ended.stdout, "wrote p.fmu\nnext: pilotage validate p.fmu\n");
+    let next = "next: pilotage validate p.fmu\n";
+    assert_eq!(ended.stdout, written(&folder, "p.fmu") + next);
     let files = files(&std::fs::read(folder.path("p.fmu")).unwrap());
     assert_eq!(
         text(&files, "extra/org.pilotage/pilot.toml"),
@@ -342,8 +343,8 @@ fn a_vehicle_that_nobody_can_fly_is_marked() {
     assert_eq!(ended.code, 0);
     assert_eq!(
         ended.stdout,
-        "wrote quadcopter.fmu\n\
-         note: The pitch loop of this vehicle is unstable; `pilotage vehicle check` says why.\n\
+        written(&folder, "quadcopter.fmu")
+            + "note: The pitch loop of this vehicle is unstable; `pilotage vehicle check` says why.\n\
          next: pilotage validate quadcopter.fmu\n"
     );
     let files = files(&std::fs::read(folder.path("quadcopter.fmu")).unwrap());

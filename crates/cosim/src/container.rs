@@ -85,6 +85,9 @@ pub struct Link {
     pub factor: f64,
     /// See there.
     pub offset: f64,
+    /// Values of the output with those for the input, where they are others.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub map: Vec<(String, String)>,
 }
 
 impl Manifest {
@@ -121,6 +124,7 @@ impl Manifest {
                     offset: link.offset,
                 },
                 converts_units: false,
+                map: link.map.clone(),
             };
             system.connect_by(&link.from, &link.to, by)?;
         }

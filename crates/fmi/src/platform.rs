@@ -49,8 +49,12 @@ impl Platform {
 
     /// The platforms whose libraries may be in a folder of that name, a tuple or a name of FMI 2.0.
     pub fn of_folder(name: &str) -> impl Iterator<Item = Self> {
-        let is = move |p: &Self| p.tuple == name || p.fmi2.contains(&name);
-        Self::ALL.into_iter().filter(is)
+        Self::ALL.into_iter().filter(move |p| p.has_name(name))
+    }
+
+    /// Whether that is its name in a version of FMI.
+    pub fn has_name(&self, name: &str) -> bool {
+        self.tuple == name || self.fmi2.contains(&name)
     }
 
     /// Paths of its library in an archive.

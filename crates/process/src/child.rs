@@ -25,6 +25,8 @@ pub struct Child {
     /// Whether it leads its own process group.
     is_group: bool,
     is_over: bool,
+    #[cfg(windows)]
+    job: crate::job::Job,
     _leftover: Leftover,
 }
 
@@ -59,12 +61,22 @@ impl Child {
         if is_group {
             std::os::unix::process::CommandExt::process_group(&mut command, 0);
         }
+        #[cfg(windows)]
+        if is_group {
+            const CREATE_NEW_PROCESS_GROUP: u32 = 0x200;
+            std::os::windows::process::CommandExt::creation_flags(
+                &mut command,
+                CREATE_NEW_PROCESS_GROUP,
+            );
+        }
         let kind = |child: &std::process::Child| match is_group {
             true => Kind::Group(child.id()),
             false => Kind::Process(child.id()),
         };
         let (child, leftover) = leftovers::make(|| command.spawn(), kind)?;
         Ok(Self {
+            #[cfg(windows)]
+            job: crate::job::Job::of(&child)?,
             child,
             page,
             is_group,
@@ -103,13 +115,13 @@ impl Child {
         })
     }
 
-    /// Does nothing: these signals do not exist on this system.
+    /// From now on Ctrl-C does not end this process: the child gets it too, and its end then also ends this process.
     ///
     /// # Errors
-    /// None.
-    #[cfg(not(unix))]
+    /// If the handler cannot be registered.
+    #[cfg(windows)]
     pub fn hand_on_interrupts(&self) -> io::Result<()> {
-        Ok(())
+        crate::job::count_interrupts(&HANDED_ON)
     }
 
     /// Number of interrupts forwarded.
@@ -172,6 +184,11 @@ impl Child {
                 self.kill();
                 return Ok(Ended::Late);
             }
+            // The third interrupt kills a child that takes none.
+            #[cfg(windows)]
+            if self.interrupts() >= 3 {
+                self.job.kill();
+            }
             look(&self.page);
             thread::sleep(BETWEEN);
         }
@@ -184,6 +201,15 @@ impl Child {
 
     /// Current memory use \[bytes\]; `None` if the system does not report it.
     pub fn memory(&self) -> Option<u64> {
+        #[cfg(windows)]
+        return crate::job::memory(&self.child);
+        #[cfg(not(windows))]
+        self.resident()
+    }
+
+    /// What Linux reports.
+    #[cfg(not(windows))]
+    fn resident(&self) -> Option<u64> {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).ok()?;
         let line = status
             .lines()
@@ -224,6 +250,8 @@ impl Child {
         if self.is_group {
             kill_group(self.child.id());
         }
+        #[cfg(windows)]
+        self.job.kill();
         let _ = self.child.kill();
         let _ = self.child.wait();
         self.is_over = true;
@@ -314,6 +342,7 @@ pub fn end_with_parent() -> io::Result<bool> {
     let Some(parent) = parent else {
         return Ok(false);
     };
+    #[cfg(unix)]
     if !is_parent(parent) {
         return match is_alive(parent) {
             true => Ok(false),
@@ -328,29 +357,36 @@ pub fn end_with_parent() -> io::Result<bool> {
         use std::os::unix::ffi::OsStrExt;
         std::ffi::OsStr::from_bytes(&bytes[colon + 1..]).into()
     };
-    #[cfg(not(unix))]
-    let path: std::path::PathBuf = String::from_utf8_lossy(&bytes[colon + 1..])
-        .into_owned()
-        .into();
+    #[cfg(windows)]
+    let path: std::path::PathBuf = value.to_string_lossy()[colon + 1..].into();
     crate::page::attach(&path)?;
-    let watch = move || {
-        while is_parent(parent) {
-            thread::sleep(Duration::from_millis(20));
-        }
-        leftovers::remove();
-        #[cfg(unix)]
-        {
-            let own = rustix::process::getpid();
-            if rustix::process::getpgrp() == own {
-                let _ = rustix::process::kill_process_group(own, rustix::process::Signal::KILL);
-            }
-            // SIGKILL skips the exit handlers that an FMU has registered.
-            let _ = rustix::process::kill_process(own, rustix::process::Signal::KILL);
-        }
-        std::process::abort();
-    };
-    thread::Builder::new().name("parent".into()).spawn(watch)?;
+    #[cfg(unix)]
+    thread::Builder::new()
+        .name("parent".into())
+        .spawn(move || watch(parent))?;
+    // The job of this process ends with its parent. No process that an FMU starts takes itself for this one.
+    #[cfg(windows)]
+    // SAFETY: always safe on this system.
+    unsafe {
+        std::env::remove_var(VARIABLE);
+    }
     Ok(true)
+}
+
+/// Ends this process when its parent has ended.
+#[cfg(unix)]
+fn watch(parent: u32) {
+    while is_parent(parent) {
+        thread::sleep(Duration::from_millis(20));
+    }
+    leftovers::remove();
+    let own = rustix::process::getpid();
+    if rustix::process::getpgrp() == own {
+        let _ = rustix::process::kill_process_group(own, rustix::process::Signal::KILL);
+    }
+    // SIGKILL skips the exit handlers that an FMU has registered.
+    let _ = rustix::process::kill_process(own, rustix::process::Signal::KILL);
+    std::process::abort();
 }
 
 #[cfg(unix)]
@@ -379,12 +415,5 @@ fn is_zombie(number: u32) -> bool {
     matches!(state, Some('Z' | 'X'))
 }
 
-#[cfg(not(unix))]
-pub(crate) fn is_alive(_number: u32) -> bool {
-    true
-}
-
-#[cfg(not(unix))]
-fn is_parent(_number: u32) -> bool {
-    true
-}
+#[cfg(windows)]
+pub(crate) use crate::job::is_alive;

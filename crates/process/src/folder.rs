@@ -20,9 +20,13 @@ const PREFIX: &str = "pilotage-run-";
 /// A temporary folder that only its user can access.
 #[derive(Debug)]
 pub struct Folder {
+    // Windows removes no folder in which a file is open.
+    #[cfg(windows)]
+    _lock: File,
     // Fields drop in this order, so that no process takes the folder for a leftover before it is removed.
     folder: TempDir,
     _leftover: Leftover,
+    #[cfg(not(windows))]
     _lock: File,
 }
 

@@ -12,6 +12,7 @@
 //! | [`child`] | a process group with a page: start, wait, kill |
 //! | [`channel`] | requests and replies between two processes |
 //! | [`folder`] | temporary folders, and removal of those that dead processes left |
+//! | `job` | Windows: a process with all that it starts |
 //! | [`leftovers`] | what is removed when a signal ends this process |
 //! | [`lock`] | locks on files that one process at a time writes |
 //! | [`memory`] | an allocator that ends the process with a message |
@@ -23,6 +24,8 @@
 pub mod channel;
 pub mod child;
 pub mod folder;
+#[cfg(windows)]
+mod job;
 pub mod leftovers;
 pub mod lock;
 pub mod memory;

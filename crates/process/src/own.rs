@@ -11,6 +11,12 @@ pub fn remember() {}
 #[cfg(not(unix))]
 pub fn restore_streams() {}
 
+/// Does nothing on this system, which has no umask.
+#[cfg(not(unix))]
+pub fn restore_umask() -> bool {
+    false
+}
+
 /// Does nothing on this system.
 #[cfg(not(unix))]
 pub fn separate_stdout() {}

@@ -3,10 +3,10 @@
 use super::super::format::aligned;
 use super::{capabilities, dimensions, name_at, start, structure};
 use crate::cli::terminal;
-use crate::fmi::Fmu;
 use crate::fmi::description::{
     Alias, DefaultExperiment, ModelDescription, ScalarVariable, Unknown, VariableKind,
 };
+use crate::fmi::{Fmu, platform};
 use serde_json::Value;
 
 pub(super) fn of(fmu: &Fmu) -> String {
@@ -30,7 +30,7 @@ pub(super) fn of(fmu: &Fmu) -> String {
         ("made by", text(&d.generation_tool)),
         ("made on", text(&d.generation_date_and_time)),
         ("guid", d.guid.clone()),
-        ("platforms", fmu.platforms().join(", ")),
+        ("platforms", platforms(fmu)),
         (
             "experiment",
             d.default_experiment.map(experiment).unwrap_or_default(),
@@ -47,6 +47,18 @@ pub(super) fn of(fmu: &Fmu) -> String {
         text += &format!("  {name:<13} {}\n", terminal::line(value));
     }
     text + "\n" + &variables(d) + &enumerations(d) + &dependencies(d)
+}
+
+/// The platforms for which it has binaries, and whether this machine is none of them.
+fn platforms(fmu: &Fmu) -> String {
+    let own = platform::folders();
+    let has = fmu.platforms();
+    let is_here = has.is_empty() || has.iter().any(|folder| own.contains(folder));
+    let note = match is_here {
+        true => String::new(),
+        false => format!("; none for this machine, which is {}", own.join(" or ")),
+    };
+    has.join(", ") + &note
 }
 
 /// Number of variables, outputs, states and event indicators.

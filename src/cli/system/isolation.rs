@@ -64,6 +64,11 @@ impl Isolation {
 
     /// Refuses names that are not instances of FMUs.
     pub fn check(&self, instances: &[InstanceDescription]) -> Result<(), Failure> {
+        if self.memory_limit.is_some() && !cfg!(any(target_os = "linux", windows)) {
+            let message =
+                "--memory-limit: this system does not tell how much memory a process uses";
+            return Err(Failure::new(message).hint("leave it out"));
+        }
         for name in self.isolate.iter().filter(|name| *name != ALL) {
             let known = instances.iter().map(|own| own.name.as_str());
             let Some(own) = instances.iter().find(|own| own.name == *name) else {

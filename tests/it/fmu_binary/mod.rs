@@ -7,7 +7,7 @@ mod model_exchange;
 mod raw;
 mod states;
 
-use pilotage::export;
+use crate::command::own_library;
 use pilotage::models::pilot::PAPER_THETA;
 use pilotage::models::{Model, Quadcopter};
 use pilotage_abi::fmi2::{Function, Status, Type};
@@ -52,8 +52,9 @@ fn life(raw: &Raw, phase: usize) -> Vec<Vec<u64>> {
 #[cfg(target_os = "linux")]
 fn library_exports_the_standard_and_nothing_else_and_needs_the_system_alone() {
     use object::Endianness;
+    let library = own_library();
     use object::read::elf::{Dyn, ElfFile64};
-    let file = ElfFile64::<Endianness>::parse(export::binary::LIBRARY).unwrap();
+    let file = ElfFile64::<Endianness>::parse(&*library).unwrap();
     use object::Object;
     let mut found: Vec<_> = (file.exports().unwrap().iter())
         .map(|e| String::from_utf8_lossy(e.name()).into_owned())
@@ -92,7 +93,7 @@ fn library_exports_the_standard_and_nothing_else_and_needs_the_system_alone() {
 
 #[test]
 fn library_holds_no_path_of_the_machine_that_built_it() {
-    let library = export::binary::LIBRARY;
+    let library = own_library();
     let root = env!("CARGO_MANIFEST_DIR").as_bytes();
     assert!(!library.windows(root.len()).any(|w| w == root));
 }

@@ -1,7 +1,7 @@
 //! The exported library, called as C would call it: nothing is checked on this side.
 
 use libloading::Library;
-use pilotage::export::{self, Export, Provenance};
+use pilotage::export::{Export, Platform, Provenance};
 use pilotage::fmi::description::FmiVersion;
 use pilotage::models::Model;
 use pilotage_abi::fmi2::functions::{Function, pointers};
@@ -90,7 +90,11 @@ impl Raw {
     }
 
     pub fn binary(model: &Model, folder: &Path) -> std::path::PathBuf {
-        folder.join(&export::binary::paths(FmiVersion::V2, model.kind().name())[0])
+        folder.join(
+            &Platform::host()
+                .unwrap()
+                .paths(FmiVersion::V2, model.kind().name())[0],
+        )
     }
 
     /// The address of a function.

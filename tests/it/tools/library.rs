@@ -1,8 +1,8 @@
 //! What the libraries of FMUs are made of and what they need, by cargo and binutils.
 
-use crate::command::example;
+use crate::command::{example, own_library};
 use crate::export;
-use pilotage::export::{binary, pack};
+use pilotage::export::pack;
 use std::path::Path;
 use std::process::Command;
 
@@ -15,7 +15,7 @@ fn libraries_need_no_new_glibc() {
     let (users, _) = pack::build(&example, false).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let ours = folder.path().join("ours.so");
-    std::fs::write(&ours, binary::LIBRARY).unwrap();
+    std::fs::write(&ours, own_library()).unwrap();
     for library in [ours, users] {
         asks_for_no_new_glibc(&library);
     }

@@ -18,6 +18,7 @@ mod module;
 mod other_tools;
 mod pack;
 mod pages;
+mod platforms;
 pub mod python;
 mod references;
 mod regression;

@@ -1,7 +1,7 @@
 //! `pilotage pack`: a user's own model as an FMU, and libraries for other platforms.
 
-use crate::command::{Folder, example};
-use pilotage::export::{Export, ExportOptions, Provenance, binary, interface, pack, platform};
+use crate::command::{Folder, example, own_library, written};
+use pilotage::export::{Export, ExportOptions, Provenance, interface, pack, platform};
 use pilotage::fmi::description::FmiVersion;
 use pilotage::fmi::instance::{self, Step};
 use pilotage::fmi::{Fmu, InterfaceType};
@@ -42,7 +42,10 @@ fn a_crate_becomes_a_valid_fmu_of_either_version_with_equal_bytes_each_time() {
         assert_eq!(ended.stderr, "");
         assert_eq!(
             ended.stdout,
-            format!("wrote {name}\nnext: pilotage validate {name}\n")
+            format!(
+                "{}next: pilotage validate {name}\n",
+                written(&folder, &name)
+            )
         );
         let once = std::fs::read(folder.path(&name)).unwrap();
         assert!(names(&once).contains(&format!("binaries/{library}/drone.so")));
@@ -82,7 +85,7 @@ fn a_crate_becomes_a_valid_fmu_of_either_version_with_equal_bytes_each_time() {
 fn what_cannot_be_packed_says_why_and_leaves_nothing() {
     let folder = Folder::new();
     folder.write("text.so", "no library");
-    folder.write("own.so", binary::LIBRARY);
+    folder.write("own.so", own_library());
     std::fs::create_dir(folder.path("empty")).unwrap();
     std::fs::create_dir_all(folder.path("rlib/src")).unwrap();
     folder.write("rlib/src/lib.rs", "");
@@ -128,6 +131,14 @@ fn what_cannot_be_packed_says_why_and_leaves_nothing() {
             &["export", "quadcopter", "--binary", "linux64=own.so"],
             "error: two libraries are given for binaries/linux64/quadcopter.so; give one",
         ),
+        (
+            &["export", "quadcopter", "--platforms", "win64"],
+            "error: this command has no library for x86_64-windows, but for linux64; ",
+        ),
+        (
+            &["export", "quadcopter", "--platforms", "linux64,amiga"],
+            "error: there is no platform \"amiga\"; known are x86_64-linux, ",
+        ),
     ] {
         let ended = folder.pilotage(arguments);
         assert!(ended.stderr.starts_with(message), "{}", ended.stderr);
@@ -145,7 +156,7 @@ fn what_cannot_be_packed_says_why_and_leaves_nothing() {
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn a_library_of_another_platform_is_taken_if_it_is_one() {
     // Our own library, said to be for another processor of the same system: the check reads the header.
-    let mut arm = binary::LIBRARY.to_vec();
+    let mut arm = own_library();
     let machine = 18;
     arm[machine..machine + 2].copy_from_slice(&object::elf::EM_AARCH64.to_le_bytes());
     let model = Model::quadcopter(&Quadcopter::default());

@@ -62,6 +62,8 @@ pub struct Link<'a> {
     pub to: (String, &'a Variable),
     /// Conversion from the output's unit to the input's.
     pub conversion: Conversion,
+    /// Values of the output, and what the input is given for them; others stay.
+    pub map: &'a [(Value, Value)],
 }
 
 /// A named component.
@@ -340,6 +342,7 @@ impl System {
             from: self.named(connection.from),
             to: self.named(connection.to),
             conversion: connection.conversion,
+            map: &connection.map,
         })
     }
 
