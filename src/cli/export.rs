@@ -25,7 +25,8 @@ use std::path::{Path, PathBuf};
     after_help = "Examples:\n  \
         pilotage export model.toml -o model.fmu            a model file (docs/models.md)\n  \
         pilotage export crossover --fmi 3                  a built-in model (`pilotage models`)\n  \
-        pilotage export pilot pilot.toml -o pilot.fmu      the pilot that `pilotage fit` found"
+        pilotage export pilot pilot.toml -o pilot.fmu      the pilot that `pilotage fit` found\n  \
+        pilotage export model.toml --source                with its C99 sources, for any target"
 )]
 pub struct Args {
     #[command(subcommand)]
@@ -88,6 +89,9 @@ pub struct FmuArgs {
     /// Add a library built for another platform (win64, aarch64-darwin, ...); may be repeated.
     #[arg(long, value_name = "PLATFORM=FILE")]
     binary: Vec<String>,
+    /// Add the model as C99 sources, beside the binary: for targets that no binary is for.
+    #[arg(long)]
+    source: bool,
     /// Author of the model.
     #[arg(long, value_name = "NAME")]
     author: Option<String>,
@@ -164,6 +168,7 @@ impl FmuArgs {
                 Version::V3 => FmiVersion::V3,
             },
             binaries: self.binary.iter().map(read).collect::<Result<_, _>>()?,
+            has_sources: self.source,
         })
     }
 }

@@ -9,6 +9,7 @@
 //! | [`description`](mod@description) | modelDescription.xml, from the table of variables |
 //! | [`interface`] | reads the interface of a model from its library |
 //! | [`pack`] | FMUs of user-written models |
+//! | [`source`] | models as C99 |
 //! | `sdk` | path of the SDK for those crates |
 //! | `old_glibc` | libraries that run on old Linux systems |
 //! | `documentation` | documentation/index.html and the licences |
@@ -25,6 +26,7 @@ pub mod pack;
 pub mod package;
 pub mod platform;
 mod sdk;
+pub mod source;
 mod terminals;
 
 pub use description::description;
@@ -36,7 +38,8 @@ use crate::atomic_file;
 use crate::fmi::description::FmiVersion;
 use crate::models::model::MODEL_FILE;
 use crate::models::{Model, ModelKind, TextModel};
-use pilotage_sdk::Interface;
+use crate::models::expressions::AllExpressions;
+use pilotage_sdk::{Equations, Interface};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -139,6 +142,8 @@ pub struct ExportOptions {
     pub version: FmiVersion,
     /// Libraries built elsewhere, in addition to that for this platform.
     pub binaries: Vec<(Platform, Vec<u8>)>,
+    /// Whether the FMU also has its model as C99 sources.
+    pub has_sources: bool,
 }
 
 /// Builder of an FMU; by default for FMI 2.0 and this platform.
@@ -196,6 +201,12 @@ impl<'a> Export<'a> {
         self
     }
 
+    /// Adds the model as C99 sources.
+    pub fn sources(mut self) -> Self {
+        self.options.has_sources = true;
+        self
+    }
+
     /// Sets all options.
     pub fn options(mut self, options: ExportOptions) -> Self {
         self.options = options;
@@ -210,12 +221,18 @@ impl<'a> Export<'a> {
         let own = Platform::host().map(|platform| (platform, binary::LIBRARY.to_vec()));
         let binaries = self.options.binaries.into_iter().chain(own).collect();
         let (provenance, version) = (self.provenance, self.options.version);
+        let has_sources = self.options.has_sources;
         match self.subject {
             Subject::Model(model) => {
                 model.check()?;
+                let interface = Interface::of(model);
                 package::archive(&Contents {
+                    sources: match has_sources {
+                        true => sources_of_model(model, &interface, version)?,
+                        false => BTreeMap::new(),
+                    },
                     name: model.kind().name(),
-                    interface: &Interface::of(model),
+                    interface: &interface,
                     provenance,
                     version,
                     binaries,
@@ -237,6 +254,10 @@ impl<'a> Export<'a> {
                 model.variables().check()?;
                 let (interface, file) = (Interface::of(model), &model.compiled().file);
                 package::archive(&Contents {
+                    sources: match has_sources {
+                        true => sources_of_text(model, &interface, version)?,
+                        false => BTreeMap::new(),
+                    },
                     name: &file.name,
                     interface: &interface,
                     provenance,
@@ -257,6 +278,42 @@ impl<'a> Export<'a> {
     pub fn write(self, path: &Path) -> Result<(), ExportError> {
         write(path, &self.bytes()?)
     }
+}
+
+/// The sources of a built-in model.
+fn sources_of_model(
+    model: &Model,
+    interface: &Interface,
+    version: FmiVersion,
+) -> Result<BTreeMap<String, Vec<u8>>, ExportError> {
+    let equations = AllExpressions::of_model(model).map_err(|error| ExportError::NoSource {
+        model: interface.name.clone(),
+        reason: error.to_string(),
+    })?;
+    let subject = source::Subject {
+        table: model.variable_table(),
+        interface,
+        equations: &equations,
+        is_linear: model.is_linear(),
+        is_text: false,
+    };
+    source::files(&subject, version)
+}
+
+/// The sources of a model file.
+fn sources_of_text(
+    model: &TextModel,
+    interface: &Interface,
+    version: FmiVersion,
+) -> Result<BTreeMap<String, Vec<u8>>, ExportError> {
+    let subject = source::Subject {
+        table: model.variables(),
+        interface,
+        equations: &AllExpressions::of_text(model),
+        is_linear: model.is_linear(),
+        is_text: true,
+    };
+    source::files(&subject, version)
 }
 
 /// The files in `resources`: the model file and its tables.
