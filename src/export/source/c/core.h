@@ -542,12 +542,6 @@ static double output_derivative(Instance *m, int index)
 
 /* Steps ------------------------------------------------------------------------------------------------------------ */
 
-static int not_finite(Instance *m, int state, double value, double step)
-{
-    return problem(m, DISCARD, "state %s is %g after %g s; the model or what drives it is unstable",
-                   state_names[state], value, step);
-}
-
 #if IS_LINEAR
 /* Exact steps of linear models: the exponential of the matrix of states, inputs and their slopes (Van Loan 1978), by a
  * Pade approximant of degree 13 with scaling and squaring (Higham 2005) of the balanced matrix (Parlett & Reinsch
@@ -798,6 +792,12 @@ static int make_transition(Instance *m, Transition *out, double h)
 static int is_for(const Transition *t, double h, const double *p)
 {
     return t->is_known && t->step == h && memcmp(t->p, p, N_PARAMETERS * sizeof(double)) == 0;
+}
+
+static int not_finite(Instance *m, int state, double value, double step)
+{
+    return problem(m, DISCARD, "state %s is %g after %g s; the model or what drives it is unstable",
+                   state_names[state], value, step);
 }
 
 static int step_states(Instance *m, double h, double *elapsed)
