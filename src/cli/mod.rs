@@ -4,6 +4,7 @@
 
 pub mod call;
 mod compare;
+mod compile;
 mod completions;
 mod convert;
 pub mod cosim;
@@ -97,6 +98,8 @@ enum Command {
     Export(Box<export::Args>),
     /// Build an FMU from a model in Rust.
     Pack(pack::Args),
+    /// Build an FMU's binary for this machine from its sources.
+    Compile(compile::Args),
     /// Draw figures of a fit or of results as files.
     Plot(plot::Args),
     /// Convert a system file to SSP, or SSP to a system file.
@@ -260,6 +263,7 @@ fn done(command: Command) -> Result<Outcome, Failure> {
         Command::Model(args) => model::run(args),
         Command::Export(args) => export::run(*args),
         Command::Pack(args) => pack::run(args),
+        Command::Compile(args) => compile::run(args),
         Command::Plot(args) => plot::run(args),
         Command::Convert(args) => convert::run(&args),
         Command::Cosim(args) => cosim::run(*args),
@@ -326,6 +330,7 @@ impl Command {
             | Self::Models(_)
             | Self::Export(_)
             | Self::Pack(_)
+            | Self::Compile(_)
             | Self::Completions(_)
             | Self::Man(_)
             | Self::Probe(_)

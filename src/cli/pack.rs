@@ -39,6 +39,10 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         what,
     )?;
     let options = args.fmu.options()?;
+    if options.has_sources {
+        let message = "a model in Rust cannot be written as C; --source is for model files, pilots and quadcopters";
+        return Err(Failure::new(message).hint("`pilotage export` writes those"));
+    }
     let (library, license) = match args.model.is_dir() {
         // A first build takes a minute: on a terminal, cargo's progress is shown.
         true => pack::build(&args.model, std::io::stderr().is_terminal()).map_err(not_built)?,

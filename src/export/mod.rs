@@ -6,6 +6,7 @@
 //! | module | contents |
 //! | --- | --- |
 //! | [`binary`], [`platform`] | the library of built-in models; the folders of libraries |
+//! | [`compile`](mod@compile) | compiles the sources of an FMU |
 //! | [`description`](mod@description) | modelDescription.xml, from the table of variables |
 //! | [`interface`] | reads the interface of a model from its library |
 //! | [`pack`] | FMUs of user-written models |
@@ -17,6 +18,7 @@
 //! | [`mod@package`] | the archive: the same input gives the same bytes |
 
 pub mod binary;
+pub mod compile;
 pub mod description;
 mod documentation;
 mod error;
@@ -36,9 +38,9 @@ pub use platform::Platform;
 
 use crate::atomic_file;
 use crate::fmi::description::FmiVersion;
+use crate::models::expressions::AllExpressions;
 use crate::models::model::MODEL_FILE;
 use crate::models::{Model, ModelKind, TextModel};
-use crate::models::expressions::AllExpressions;
 use pilotage_sdk::{Equations, Interface};
 use std::collections::BTreeMap;
 use std::path::Path;

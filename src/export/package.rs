@@ -40,8 +40,16 @@ pub struct Contents<'c> {
 /// # Errors
 /// If a library does not fit its platform, or a platform is given twice.
 pub fn archive(contents: &Contents<'_>) -> Result<Vec<u8>, ExportError> {
+    zipped(entries(contents)?)
+}
+
+/// An archive of these files.
+///
+/// # Errors
+/// If it cannot be built.
+pub(super) fn zipped(entries: BTreeMap<String, Vec<u8>>) -> Result<Vec<u8>, ExportError> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-    for (name, content) in entries(contents)? {
+    for (name, content) in entries {
         let mode = if name.starts_with("binaries/") {
             0o755
         } else {

@@ -7,6 +7,7 @@ use super::description::FmiVersion;
 use super::description::{self, ModelDescription, ReadError};
 use super::instance::{CallError, Instance, InstanceOptions};
 use super::platform;
+use super::sources;
 use super::version::InterfaceType;
 use std::fs;
 use std::io;
@@ -43,7 +44,7 @@ pub enum FmuError {
         kind: InterfaceType,
     },
     /// It has no binary for this machine.
-    #[error("{} has no binary for this machine (looked in {}); it has {}", path.display(), wanted.join(", "), all_of(present))]
+    #[error("{} has no binary for this machine (looked in {}); it has {}{}", path.display(), wanted.join(", "), all_of(present), if *has_sources { "; it has sources, of which `pilotage compile` makes one" } else { "" })]
     NoPlatform {
         /// The FMU.
         path: PathBuf,
@@ -51,6 +52,8 @@ pub enum FmuError {
         wanted: Vec<String>,
         /// Folders that exist.
         present: Vec<String>,
+        /// Whether it has sources.
+        has_sources: bool,
     },
     /// The folder exists, but not the file named by the modelIdentifier.
     #[error("{} has no `{expected}`, which modelIdentifier=\"{identifier}\" names; beside it are {}", path.display(), all_of(found))]
@@ -150,6 +153,22 @@ impl Fmu {
     /// Names of all files in the archive.
     pub fn files(&self) -> impl Iterator<Item = &str> {
         self.archive.files()
+    }
+
+    /// Content of a file in the archive.
+    ///
+    /// # Errors
+    /// If there is none, or it is damaged.
+    pub fn read(&mut self, name: &str) -> Result<Vec<u8>, FmuError> {
+        Ok(self.archive.read(name)?)
+    }
+
+    /// Whether it has sources in C.
+    pub fn has_sources(&self) -> bool {
+        let mut files = self.archive.files();
+        files.any(|file| {
+            file.starts_with(sources::FOLDER) && file.to_ascii_lowercase().ends_with(".c")
+        })
     }
 
     /// Number of files and folders in the archive.
@@ -257,6 +276,7 @@ impl Fmu {
                 path: path(),
                 wanted,
                 present,
+                has_sources: self.has_sources(),
             });
         };
         let name = platform::library_name(identifier);

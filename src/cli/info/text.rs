@@ -30,7 +30,7 @@ pub(super) fn of(fmu: &Fmu) -> String {
         ("made by", text(&d.generation_tool)),
         ("made on", text(&d.generation_date_and_time)),
         ("guid", d.guid.clone()),
-        ("platforms", fmu.platforms().join(", ")),
+        ("platforms", platforms(fmu)),
         (
             "experiment",
             d.default_experiment.map(experiment).unwrap_or_default(),
@@ -197,4 +197,14 @@ fn dependencies(d: &ModelDescription) -> String {
     let header = ["unknown", "depends on"].map(str::to_owned);
     let rows: Vec<_> = std::iter::once(header).chain(rows).collect();
     format!("\n{}", aligned(&rows))
+}
+
+/// The platforms of the binaries, and whether there are sources.
+fn platforms(fmu: &Fmu) -> String {
+    let own = fmu.platforms().join(", ");
+    match (own.is_empty(), fmu.has_sources()) {
+        (_, false) => own,
+        (true, true) => "none; `pilotage compile` makes a binary of its sources".to_owned(),
+        (false, true) => format!("{own}; sources"),
+    }
 }

@@ -34,10 +34,21 @@ impl Writer<'_> {
         let (needed, moving) = (self.graph.ancestors(&nodes), self.moving(targets));
         let mut text = String::new();
         // Writing to a String cannot fail.
-        for name in self.names.iter().flatten().filter(|own| !own.is_empty() && is_name(own)) {
+        for name in self
+            .names
+            .iter()
+            .flatten()
+            .filter(|own| !own.is_empty() && is_name(own))
+        {
             let _ = writeln!(text, "    (void){name};");
         }
-        for (k, operation) in self.graph.operations().iter().enumerate().filter(|(k, _)| needed[*k]) {
+        for (k, operation) in self
+            .graph
+            .operations()
+            .iter()
+            .enumerate()
+            .filter(|(k, _)| needed[*k])
+        {
             if is_leaf(operation) {
                 continue;
             }
@@ -64,7 +75,10 @@ impl Writer<'_> {
         for (k, operation) in operations.iter().enumerate() {
             varies[k] = match operation {
                 Operation::Variable(variable) => !self.variable(*variable as usize, 1).is_empty(),
-                other => passing(*other).into_iter().flatten().any(|own| varies[own.index()]),
+                other => passing(*other)
+                    .into_iter()
+                    .flatten()
+                    .any(|own| varies[own.index()]),
             };
         }
         let mut is_asked = vec![false; operations.len()];
@@ -78,7 +92,11 @@ impl Writer<'_> {
                 }
             }
         }
-        varies.iter().zip(is_asked).map(|(varies, is_asked)| *varies && is_asked).collect()
+        varies
+            .iter()
+            .zip(is_asked)
+            .map(|(varies, is_asked)| *varies && is_asked)
+            .collect()
     }
 
     fn variable(&self, variable: usize, part: usize) -> String {
@@ -107,7 +125,9 @@ impl Writer<'_> {
     /// A derivative of a node, unless it is 0.
     fn part(&self, node: Node, part: usize, moving: &[bool]) -> Option<String> {
         match self.graph.operation(node) {
-            Operation::Variable(variable) => Some(self.variable(variable as usize, part)).filter(|own| !own.is_empty()),
+            Operation::Variable(variable) => {
+                Some(self.variable(variable as usize, part)).filter(|own| !own.is_empty())
+            }
             _ => moving[node.index()].then(|| derived(node.index(), part)),
         }
     }
@@ -132,22 +152,39 @@ impl Writer<'_> {
     /// A derivative of an operation, by the chain rule.
     fn rate(&self, k: usize, part: usize, moving: &[bool]) -> Result<String, NoC> {
         let read = |node: Node| self.read(node);
-        let of = |node: Node, part: usize| self.part(node, part, moving).unwrap_or("0.0".to_owned());
+        let of =
+            |node: Node, part: usize| self.part(node, part, moving).unwrap_or("0.0".to_owned());
         let value = format!("v{k}");
         Ok(match self.graph.operations()[k] {
             Operation::Unary(function, a) => {
                 let [first, second] = slopes(function, &read(a), &value);
                 match part {
                     1 => format!("({first}) * {}", of(a, 1)),
-                    _ => format!("({second}) * {0} * {0} + ({first}) * {1}", of(a, 1), of(a, 2)),
+                    _ => format!(
+                        "({second}) * {0} * {0} + ({first}) * {1}",
+                        of(a, 1),
+                        of(a, 2)
+                    ),
                 }
             }
             Operation::Binary(operator, a, b) => {
                 let parts = [1, 2].map(|part| [of(a, part), of(b, part)]);
-                binary_rate(operator, [&read(a), &read(b)], &parts, [&value, &derived(k, 1)], part)
+                binary_rate(
+                    operator,
+                    [&read(a), &read(b)],
+                    &parts,
+                    [&value, &derived(k, 1)],
+                    part,
+                )
             }
-            Operation::Select(a, b, c) => format!("{} != 0.0 ? {} : {}", read(a), of(b, part), of(c, part)),
-            Operation::Lookup(curve, a) => format!("{} * {}", self.lookup("curve_slope", curve, &read(a)), of(a, part)),
+            Operation::Select(a, b, c) => {
+                format!("{} != 0.0 ? {} : {}", read(a), of(b, part), of(c, part))
+            }
+            Operation::Lookup(curve, a) => format!(
+                "{} * {}",
+                self.lookup("curve_slope", curve, &read(a)),
+                of(a, part)
+            ),
             Operation::Constant(_) | Operation::Variable(_) => String::new(),
             Operation::Call(..) => return Err(NoC),
         })
@@ -221,29 +258,62 @@ fn slopes(function: Function, a: &str, v: &str) -> [String; 2] {
     match function {
         Function::Negate => own("-1.0".into(), "0.0".into()),
         Function::Reciprocal => own(format!("-{v} * {v}"), format!("2.0 * {v} * {v} * {v}")),
-        Function::Sqrt => own(format!("0.5 * {v} / {a}"), format!("-0.25 * {v} / ({a} * {a})")),
-        Function::Cbrt => own(format!("{v} / {a} / 3.0"), format!("-2.0 * {v} / ({a} * {a}) / 9.0")),
+        Function::Sqrt => own(
+            format!("0.5 * {v} / {a}"),
+            format!("-0.25 * {v} / ({a} * {a})"),
+        ),
+        Function::Cbrt => own(
+            format!("{v} / {a} / 3.0"),
+            format!("-2.0 * {v} / ({a} * {a}) / 9.0"),
+        ),
         Function::Exp => own(v.into(), v.into()),
         Function::ExpM1 => own(format!("exp({a})"), format!("exp({a})")),
         Function::Ln => own(format!("1.0 / {a}"), format!("-1.0 / ({a} * {a})")),
-        Function::Ln1p => own(format!("1.0 / (1.0 + {a})"), format!("-1.0 / ((1.0 + {a}) * (1.0 + {a}))")),
+        Function::Ln1p => own(
+            format!("1.0 / (1.0 + {a})"),
+            format!("-1.0 / ((1.0 + {a}) * (1.0 + {a}))"),
+        ),
         Function::Sin => own(format!("cos({a})"), format!("-{v}")),
         Function::Cos => own(format!("-sin({a})"), format!("-{v}")),
-        Function::Tan => own(format!("1.0 + {v} * {v}"), format!("2.0 * {v} * (1.0 + {v} * {v})")),
-        Function::Asin => own(format!("1.0 / sqrt(1.0 - {a} * {a})"), format!("{a} / pow(1.0 - {a} * {a}, 1.5)")),
-        Function::Acos => own(format!("-1.0 / sqrt(1.0 - {a} * {a})"), format!("-{a} / pow(1.0 - {a} * {a}, 1.5)")),
+        Function::Tan => own(
+            format!("1.0 + {v} * {v}"),
+            format!("2.0 * {v} * (1.0 + {v} * {v})"),
+        ),
+        Function::Asin => own(
+            format!("1.0 / sqrt(1.0 - {a} * {a})"),
+            format!("{a} / pow(1.0 - {a} * {a}, 1.5)"),
+        ),
+        Function::Acos => own(
+            format!("-1.0 / sqrt(1.0 - {a} * {a})"),
+            format!("-{a} / pow(1.0 - {a} * {a}, 1.5)"),
+        ),
         Function::Atan => {
             let square = format!("(1.0 + {a} * {a})");
-            own(format!("1.0 / {square}"), format!("-2.0 * {a} / ({square} * {square})"))
+            own(
+                format!("1.0 / {square}"),
+                format!("-2.0 * {a} / ({square} * {square})"),
+            )
         }
         Function::Sinh => own(format!("cosh({a})"), v.into()),
         Function::Cosh => own(format!("sinh({a})"), v.into()),
-        Function::Tanh => own(format!("1.0 - {v} * {v}"), format!("-2.0 * {v} * (1.0 - {v} * {v})")),
-        Function::Asinh => own(format!("1.0 / sqrt(1.0 + {a} * {a})"), format!("-{a} / pow(1.0 + {a} * {a}, 1.5)")),
-        Function::Acosh => own(format!("1.0 / sqrt({a} * {a} - 1.0)"), format!("-{a} / pow({a} * {a} - 1.0, 1.5)")),
+        Function::Tanh => own(
+            format!("1.0 - {v} * {v}"),
+            format!("-2.0 * {v} * (1.0 - {v} * {v})"),
+        ),
+        Function::Asinh => own(
+            format!("1.0 / sqrt(1.0 + {a} * {a})"),
+            format!("-{a} / pow(1.0 + {a} * {a}, 1.5)"),
+        ),
+        Function::Acosh => own(
+            format!("1.0 / sqrt({a} * {a} - 1.0)"),
+            format!("-{a} / pow({a} * {a} - 1.0, 1.5)"),
+        ),
         Function::Atanh => {
             let square = format!("(1.0 - {a} * {a})");
-            own(format!("1.0 / {square}"), format!("2.0 * {a} / ({square} * {square})"))
+            own(
+                format!("1.0 / {square}"),
+                format!("2.0 * {a} / ({square} * {square})"),
+            )
         }
         Function::Abs => own(format!("{a} < 0.0 ? -1.0 : 1.0"), "0.0".into()),
         Function::Sign => own("0.0".into(), "0.0".into()),

@@ -67,7 +67,10 @@ pub fn main_file(model_identifier: &str) -> String {
 ///
 /// # Errors
 /// If the equations have what C cannot express.
-pub fn files(subject: &Subject<'_>, version: FmiVersion) -> Result<BTreeMap<String, Vec<u8>>, ExportError> {
+pub fn files(
+    subject: &Subject<'_>,
+    version: FmiVersion,
+) -> Result<BTreeMap<String, Vec<u8>>, ExportError> {
     let name = &subject.interface.name;
     let equations = equations(subject).map_err(|NoC| ExportError::NoSource {
         model: name.clone(),
@@ -96,7 +99,10 @@ pub fn files(subject: &Subject<'_>, version: FmiVersion) -> Result<BTreeMap<Stri
     if version == FmiVersion::V3 {
         files.insert("buildDescription.xml".to_owned(), build_description(name));
     }
-    Ok(files.into_iter().map(|(name, text)| (name, text.into_bytes())).collect())
+    Ok(files
+        .into_iter()
+        .map(|(name, text)| (name, text.into_bytes()))
+        .collect())
 }
 
 /// How the sources are compiled (FMI 3.0, section 2.5.1.2.1).
@@ -124,7 +130,11 @@ fn equations(subject: &Subject<'_>) -> Result<Equations, NoC> {
     if all.starts.iter().any(Option::is_some) {
         let starts = all.starts.iter().enumerate();
         let targets = starts.filter_map(|(k, node)| Some((format!("start[{k}]"), (*node)?, 0)));
-        code += &writer("model").of_parameters("starts", "const double *p, double *start", targets.collect())?;
+        code += &writer("model").of_parameters(
+            "starts",
+            "const double *p, double *start",
+            targets.collect(),
+        )?;
     }
     if !all.switches.is_empty() {
         let targets = listed("times", &all.switches);
@@ -133,12 +143,19 @@ fn equations(subject: &Subject<'_>) -> Result<Equations, NoC> {
     }
     let mut curves: Vec<&Curve> = own.graph.curves().iter().map(|curve| &**curve).collect();
     if let Some(exact) = &all.exact {
-        let functions = Functions::new(&exact.equations, "exact", Some(&exact.states), curves.len());
-        let functions = Functions { all_states: all.equations.states, ..functions };
+        let functions =
+            Functions::new(&exact.equations, "exact", Some(&exact.states), curves.len());
+        let functions = Functions {
+            all_states: all.equations.states,
+            ..functions
+        };
         code += &functions.equations()?;
         code += &functions.signals(&exact.signals)?;
         let times = listed("tau", &exact.times);
-        let delays = Functions { prefix: "delay", ..functions };
+        let delays = Functions {
+            prefix: "delay",
+            ..functions
+        };
         code += &delays.of_parameters("times", "const double *p, double *tau", times)?;
         curves.extend(exact.equations.graph.curves().iter().map(|curve| &**curve));
     }
@@ -149,8 +166,16 @@ fn equations(subject: &Subject<'_>) -> Result<Equations, NoC> {
         text += &table(k, curve);
     }
     let helpers = [("power1(", POWER1), ("power2(", POWER2)];
-    text.extend(helpers.into_iter().filter(|(call, _)| code.contains(call)).map(|(_, helper)| helper));
-    Ok(Equations { text: text + &code, curves: curves.len() })
+    text.extend(
+        helpers
+            .into_iter()
+            .filter(|(call, _)| code.contains(call))
+            .map(|(_, helper)| helper),
+    );
+    Ok(Equations {
+        text: text + &code,
+        curves: curves.len(),
+    })
 }
 
 /// A curve as constants.
@@ -173,7 +198,9 @@ fn table(k: usize, curve: &Curve) -> String {
 /// An element of a list for each expression.
 fn listed(place: &str, nodes: &[Node]) -> Vec<Target> {
     let nodes = nodes.iter().enumerate();
-    nodes.map(|(k, node)| (format!("{place}[{k}]"), *node, 0)).collect()
+    nodes
+        .map(|(k, node)| (format!("{place}[{k}]"), *node, 0))
+        .collect()
 }
 
 /// The functions of some equations.
@@ -191,11 +218,28 @@ const VALUES: [&str; 4] = ["t", "x", "u", "p"];
 const NONE: [&str; 4] = [""; 4];
 
 impl<'e> Functions<'e> {
-    fn new(own: &'e Expressions, prefix: &'static str, places: Option<&'e [usize]>, first_curve: usize) -> Self {
-        Self { own, prefix, places, all_states: own.states, first_curve }
+    fn new(
+        own: &'e Expressions,
+        prefix: &'static str,
+        places: Option<&'e [usize]>,
+        first_curve: usize,
+    ) -> Self {
+        Self {
+            own,
+            prefix,
+            places,
+            all_states: own.states,
+            first_curve,
+        }
     }
 
-    fn function(&self, name: &str, arguments: &str, names: equations::Names, targets: &[Target]) -> Result<String, NoC> {
+    fn function(
+        &self,
+        name: &str,
+        arguments: &str,
+        names: equations::Names,
+        targets: &[Target],
+    ) -> Result<String, NoC> {
         let writer = Writer {
             graph: &self.own.graph,
             sizes: [self.own.states, self.own.inputs, self.own.parameters],
@@ -204,7 +248,10 @@ impl<'e> Functions<'e> {
             names,
         };
         let body = writer.body(targets)?;
-        Ok(format!("\nstatic void {}_{name}({arguments})\n{{\n{body}}}\n", self.prefix))
+        Ok(format!(
+            "\nstatic void {}_{name}({arguments})\n{{\n{body}}}\n",
+            self.prefix
+        ))
     }
 
     /// Derivatives and outputs, and both with their derivatives along a direction.
@@ -212,8 +259,20 @@ impl<'e> Functions<'e> {
         let (rates, outputs) = (self.rates("dx", 0), self.outputs("y", 0));
         let values = [VALUES, NONE, NONE];
         let point = "double t, const double *x, const double *u, const double *p";
-        let mut text = self.unset("rates", "dx", &format!("{point}, double *dx"), values, &rates)?;
-        text += &self.unset("outputs", "y", &format!("{point}, double *y"), values, &outputs)?;
+        let mut text = self.unset(
+            "rates",
+            "dx",
+            &format!("{point}, double *dx"),
+            values,
+            &rates,
+        )?;
+        text += &self.unset(
+            "outputs",
+            "y",
+            &format!("{point}, double *y"),
+            values,
+            &outputs,
+        )?;
         let all = [rates, self.rates("dx1", 1), outputs, self.outputs("y1", 1)].concat();
         let arguments = "double t, double t1, const double *x, const double *x1, const double *u,\n    const double *u1, \
                          const double *p, const double *p1, double *dx, double *dx1, double *y, double *y1";
@@ -235,7 +294,8 @@ impl<'e> Functions<'e> {
         let mut end = String::new();
         for result in results.split(", ") {
             let _ = writeln!(end, "    (void){result};");
-            let still = (0..self.all_states).filter(|k| self.places.is_some_and(|own| !own.contains(k)));
+            let still =
+                (0..self.all_states).filter(|k| self.places.is_some_and(|own| !own.contains(k)));
             for state in still.filter(|_| result.starts_with("dx")) {
                 let _ = writeln!(end, "    {result}[{state}] = 0.0;");
             }
@@ -247,17 +307,23 @@ impl<'e> Functions<'e> {
     fn rates(&self, list: &str, part: usize) -> Vec<Target> {
         let place = |k: usize| self.places.map_or(k, |places| places[k]);
         let rates = self.own.derivatives.iter().enumerate();
-        rates.map(|(k, node)| (format!("{list}[{}]", place(k)), *node, part)).collect()
+        rates
+            .map(|(k, node)| (format!("{list}[{}]", place(k)), *node, part))
+            .collect()
     }
 
     fn outputs(&self, list: &str, part: usize) -> Vec<Target> {
         let outputs = self.own.outputs.iter().enumerate();
-        outputs.map(|(k, node)| (format!("{list}[{k}]"), *node, part)).collect()
+        outputs
+            .map(|(k, node)| (format!("{list}[{k}]"), *node, part))
+            .collect()
     }
 
     /// The delayed signals with two derivatives along the solution.
     fn signals(&self, signals: &[Node]) -> Result<String, NoC> {
-        let jet = |(k, node): (usize, &Node)| [0, 1, 2].map(|part| (format!("jets[{k}][{part}]"), *node, part));
+        let jet = |(k, node): (usize, &Node)| {
+            [0, 1, 2].map(|part| (format!("jets[{k}][{part}]"), *node, part))
+        };
         let targets: Vec<Target> = signals.iter().enumerate().flat_map(jet).collect();
         let names = [VALUES, ["1.0", "x1", "u1", ""], ["", "x2", "u2", ""]];
         let arguments = "double t, const double *x, const double *x1, const double *x2, const double *u,\n    \
@@ -266,8 +332,24 @@ impl<'e> Functions<'e> {
     }
 
     /// A function of inputs and parameters alone.
-    fn of_parameters(&self, name: &str, arguments: &str, targets: Vec<Target>) -> Result<String, NoC> {
-        let has = |own: &'static str| if arguments.contains(&format!("*{own},")) { own } else { "" };
-        self.function(name, arguments, [["", "", has("u"), has("p")], NONE, NONE], &targets)
+    fn of_parameters(
+        &self,
+        name: &str,
+        arguments: &str,
+        targets: Vec<Target>,
+    ) -> Result<String, NoC> {
+        let has = |own: &'static str| {
+            if arguments.contains(&format!("*{own},")) {
+                own
+            } else {
+                ""
+            }
+        };
+        self.function(
+            name,
+            arguments,
+            [["", "", has("u"), has("p")], NONE, NONE],
+            &targets,
+        )
     }
 }

@@ -21,9 +21,15 @@ macro_rules! calls {
         names.retain(|name| !name.is_empty());
         let _ = writeln!(text, "#define N_STATE_NAMES {}", names.len());
         for function in $fmi::Function::ALL {
-            let legal = function.legal_states().iter().fold(0, |bits, state| bits | state as u16);
+            let legal = function
+                .legal_states()
+                .iter()
+                .fold(0, |bits, state| bits | state as u16);
             let (name, part) = (&function.name()["fmi2".len()..], part(function.part()));
-            let _ = writeln!(text, "#define MAY_{name} 0x{legal:x}\n#define PART_{name} {part}");
+            let _ = writeln!(
+                text,
+                "#define MAY_{name} 0x{legal:x}\n#define PART_{name} {part}"
+            );
         }
         text + "\n" + &list("const char *const calling_states", names, "\"\"")
     }};
@@ -35,7 +41,11 @@ pub(super) fn header(subject: &Subject<'_>, equations: &Equations, version: FmiV
     for (name, value) in sizes(subject, equations) {
         let _ = writeln!(text, "#define {name} {value}");
     }
-    let _ = writeln!(text, "#define MODEL_GUID {}\n", string(&subject.interface.guid));
+    let _ = writeln!(
+        text,
+        "#define MODEL_GUID {}\n",
+        string(&subject.interface.guid)
+    );
     text += &variables(subject.table);
     text += &match version {
         FmiVersion::V2 => calls!(fmi2),
@@ -62,8 +72,14 @@ fn sizes(subject: &Subject<'_>, equations: &Equations) -> [(&'static str, usize)
         ("N_DELAYS", delays),
         ("N_TIMES", all.switches.len()),
         ("N_CURVES", equations.curves),
-        ("HAS_SLOPES", usize::from(equations.text.contains("curve_slope("))),
-        ("HAS_STARTS", usize::from(all.starts.iter().any(Option::is_some))),
+        (
+            "HAS_SLOPES",
+            usize::from(equations.text.contains("curve_slope(")),
+        ),
+        (
+            "HAS_STARTS",
+            usize::from(all.starts.iter().any(Option::is_some)),
+        ),
         ("IS_LINEAR", usize::from(subject.is_linear && delays == 0)),
         ("IS_TEXT", usize::from(subject.is_text)),
         ("ALL_STATES", 0xffff),
@@ -84,7 +100,9 @@ fn string(text: &str) -> String {
 }
 
 fn variables(table: &Table) -> String {
-    let mut places: Vec<(&str, usize)> = (0..table.variables().len()).map(|k| ("IN_VALUES", k)).collect();
+    let mut places: Vec<(&str, usize)> = (0..table.variables().len())
+        .map(|k| ("IN_VALUES", k))
+        .collect();
     let lists: [(&str, Vec<usize>); 4] = [
         ("IN_OUTPUTS", table.computed().collect()),
         ("IN_STATES", table.x().collect()),
@@ -105,10 +123,15 @@ fn variables(table: &Table) -> String {
         ]
         .map(number);
         let (label, role) = (string(&variable.label()), role(variable));
-        let _ = writeln!(text, "    {{{label}, {role}, {place}, {position}, {start}, {min}, {max}}},");
+        let _ = writeln!(
+            text,
+            "    {{{label}, {role}, {place}, {position}, {start}, {min}, {max}}},"
+        );
     }
     text += "};\n\n";
-    let names = table.states().map(|index| string(&table.variables()[index].name));
+    let names = table
+        .states()
+        .map(|index| string(&table.variables()[index].name));
     text += &list("const char *const state_names", names.collect(), "\"\"");
     let nominals = table.nominals().into_iter().map(number);
     text + &list("const double nominals", nominals.collect(), "1.0")
@@ -119,7 +142,10 @@ fn list(what: &str, mut elements: Vec<String>, other: &str) -> String {
     if elements.is_empty() {
         elements.push(other.to_owned());
     }
-    format!("static {what}[] = {{\n    {}}};\n\n", elements.join(",\n    "))
+    format!(
+        "static {what}[] = {{\n    {}}};\n\n",
+        elements.join(",\n    ")
+    )
 }
 
 fn role(variable: &Variable) -> &'static str {
