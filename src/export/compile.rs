@@ -8,7 +8,6 @@ use crate::fmi::archive::ArchiveError;
 use crate::fmi::description::FmiVersion;
 use crate::fmi::sources::{self, Build, SourceError, SourceSet};
 use crate::fmi::{Fmu, FmuError, binary, platform};
-use object::Object;
 use pilotage_process::{Child, Ended, Folder};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -87,7 +86,8 @@ pub struct Compiler {
 /// # Errors
 /// If it names no sources, or what cannot be compiled safely.
 pub fn plan(fmu: &mut Fmu) -> Result<Vec<Build>, CompileError> {
-    let build = match fmu.files().any(|file| file == sources::DESCRIPTION) {
+    let has_description = fmu.files().any(|file| file == sources::DESCRIPTION);
+    let build = match has_description {
         true => Some(fmu.read(sources::DESCRIPTION)?),
         false => None,
     };

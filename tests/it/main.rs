@@ -69,6 +69,7 @@ mod refits;
 mod scenarios;
 mod selection;
 mod shipped;
+mod sources;
 mod ssp;
 mod starts;
 mod states;
