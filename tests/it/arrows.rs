@@ -19,6 +19,8 @@ const ARROWS: &[(&str, &[&str])] = &[
             "fmi",
             "text",
             "atomic_file",
+            "expression",
+            "process",
         ],
     ),
     (

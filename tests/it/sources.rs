@@ -42,18 +42,13 @@ fn both(
     folder: &Folder,
     name: &str,
     version: FmiVersion,
-    export: Export<'_>,
+    bytes: &[u8],
     cc: &[&str],
 ) -> [PathBuf; 2] {
     let [binary, sources, compiled] = ["binary", "sources", "compiled"]
         .map(|own| folder.path(&format!("{name}{version}-{own}.fmu")));
-    let bytes = export
-        .version(version)
-        .sources()
-        .bytes()
-        .expect("it is exported");
-    std::fs::write(&binary, &bytes).unwrap();
-    std::fs::write(&sources, without_binaries(&bytes)).unwrap();
+    std::fs::write(&binary, bytes).unwrap();
+    std::fs::write(&sources, stripped(bytes)).unwrap();
     let mut fmu = Fmu::open(&sources).unwrap();
     let compiler = Compiler {
         command: cc.iter().map(|own| (*own).to_owned()).collect(),
@@ -66,7 +61,8 @@ fn both(
     [binary, compiled]
 }
 
-fn without_binaries(bytes: &[u8]) -> Vec<u8> {
+/// The FMU without its binaries.
+pub fn stripped(bytes: &[u8]) -> Vec<u8> {
     let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
     for (name, content) in files(bytes) {
         if !name.starts_with("binaries/") {
@@ -234,7 +230,7 @@ fn begun(path: &Path, kind: InterfaceType) -> (Instance, Lists) {
 }
 
 /// Compares what the binary and the compiled sources tell.
-fn compare(name: &str, [binary, compiled]: &[PathBuf; 2]) {
+pub fn compare(name: &str, [binary, compiled]: &[PathBuf; 2]) {
     for told in [stepped, exchanged] {
         let [first, second] = [told(binary), told(compiled)];
         assert_eq!(first.len(), second.len());
@@ -249,25 +245,33 @@ fn compare(name: &str, [binary, compiled]: &[PathBuf; 2]) {
     }
 }
 
-/// All models of the tests, with the sources that a compiler makes libraries of.
-fn each(cc: &[&str], mut tell: impl FnMut(&str, [PathBuf; 2])) {
-    let folder = Folder::new();
+/// FMUs with sources: name of the model, version, bytes.
+pub fn exported(folder: &Folder) -> Vec<(&'static str, FmiVersion, Vec<u8>)> {
     folder.write("delayed.toml", DELAYED);
     folder.write("t.csv", TABLE);
     let provenance = Provenance::default();
     let delayed = TextModel::read(&folder.path("delayed.toml")).unwrap();
-    let [pilot, quadcopter] = [
-        Model::pilot(&PAPER_THETA, 1.0),
-        Model::quadcopter(&Quadcopter::default()),
-    ];
+    let pilot = Model::pilot(&PAPER_THETA, 1.0);
+    let quadcopter = Model::quadcopter(&Quadcopter::default());
+    let mut all = Vec::new();
     for version in [FmiVersion::V2, FmiVersion::V3] {
         for (name, export) in [
             ("pilot", Export::new(&pilot, &provenance)),
             ("quadcopter", Export::new(&quadcopter, &provenance)),
             ("delayed", Export::text(&delayed, &provenance)),
         ] {
-            tell(name, both(&folder, name, version, export, cc));
+            let bytes = export.version(version).sources().bytes();
+            all.push((name, version, bytes.expect("it is exported")));
         }
+    }
+    all
+}
+
+/// All models of the tests: FMUs with their binary, and with that which a compiler makes of their sources.
+pub fn each(cc: &[&str], mut tell: impl FnMut(&str, [PathBuf; 2])) {
+    let folder = Folder::new();
+    for (name, version, bytes) in exported(&folder) {
+        tell(name, both(&folder, name, version, &bytes, cc));
     }
 }
 
@@ -315,7 +319,7 @@ fn an_fmu_with_sources_alone_is_compiled_by_command() {
             .code,
         0
     );
-    let bytes = without_binaries(&std::fs::read(folder.path("q.fmu")).unwrap());
+    let bytes = stripped(&std::fs::read(folder.path("q.fmu")).unwrap());
     folder.write("alone.fmu", &bytes);
     let info = folder.pilotage(&["info", "alone.fmu"]);
     assert!(

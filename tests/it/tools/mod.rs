@@ -22,6 +22,7 @@ mod references;
 mod regression;
 mod remnant;
 mod results;
+mod sources;
 mod ssp;
 mod third_party;
 mod valgrind;
