@@ -100,7 +100,7 @@ fn stepped(path: &Path) -> Vec<f64> {
             }
         }
         match own.do_step_revocably(time, h).unwrap() {
-            Step::Complete => time += h,
+            Step::Done => time += h,
             other => panic!("{k}: {other:?}"),
         }
         if k == 40 {
@@ -144,7 +144,7 @@ fn exchanged(path: &Path) -> Vec<f64> {
     let (mut own, lists) = begun(path, InterfaceType::ModelExchange);
     own.exit_initialization_mode().unwrap();
     let update = own.update_discrete_states().unwrap();
-    let mut told = vec![update.next_event_time.unwrap_or(-1.0)];
+    let mut told = vec![update.next_time.unwrap_or(-1.0)];
     own.enter_continuous_time_mode().unwrap();
     let n = own.number_of_continuous_states().unwrap();
     for k in 0..10 {
