@@ -4,6 +4,7 @@
 //! a temporary folder. Compiler options that it names are left out, since they may run programs.
 
 use super::package;
+use crate::file;
 use crate::fmi::archive::ArchiveError;
 use crate::fmi::description::FmiVersion;
 use crate::fmi::sources::{self, Build, SourceError, SourceSet};
@@ -219,7 +220,7 @@ impl Run<'_> {
             .args(needed.map(|own| format!("-l{own}")))
             .args((!cfg!(windows)).then_some("-lm"));
         self.call(command, "linking")?;
-        let bytes = fs::read(&library)?;
+        let bytes = file::bytes(&library)?;
         check(&bytes, self.version).map_err(CompileError::Library)?;
         Ok(bytes)
     }
@@ -283,7 +284,7 @@ impl Run<'_> {
     }
 
     fn refused(&self, what: &str, ended: &str, said: &Path) -> CompileError {
-        let text = fs::read(said)
+        let text = file::bytes(said)
             .map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
             .unwrap_or_default();
         // Its own folder says nothing to anybody.

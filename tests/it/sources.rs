@@ -281,6 +281,20 @@ fn sources_give_the_results_of_the_binary() {
     each(&CC, |name, fmus| compare(name, &fmus));
 }
 
+/// Steps of a given length, without control of their error: near the binary's results, and not these.
+#[test]
+#[cfg(unix)]
+fn fixed_steps_come_near_the_binary() {
+    let folder = Folder::new();
+    let all = exported(&folder);
+    let (name, version, bytes) = all.iter().find(|(name, ..)| *name == "quadcopter").unwrap();
+    let cc = [&CC[..], &["-DPILOTAGE_FIXED_STEP=0.002"]].concat();
+    let [first, second] = both(&folder, name, *version, bytes, &cc).map(|path| stepped(&path));
+    let off = first.iter().zip(&second).map(|(a, b)| (a - b).abs());
+    let off = off.fold(0.0, f64::max);
+    assert!(off > 1e-13 && off < 1e-7, "{off:e}");
+}
+
 /// FMI 2.0.5, section 2.2.4; FMI 3.0, section 2.5.1.2.1.
 #[test]
 fn descriptions_name_the_file_that_is_compiled() {

@@ -267,9 +267,13 @@ static void delayed(const Snapshot *s, int signal, double now, double tau, int i
     }
 }
 
-static void cut_history(Snapshot *s, double longest)
+/* Drops what is before the longest delay. */
+static void cut_history(Snapshot *s, double now, const double *tau)
 {
-    double time = s->time - longest - APART * fabs(s->time);
+    double longest = 0.0, time;
+    int k;
+    for (k = 0; k < N_DELAYS; k++) longest = fmax(longest, tau[k]);
+    time = now - longest - APART * fabs(now);
     while (s->n_pieces > 1 && s->pieces[s->first].to < time) {
         s->first++;
         s->n_pieces--;
@@ -285,12 +289,12 @@ static int push_history(Instance *m, double from, double to, double (*starts)[3]
     double h = to - from, powers[3];
     int k, i, is_break = 0;
     if (to <= from) return FINE;
-    if (s->n_pieces == PILOTAGE_PIECES) {
+    if (s->n_pieces == PILOTAGE_PIECES) cut_history(s, from, m->taus);
+    if (s->n_pieces == PILOTAGE_PIECES)
         return problem(m, DISCARD,
                        "at %g s the delays look back on more than %d steps of the integrator; compile with a larger "
                        "PILOTAGE_PIECES",
                        from, PILOTAGE_PIECES);
-    }
     if (last && last->to - last->from > h) h = last->to - last->from;
     powers[0] = 1.0, powers[1] = h, powers[2] = 0.5 * h * h;
     for (k = 0; k < N_DELAYS; k++) {
@@ -1150,10 +1154,9 @@ static int step_by(Instance *m, double h, double *elapsed)
     s->handled = s->time;
 #if N_DELAYS
     if (m->n_delays) {
-        double tau[N_DELAYS], longest = 0.0;
+        double tau[N_DELAYS];
         delay_times(parameters(m), tau);
-        for (i = 0; i < N_DELAYS; i++) longest = fmax(longest, tau[i]);
-        cut_history(s, longest);
+        cut_history(s, s->time, tau);
     }
 #endif
     return status;
@@ -1252,7 +1255,7 @@ static int index_of(Instance *m, Reference reference)
     return -1;
 }
 
-static Instance *create(const char *name, const char *guid, int kind)
+static Instance *create(const char *name, int kind)
 {
     Instance *m = calloc(1, sizeof *m);
     size_t length = name ? strlen(name) + 1 : 1;
@@ -1266,7 +1269,6 @@ static Instance *create(const char *name, const char *guid, int kind)
     m->now.kind = kind;
     m->now.state = S_Instantiated;
     m->n_delays = kind == CO_SIMULATION ? N_DELAYS : 0;
-    (void)guid;
     start(m);
     return m;
 }

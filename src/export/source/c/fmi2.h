@@ -77,7 +77,7 @@ EXPORT void *FMI(Instantiate)(const char *, int, const char *, const char *, con
 EXPORT void *FMI(Instantiate)(const char *name, int type, const char *guid, const char *resources,
                               const Callbacks *callbacks, int visible, int logging)
 {
-    Instance *m = create(name, guid, type == 1 ? CO_SIMULATION : MODEL_EXCHANGE);
+    Instance *m = create(name, type == 1 ? CO_SIMULATION : MODEL_EXCHANGE);
     int status;
     (void)resources;
     (void)visible;

@@ -54,7 +54,7 @@ EXPORT const char *FMI(GetVersion)(void) { return "3.0"; }
 static void *instantiate(const char *function, const char *name, const char *token, int kind, bool logging,
                          void *environment, Logger logger)
 {
-    Instance *m = create(name, token, kind);
+    Instance *m = create(name, kind);
     int status;
     if (!m) return NULL;
     m->logger = (void (*)(void))logger;
