@@ -46,8 +46,10 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         let name = args.fmu.file_stem().unwrap_or_default().to_string_lossy();
         PathBuf::from(format!("{name}-compiled.fmu"))
     });
-    args.overwrite
-        .check(&[args.fmu.clone()], &[(&output, OutputKind::Fmu)])?;
+    args.overwrite.check(
+        std::slice::from_ref(&args.fmu),
+        &[(&output, OutputKind::Fmu)],
+    )?;
     let variable = std::env::var("CC")
         .ok()
         .filter(|own| !own.trim().is_empty());
