@@ -8,8 +8,10 @@
 
 use pilotage::cosim::{Component, fmu_component};
 use pilotage::estimation::{Fit, Posed, ProblemFile, fit, part};
+use pilotage::export::compile::{Compiler, compile, plan};
 use pilotage::export::{Export, Provenance};
 use pilotage::flights::TrialSet;
+use pilotage::fmi::Fmu;
 use pilotage::models::{Model, Pilot, Quadcopter, TextModel, library, traced};
 use pilotage_collocation::{
     Bound, Collocation, Differentiated, Loss, ParameterConstraints, Recording, Run, Scales, Scheme,
@@ -56,12 +58,13 @@ fn main() -> Result<(), Failure> {
     let folder = tempfile::tempdir()?;
     let seconds = export(folder.path())?;
     println!("export of a ten-line model      {:8.1} ms", 1e3 * seconds);
-    let [compiled, text] = steps(folder.path())?;
+    let [compiled, text, sources] = steps(folder.path())?;
     println!(
-        "step of {H} s of the quadcopter's FMU, µs: compiled in {:.2}, model file {:.2}, ratio {:.2}",
+        "step of {H} s of the quadcopter's FMU, µs: compiled in {:.2}, model file {:.2}, ratio {:.2}; its C99 sources {:.2}",
         1e6 * compiled,
         1e6 * text,
-        text / compiled
+        text / compiled,
+        1e6 * sources
     );
     let [compiled, text] = iterations()?;
     println!(
@@ -135,13 +138,25 @@ fn export(folder: &Path) -> Result<f64, Failure> {
     Ok(times[EXPORTS / 2])
 }
 
-/// Time of a step of each FMU, alternating; the minimum of several rounds [s].
-fn steps(folder: &Path) -> Result<[f64; 2], Failure> {
-    let files: [PathBuf; 2] = ["compiled.fmu", "text.fmu"].map(|name| folder.join(name));
+/// Time of a step of each FMU, the last one of the model file's sources, compiled by `cc`, alternating; the minimum of several
+/// rounds [s].
+fn steps(folder: &Path) -> Result<[f64; 3], Failure> {
+    let files: [PathBuf; 3] =
+        ["compiled.fmu", "text.fmu", "sources.fmu"].map(|name| folder.join(name));
     let compiled = Model::quadcopter(&Quadcopter::default());
     Export::new(&compiled, &Provenance::vehicle(None)).write(&files[0])?;
     let text = text("quadcopter")?;
     Export::text(&text, &Provenance::default()).write(&files[1])?;
+    Export::text(&text, &Provenance::default())
+        .sources()
+        .write(&files[2])?;
+    let mut fmu = Fmu::open(&files[2])?;
+    let builds = plan(&mut fmu)?;
+    let compiler = Compiler {
+        command: vec!["cc".to_owned()],
+        limit: 60.0,
+    };
+    std::fs::write(&files[2], compile(&mut fmu, &builds, &compiler)?)?;
     let plain = shipped::without_derivatives(&std::fs::read(&files[1])?);
     std::fs::write(folder.join("plain.fmu"), plain)?;
     let mut components = Vec::new();
@@ -156,7 +171,7 @@ fn steps(folder: &Path) -> Result<[f64; 2], Failure> {
         component.exit_initialization()?;
         components.push(component);
     }
-    let mut least = [f64::INFINITY; 2];
+    let mut least = [f64::INFINITY; 3];
     let mut begin = 0;
     for _ in 0..ROUNDS {
         for (component, least) in components.iter_mut().zip(&mut least) {

@@ -1,7 +1,7 @@
 //! `pilotage container`: makes one FMU of a system.
 
 use super::cosim::coupling::CouplingArgs;
-use super::export::{ExportArgs, print_written};
+use super::export::{FmuArgs, PlatformArgs, print_written};
 use super::number::{number, positive};
 use super::overwrite::OutputKind;
 use super::system::flags::Wiring;
@@ -54,7 +54,9 @@ pub struct Args {
     #[arg(short, long, value_name = "FILE", default_value = "container.fmu")]
     output: PathBuf,
     #[command(flatten)]
-    fmu: ExportArgs,
+    fmu: FmuArgs,
+    #[command(flatten)]
+    platforms: PlatformArgs,
 }
 
 /// Runs the command.
@@ -98,8 +100,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         wires: Vec::new(),
     };
     let mut provenance = Provenance::default();
-    args.fmu.fmu.sign(&mut provenance)?;
-    let mut options = args.fmu.options(binary::CONTAINER)?;
+    args.fmu.sign(&mut provenance)?;
+    let mut options = args.fmu.options()?;
+    options.platforms = args.platforms.of(binary::CONTAINER)?;
     if let Some(common) = parts.platforms {
         let all = binary::CONTAINER.platforms()?;
         let is_common = |own: &Platform| common.contains(&own.tuple);

@@ -26,7 +26,8 @@ use std::path::{Path, PathBuf};
     after_help = "Examples:\n  \
         pilotage export model.toml -o model.fmu            a model file (docs/models.md)\n  \
         pilotage export crossover --fmi 3                  a built-in model (`pilotage models`)\n  \
-        pilotage export pilot pilot.toml -o pilot.fmu      the pilot that `pilotage fit` found"
+        pilotage export pilot pilot.toml -o pilot.fmu      the pilot that `pilotage fit` found\n  \
+        pilotage export model.toml --source                with its C99 sources, for any target"
 )]
 pub struct Args {
     #[command(subcommand)]
@@ -82,20 +83,40 @@ enum Command {
 
 /// Which FMU to make of a model that needs no compiler.
 #[derive(Debug, clap::Args)]
-pub(super) struct ExportArgs {
+struct ExportArgs {
     #[command(flatten)]
-    pub(super) fmu: FmuArgs,
+    fmu: FmuArgs,
+    #[command(flatten)]
+    platforms: PlatformArgs,
+    /// Add the model as C99 sources, beside the binary: for targets that no binary is for.
+    #[arg(long)]
+    source: bool,
+}
+
+impl ExportArgs {
+    /// The requested options, with the libraries read.
+    fn options(&self) -> Result<ExportOptions, Failure> {
+        Ok(ExportOptions {
+            platforms: self.platforms.of(binary::MODELS)?,
+            has_sources: self.source,
+            ..self.fmu.options()?
+        })
+    }
+}
+
+/// For which platforms to make an FMU.
+#[derive(Debug, clap::Args)]
+pub struct PlatformArgs {
     /// Platforms on which it runs, such as linux64,win64 [default: all for which this command has a library].
     #[arg(long, value_name = "PLATFORM", value_delimiter = ',')]
     platforms: Vec<String>,
 }
 
-impl ExportArgs {
-    /// The requested options, with the libraries read.
-    pub(super) fn options(&self, library: binary::Libraries) -> Result<ExportOptions, Failure> {
-        let mut options = self.fmu.options()?;
+impl PlatformArgs {
+    /// The chosen ones, if any are, of those that have a library.
+    pub fn of(&self, library: binary::Libraries) -> Result<Option<Vec<Platform>>, Failure> {
         if self.platforms.is_empty() {
-            return Ok(options);
+            return Ok(None);
         }
         let embedded = library.platforms()?;
         let mut wanted: Vec<Platform> = Vec::new();
@@ -110,8 +131,7 @@ impl ExportArgs {
         }
         wanted.sort_by_key(|platform| platform.tuple);
         wanted.dedup();
-        options.platforms = Some(wanted);
-        Ok(options)
+        Ok(Some(wanted))
     }
 }
 
@@ -200,7 +220,7 @@ impl FmuArgs {
                 Version::V3 => FmiVersion::V3,
             },
             binaries: self.binary.iter().map(read).collect::<Result<_, _>>()?,
-            platforms: None,
+            ..ExportOptions::default()
         })
     }
 }
@@ -249,7 +269,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
                 (None, _) => (Model::pilot(&PAPER_THETA, 1.0), Provenance::paper()),
             };
             fmu.fmu.sign(&mut provenance)?;
-            write(&model, &provenance, fmu.options(binary::MODELS)?, &output)
+            write(&model, &provenance, fmu.options()?, &output)
         }
         Command::Quadcopter {
             vehicle,
@@ -267,7 +287,7 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
             }
             fmu.fmu.sign(&mut provenance)?;
             let model = Model::quadcopter(&vehicle);
-            write(&model, &provenance, fmu.options(binary::MODELS)?, &output)
+            write(&model, &provenance, fmu.options()?, &output)
         }
     }
 }
@@ -304,7 +324,7 @@ fn text(
     provenance.caveat = own.fit.as_ref().and_then(|fit| fit.caveat());
     fmu.sign(&mut provenance)?;
     Export::text(&model, &provenance)
-        .options(args_of_fmu.options(binary::MODELS)?)
+        .options(args_of_fmu.options()?)
         .write(&output)?;
     print_written(&provenance, &output)
 }

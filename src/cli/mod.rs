@@ -4,6 +4,7 @@
 
 pub mod call;
 mod compare;
+mod compile;
 mod completions;
 mod container;
 mod convert;
@@ -98,6 +99,8 @@ enum Command {
     Export(Box<export::Args>),
     /// Build an FMU from a model in Rust.
     Pack(pack::Args),
+    /// Build an FMU's binary for this machine from its sources.
+    Compile(compile::Args),
     /// Draw figures of a fit or of results as files.
     Plot(plot::Args),
     /// Make one FMU of a system.
@@ -263,6 +266,7 @@ fn done(command: Command) -> Result<Outcome, Failure> {
         Command::Model(args) => model::run(args),
         Command::Export(args) => export::run(*args),
         Command::Pack(args) => pack::run(args),
+        Command::Compile(args) => compile::run(args),
         Command::Plot(args) => plot::run(args),
         Command::Convert(args) => convert::run(&args),
         Command::Container(args) => container::run(&args),
@@ -330,6 +334,7 @@ impl Command {
             | Self::Models(_)
             | Self::Export(_)
             | Self::Pack(_)
+            | Self::Compile(_)
             | Self::Completions(_)
             | Self::Man(_)
             | Self::Probe(_)

@@ -56,6 +56,14 @@ pub enum ExportError {
         /// The path in the archive.
         path: String,
     },
+    /// Equations that C cannot express.
+    #[error("the equations of {model} cannot be written as C: {reason}; export without --source")]
+    NoSource {
+        /// Name of the model.
+        model: String,
+        /// Why.
+        reason: String,
+    },
     /// The archive cannot be built.
     #[error("the archive cannot be built at {entry}")]
     Archive {

@@ -6,9 +6,11 @@
 //! | module | contents |
 //! | --- | --- |
 //! | [`binary`], [`platform`] | the libraries of built-in models; the folders of libraries |
+//! | [`compile`](mod@compile) | compiles the sources of an FMU |
 //! | [`description`](mod@description) | modelDescription.xml, from the table of variables |
 //! | [`interface`] | reads the interface of a model from its library |
 //! | [`pack`] | FMUs of user-written models |
+//! | [`source`] | models as C99 |
 //! | `sdk` | path of the SDK for those crates |
 //! | `old_glibc` | libraries that run on old Linux systems |
 //! | `documentation` | documentation/index.html and the licences |
@@ -17,6 +19,7 @@
 //! | [`mod@package`] | the archive: the same input gives the same bytes |
 
 pub mod binary;
+pub mod compile;
 pub mod container;
 pub mod description;
 mod documentation;
@@ -27,6 +30,7 @@ pub mod pack;
 pub mod package;
 pub mod platform;
 mod sdk;
+pub mod source;
 mod terminals;
 
 pub use description::description;
@@ -36,9 +40,10 @@ pub use platform::Platform;
 
 use crate::atomic_file;
 use crate::fmi::description::FmiVersion;
+use crate::models::expressions::AllExpressions;
 use crate::models::model::MODEL_FILE;
 use crate::models::{AnyModel, Model, ModelKind, TextModel};
-use pilotage_sdk::Interface;
+use pilotage_sdk::{Equations, Interface};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -143,6 +148,8 @@ pub struct ExportOptions {
     pub binaries: Vec<(Platform, Vec<u8>)>,
     /// Platforms whose embedded libraries are taken; by default all.
     pub platforms: Option<Vec<Platform>>,
+    /// Whether the FMU also has its model as C99 sources.
+    pub has_sources: bool,
 }
 
 impl ExportOptions {
@@ -227,6 +234,12 @@ impl<'a> Export<'a> {
         self
     }
 
+    /// Adds the model as C99 sources.
+    pub fn sources(mut self) -> Self {
+        self.options.has_sources = true;
+        self
+    }
+
     /// Sets all options.
     pub fn options(mut self, options: ExportOptions) -> Self {
         self.options = options;
@@ -239,13 +252,19 @@ impl<'a> Export<'a> {
     /// If a start value is not finite or out of range, or a library does not fit its platform.
     pub fn bytes(self) -> Result<Vec<u8>, ExportError> {
         let (provenance, version) = (self.provenance, self.options.version);
+        let has_sources = self.options.has_sources;
         let binaries = self.options.libraries(binary::MODELS)?;
         match self.subject {
             Subject::Model(model) => {
                 model.check()?;
+                let interface = Interface::of(model);
                 package::archive(&Contents {
+                    sources: match has_sources {
+                        true => sources_of_model(model, &interface, version)?,
+                        false => BTreeMap::new(),
+                    },
                     name: model.kind().name(),
-                    interface: &Interface::of(model),
+                    interface: &interface,
                     provenance,
                     version,
                     binaries,
@@ -267,6 +286,10 @@ impl<'a> Export<'a> {
                 model.variables().check()?;
                 let (interface, file) = (Interface::of(model), &model.compiled().file);
                 package::archive(&Contents {
+                    sources: match has_sources {
+                        true => sources_of_text(model, &interface, version)?,
+                        false => BTreeMap::new(),
+                    },
                     name: &file.name,
                     interface: &interface,
                     provenance,
@@ -305,6 +328,42 @@ pub fn resources_of(model: &AnyModel) -> Result<BTreeMap<String, Vec<u8>>, Expor
             Ok(BTreeMap::from([(MODEL_FILE.to_owned(), file)]))
         }
     }
+}
+
+/// The sources of a built-in model.
+fn sources_of_model(
+    model: &Model,
+    interface: &Interface,
+    version: FmiVersion,
+) -> Result<BTreeMap<String, Vec<u8>>, ExportError> {
+    let equations = AllExpressions::of_model(model).map_err(|error| ExportError::NoSource {
+        model: interface.name.clone(),
+        reason: error.to_string(),
+    })?;
+    let subject = source::Subject {
+        table: model.variable_table(),
+        interface,
+        equations: &equations,
+        is_linear: model.is_linear(),
+        is_text: false,
+    };
+    source::files(&subject, version)
+}
+
+/// The sources of a model file.
+fn sources_of_text(
+    model: &TextModel,
+    interface: &Interface,
+    version: FmiVersion,
+) -> Result<BTreeMap<String, Vec<u8>>, ExportError> {
+    let subject = source::Subject {
+        table: model.variables(),
+        interface,
+        equations: &AllExpressions::of_text(model),
+        is_linear: model.is_linear(),
+        is_text: true,
+    };
+    source::files(&subject, version)
 }
 
 /// The files in `resources`: the model file and its tables.

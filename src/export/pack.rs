@@ -222,6 +222,7 @@ pub fn pack<E: From<ExportError>>(
         about: documentation::written(""),
         picture: BLOCK,
         resources: BTreeMap::new(),
+        sources: BTreeMap::new(),
     })?;
     write(&path, &archive)?;
     Ok(path)

@@ -1,7 +1,8 @@
 //! The FMU archive (FMI 2.0.5, section 2.3; FMI 3.0, section 2.5).
 
 use super::{
-    EXTRA, ExportError, Platform, Provenance, description, documentation, platform, terminals,
+    EXTRA, ExportError, Platform, Provenance, description, documentation, platform, source,
+    terminals,
 };
 use crate::fmi::description::{FmiVersion, ModelDescription};
 use maud::Markup;
@@ -30,6 +31,8 @@ pub struct Contents<'c> {
     pub picture: &'static [u8],
     /// Files in `resources`.
     pub resources: BTreeMap<String, Vec<u8>>,
+    /// Files in `sources`; none if the FMU has binaries alone.
+    pub sources: BTreeMap<String, Vec<u8>>,
 }
 
 /// Creates the FMU archive. Entries are sorted and have a fixed time, so that equal contents give equal bytes.
@@ -84,10 +87,19 @@ fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportE
         version,
         ..
     } = *contents;
-    let description = ModelDescription {
+    let mut description = ModelDescription {
         model_name: contents.name.to_owned(),
         ..description(interface, provenance, version)
     };
+    if !contents.sources.is_empty() && version == FmiVersion::V2 {
+        let files = vec![source::main_file(&interface.name)];
+        if let Some(own) = &mut description.model_exchange {
+            own.source_files.clone_from(&files);
+        }
+        if let Some(own) = &mut description.co_simulation {
+            own.source_files = files;
+        }
+    }
     let mut entries = BTreeMap::from([
         (
             "modelDescription.xml".to_owned(),
@@ -104,6 +116,9 @@ fn entries(contents: &Contents<'_>) -> Result<BTreeMap<String, Vec<u8>>, ExportE
     }
     for (name, content) in &contents.resources {
         entries.insert(format!("resources/{name}"), content.clone());
+    }
+    for (name, content) in &contents.sources {
+        entries.insert(format!("sources/{name}"), content.clone());
     }
     entries.insert(picture_path(version), contents.picture.to_vec());
     if version == FmiVersion::V3 {

@@ -20,6 +20,8 @@ const ARROWS: &[(&str, &[&str])] = &[
             "text",
             "atomic_file",
             "cosim",
+            "expression",
+            "process",
         ],
     ),
     (

@@ -70,6 +70,7 @@ mod refits;
 mod scenarios;
 mod selection;
 mod shipped;
+mod sources;
 mod ssp;
 mod starts;
 mod states;

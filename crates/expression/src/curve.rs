@@ -20,6 +20,11 @@ impl Curve {
         (x.len() >= 2 && x.len() == y.len() && increases && finite).then_some(Self { x, y })
     }
 
+    /// Abscissas and values: a value for each abscissa, or one fewer if the curve is a step function.
+    pub fn points(&self) -> [&[f64]; 2] {
+        [&self.x, &self.y]
+    }
+
     /// The derivative: a step function, 0 beyond the ends.
     pub fn slope(&self) -> Self {
         let steps = self.is_steps();

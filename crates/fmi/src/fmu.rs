@@ -7,6 +7,7 @@ use super::description::FmiVersion;
 use super::description::{self, ModelDescription, ReadError};
 use super::instance::{CallError, Instance, InstanceOptions};
 use super::platform;
+use super::sources;
 use super::version::InterfaceType;
 use std::fs;
 use std::io;
@@ -43,7 +44,7 @@ pub enum FmuError {
         kind: InterfaceType,
     },
     /// It has no binary for this machine.
-    #[error("{} has no binary for this machine (looked in {}); it has {}", path.display(), wanted.join(", "), all_of(present))]
+    #[error("{} has no binary for this machine (looked in {}); it has {}{}", path.display(), wanted.join(", "), all_of(present), if *has_sources { "; it has sources, of which `pilotage compile` makes one" } else { "" })]
     NoPlatform {
         /// The FMU.
         path: PathBuf,
@@ -51,6 +52,8 @@ pub enum FmuError {
         wanted: Vec<String>,
         /// Folders that exist.
         present: Vec<String>,
+        /// Whether it has sources.
+        has_sources: bool,
     },
     /// The folder exists, but not the file named by the modelIdentifier.
     #[error("{} has no `{expected}`, which modelIdentifier=\"{identifier}\" names; beside it are {}", path.display(), all_of(found))]
@@ -152,6 +155,19 @@ impl Fmu {
         self.archive.files()
     }
 
+    /// Content of a file in the archive.
+    ///
+    /// # Errors
+    /// If there is none, or it is damaged.
+    pub fn read(&mut self, name: &str) -> Result<Vec<u8>, FmuError> {
+        Ok(self.archive.read(name)?)
+    }
+
+    /// Whether it has sources in C.
+    pub fn has_sources(&self) -> bool {
+        has_sources(self.archive.files())
+    }
+
     /// Number of files and folders in the archive.
     pub fn entries(&self) -> usize {
         self.archive.entries()
@@ -212,6 +228,11 @@ impl Fmu {
     }
 }
 
+/// Whether there are sources in C among the files of an FMU.
+fn has_sources<'a>(mut files: impl Iterator<Item = &'a str>) -> bool {
+    files.any(|file| file.starts_with(sources::FOLDER) && file.to_ascii_lowercase().ends_with(".c"))
+}
+
 /// The interface types that a description has, each with its modelIdentifier.
 fn kinds(description: &ModelDescription) -> Vec<(InterfaceType, &str)> {
     let cs = description.co_simulation.as_ref();
@@ -255,6 +276,7 @@ fn find_library(path: &Path, identifier: &str, files: &[&str]) -> Result<String,
             path: path.to_owned(),
             present: present.into_iter().map(str::to_owned).collect(),
             wanted,
+            has_sources: has_sources(files.iter().copied()),
         });
     };
     let name = platform::library_name(identifier);

@@ -43,6 +43,7 @@
 //! | [`binding`] | the loaded binary, with the addresses of its functions |
 //! | [`instance`] | an instance, safe to call in any order |
 //! | [`memory`] | memory that FMUs allocate by callbacks, and whether they free it |
+//! | [`sources`] | what an FMU says about the compilation of its sources |
 //! | [`simulate`] | a model exchange instance, integrated over time |
 //! | [`surroundings`] | state of the process that an FMU must not change |
 //! | [`fmu`] | all of these together: [`Fmu::open`], [`Fmu::load`], [`fmu::Library::instantiate`] |
@@ -80,6 +81,7 @@ mod message;
 mod misuse;
 pub mod platform;
 pub mod simulate;
+pub mod sources;
 pub mod surroundings;
 mod version;
 

@@ -12,6 +12,7 @@
 //! | [`model`] | exported form of pilot and vehicle: table of variables, model file |
 //! | [`text`] | models from model files |
 //! | [`any`] | the model that the shared library of exported FMUs runs |
+//! | [`expressions`] | all equations as expressions, for what writes them in another language |
 //! | [`library`] | the built-in model files as texts |
 //! | [`traced`](mod@traced) | equations of the SDK as an expression graph |
 //!
@@ -19,6 +20,7 @@
 
 pub mod any;
 pub mod coefficient;
+pub mod expressions;
 pub mod library;
 pub mod model;
 pub mod pilot;

@@ -130,6 +130,11 @@ impl TextModel {
         exact.filter(|_| inputs > self.0.table.inputs().len())
     }
 
+    /// The states that are none of approximations of exact delays, if there are such delays.
+    pub(crate) fn states_without_delays(&self) -> Option<&[usize]> {
+        self.0.exact.as_ref().map(|own| &own.states[..])
+    }
+
     /// The compiled file.
     pub fn compiled(&self) -> &Compiled {
         &self.0.compiled
@@ -143,7 +148,7 @@ impl TextModel {
 
 /// Indices of the compiled outputs in the order of the table: outputs, then locals; a local with the name of an output
 /// is listed among the outputs. Also the graph and its nodes for these outputs, clipped to their limits.
-fn held(compiled: &Compiled) -> (Vec<usize>, Graph, Vec<Node>) {
+pub(crate) fn held(compiled: &Compiled) -> (Vec<usize>, Graph, Vec<Node>) {
     let mut graph = compiled.model.system.graph.clone();
     let names = &compiled.model.outputs;
     let place = |name: &str| names.iter().position(|own| own == name);

@@ -92,6 +92,7 @@ fn head(fmu: &Fmu) -> Map<String, Value> {
         "interfaces": kinds,
         "capabilities": flags,
         "platforms": fmu.platforms(),
+        "sources": fmu.has_sources(),
         "defaultExperiment": {
             "startTime": experiment.start_time,
             "stopTime": experiment.stop_time,

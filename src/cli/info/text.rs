@@ -210,3 +210,13 @@ fn dependencies(d: &ModelDescription) -> String {
     let rows: Vec<_> = std::iter::once(header).chain(rows).collect();
     format!("\n{}", aligned(&rows))
 }
+
+/// The platforms of the binaries, and whether there are sources.
+fn platforms(fmu: &Fmu) -> String {
+    let own = fmu.platforms().join(", ");
+    match (own.is_empty(), fmu.has_sources()) {
+        (_, false) => own,
+        (true, true) => "none; `pilotage compile` makes a binary of its sources".to_owned(),
+        (false, true) => format!("{own}; sources"),
+    }
+}

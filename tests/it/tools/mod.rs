@@ -24,6 +24,7 @@ mod references;
 mod regression;
 mod remnant;
 mod results;
+mod sources;
 mod ssp;
 mod third_party;
 mod valgrind;

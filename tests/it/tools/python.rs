@@ -76,6 +76,12 @@ pub fn bookbinder() -> &'static Path {
     INTERPRETER.get_or_init(|| environment("docs/book/requirements.txt", None))
 }
 
+/// That of another one, with what compiles sources of FMUs.
+pub fn compilers() -> &'static Path {
+    static INTERPRETER: OnceLock<PathBuf> = OnceLock::new();
+    INTERPRETER.get_or_init(|| environment("tests/compilers.txt", None))
+}
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
