@@ -288,6 +288,16 @@ fn mistakes_are_told_with_their_line() {
             "`freeze` is ",
         ),
         ("times = 1\n", 2, "`times`"),
+        (
+            "time = 1\ninput = \"plant.u\"\nset = 1\nbias = 1\n",
+            5,
+            "this one has `set` and `bias`",
+        ),
+        (
+            "name = \"a b\"\ntime = 1\nend = true\n",
+            2,
+            "the name of the event is `a b`",
+        ),
     ] {
         folder.write("what.toml", format!("[[event]]\n{scenario}"));
         let ended = pilotage(

@@ -57,7 +57,7 @@ pub use master::{
     Checkpoints, Components, Ending, MasterError, Run, State, run, run_between, run_open,
 };
 pub use native_component::NativeComponent;
-pub use recorder::{CsvRecorder, Recorder, SeriesRecorder};
+pub use recorder::{CsvRecorder, ParquetRecorder, Recorder, SeriesRecorder};
 pub use report::{
     Calls, ConnectionReport, CouplingError, Divergence, InstanceReport, Report, Steps, Transfer,
 };

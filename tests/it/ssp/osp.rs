@@ -354,6 +354,11 @@ fn a_multi_model_of_maestro_is_what_its_file_says() {
             "`first.level` is no value",
         ),
         ("\"parameters\": {", "\"parameters\": [", "mm.json:4:"),
+        (
+            "\"parameters\": {",
+            "\"fmus\": {}, \"parameters\": {",
+            "`fmus` stands twice",
+        ),
     ] {
         assert!(MULTI_MODEL.contains(from), "{from}");
         folder.write("mm.json", MULTI_MODEL.replacen(from, to, 1));
