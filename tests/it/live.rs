@@ -86,7 +86,9 @@ fn packets_close_a_loop() {
             let (number, time, values) = read(&bytes[..count]);
             assert_eq!((number, values.len()), (k, 1));
             seen.push(values[0]);
-            let send = |bytes: &[u8]| drop(peer.send_to(bytes, to).unwrap());
+            let send = |bytes: &[u8]| {
+                peer.send_to(bytes, to).unwrap();
+            };
             if k == 3 {
                 send(b"");
                 send(b"nonsense");

@@ -249,8 +249,8 @@ fn mistakes_are_told_with_their_line() {
         ),
         (
             "time = 1\ninput = \"plant.u\"\nset = 1\nbias = 2\n",
-            2,
-            "an event has either",
+            5,
+            "this one has `set` and `bias`",
         ),
         (
             "time = 1\ninput = \"plant.v\"\nset = 1\n",
@@ -288,11 +288,6 @@ fn mistakes_are_told_with_their_line() {
             "`freeze` is ",
         ),
         ("times = 1\n", 2, "`times`"),
-        (
-            "time = 1\ninput = \"plant.u\"\nset = 1\nbias = 1\n",
-            5,
-            "this one has `set` and `bias`",
-        ),
         (
             "name = \"a b\"\ntime = 1\nend = true\n",
             2,

@@ -160,14 +160,21 @@ fn trajectories_are_kept() {
             .code,
         0
     );
-    let ended = folder.pilotage(&["plot", "whole/sweep.html", "fan", "-o", "fan.csv"]);
+    let ended = folder.pilotage(&[
+        "plot",
+        "whole/sweep.html",
+        "--figure",
+        "fan",
+        "-o",
+        "fan.csv",
+    ]);
     assert_eq!(ended.code, 0, "{ended:?}");
     let text = folder.read("fan.csv");
     let median = text.lines().filter(|line| line.contains("50 %"));
     let median: Vec<(f64, f64)> = median
         .map(|line| {
             let cells: Vec<&str> = line.split(',').collect();
-            let [x, y] = [cells.len() - 2, cells.len() - 1].map(|k| cells[k].parse().unwrap());
+            let [x, y] = [cells.len() - 3, cells.len() - 2].map(|k| cells[k].parse().unwrap());
             (x, y)
         })
         .collect();

@@ -342,6 +342,8 @@ impl<'r> Live<'r> {
 
     fn receive(&mut self, time: f64) {
         let Some(mut from) = self.ends.from.take() else {
+            // Nothing comes any more.
+            self.traffic.held += u64::from(self.ends.count > 0);
             return;
         };
         let (begun, is_asked) = (Instant::now(), interrupt::flag());

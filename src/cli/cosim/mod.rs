@@ -118,7 +118,7 @@ pub struct Args {
     #[command(flatten)]
     live: LiveArgs,
     /// Write the state of the run at a time [s], or where it ends or Ctrl-C stops it; may be repeated. All FMUs need to write
-    /// theirs (co-simulation, canGetAndSetFMUstate, canSerializeFMUstate).
+    /// theirs (canGetAndSetFMUstate, canSerializeFMUstate).
     #[arg(long, value_name = "[TIME=]FILE", value_parser = state::save)]
     save_state: Vec<state::Save>,
     /// Go on from a state that --save-state wrote, with the same system and arguments: the rows from its time on are those of a

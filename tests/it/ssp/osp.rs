@@ -403,7 +403,8 @@ fn mutations_do_not_panic() {
         }
         folder.write(name, good);
         assert!(
-            fine > 50 && refused > 50,
+            // A line of JSON that stands twice is a key that does.
+            fine > 30 && refused > 50,
             "{name}: {fine} read, {refused} refused"
         );
     }
