@@ -111,7 +111,8 @@ def sweep(
     progress : bool or callable
         As in `simulate`.
     **options
-        Flags of `pilotage sweep`: `method="saltelli"`, `samples=256`, `seed=2`, `algorithm="strong"`.
+        Flags of `pilotage sweep`: `method="saltelli"`, `samples=256`, `seed=2`, `algorithm="strong"`, `scenario="lost.toml"`,
+        `trajectories=True`, which `output` is to have.
 
     Returns
     -------
@@ -197,6 +198,10 @@ def on_cluster(
         for k, done in _cluster.run(client, [words_of(own, number) for own in missing]):
             samples_done += listen(lambda done=done: _cluster.result(done)).json()["samples"]  # type: ignore[misc]
             file = rows(missing[k], number)
+            # Trajectories first: rows without theirs would count as done.
+            traces = file.with_suffix(".bin")
+            if traces.is_file():
+                shutil.move(traces, parts / traces.name)
             shutil.move(file, parts / file.name)
             if told is not None:
                 told(samples_done, count)

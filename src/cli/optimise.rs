@@ -115,7 +115,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let seconds = clock.elapsed().as_secs_f64();
     spinner.clear();
     if let Some(path) = &args.output {
-        overwrite::save(path, table(&posed, &answer).to_csv())?;
+        overwrite::save_table(path, &table(&posed, &answer))?;
     }
     terminal::print(&match args.json {
         true => format!("{:#}\n", to_json(&posed, &answer, seconds)),

@@ -2,6 +2,7 @@
 
 use super::Failure;
 use super::cosim::STATE;
+use super::cosim::metadata::CONTEXT;
 use super::fit::{FITTED, REFITS};
 use super::recognise::{self, FileKind};
 use super::system;
@@ -11,7 +12,7 @@ use crate::cosim::description::HEADER;
 use crate::estimation::ProblemFile;
 use crate::file;
 use crate::models::TextModel;
-use crate::series::Rows;
+use crate::series::{Rows, Series};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -52,6 +53,8 @@ pub enum OutputKind {
     Figure,
     /// The state of a run.
     State,
+    /// Units and descriptions of a result.
+    Metadata,
 }
 
 impl Overwrite {
@@ -132,6 +135,26 @@ pub fn save(path: &Path, content: impl AsRef<[u8]>) -> Result<(), Failure> {
     written.map_err(|error| Failure::cannot_write(path, &error))
 }
 
+/// Whether a table of that name is written as Parquet, not as CSV.
+pub fn is_parquet(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|own| own.eq_ignore_ascii_case("parquet"))
+}
+
+/// Writes a table, as Parquet or as CSV by the ending of its name.
+pub fn save_table(path: &Path, table: &Series) -> Result<(), Failure> {
+    match is_parquet(path) {
+        true => {
+            let bytes = table.to_parquet();
+            save(
+                path,
+                bytes.map_err(|error| Failure::cannot_write(path, &error))?,
+            )
+        }
+        false => save(path, table.to_csv()),
+    }
+}
+
 /// Refuses outputs that are inputs; for folders already checked by `folder::create_new`.
 pub fn keep(inputs: &[PathBuf], outputs: &[PathBuf]) -> Result<(), Failure> {
     let planned = |path| Planned {
@@ -186,6 +209,9 @@ impl OutputKind {
                     .iter()
                     .any(is_figure)
             }),
+            Self::Metadata => ("a description of a result", |path| {
+                head(path).contains(CONTEXT)
+            }),
             Self::State => ("a state of a run", |path| head(path).starts_with(STATE)),
             Self::System => ("a saved system", |path| first_line(path) == HEADER),
             Self::Ssp => ("a system that pilotage wrote", is_own_ssp),
@@ -229,6 +255,9 @@ fn first_line(path: &Path) -> String {
 
 /// Whether a file is a co-simulation result: `time` without unit, and otherwise only `instance.variable`.
 fn is_result(path: &Path) -> bool {
+    if is_parquet(path) {
+        return crate::series::parquet::is_own(path);
+    }
     let line = first_line(path);
     let Ok(mut rows) = Rows::new(line.as_bytes(), "") else {
         return false;

@@ -45,6 +45,7 @@ mod joint_ode;
 mod json;
 mod kinks;
 mod linearize;
+mod live;
 mod mistakes;
 mod model_commands;
 mod model_examples;
@@ -57,6 +58,7 @@ mod optimal;
 mod other_fmus;
 #[path = "../paragraphs.rs"]
 mod paragraphs;
+mod parquet;
 mod plot;
 mod printable;
 mod problem_doubts;

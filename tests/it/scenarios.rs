@@ -249,8 +249,8 @@ fn mistakes_are_told_with_their_line() {
         ),
         (
             "time = 1\ninput = \"plant.u\"\nset = 1\nbias = 2\n",
-            2,
-            "an event has either",
+            5,
+            "this one has `set` and `bias`",
         ),
         (
             "time = 1\ninput = \"plant.v\"\nset = 1\n",
@@ -288,6 +288,11 @@ fn mistakes_are_told_with_their_line() {
             "`freeze` is ",
         ),
         ("times = 1\n", 2, "`times`"),
+        (
+            "name = \"a b\"\ntime = 1\nend = true\n",
+            2,
+            "the name of the event is `a b`",
+        ),
     ] {
         folder.write("what.toml", format!("[[event]]\n{scenario}"));
         let ended = pilotage(

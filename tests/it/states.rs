@@ -106,6 +106,43 @@ fn the_rest_of_a_run_is_that_of_the_whole_to_the_last_bit() {
     }
 }
 
+/// The solver of model exchange begins anew where a state is written: the run that goes on has the bits of the one that wrote it, and
+/// one without a state differs by the solver's tolerance.
+#[test]
+fn model_exchange_goes_on_where_it_was() {
+    let folder = folder();
+    let fmus = format!("pilot=pilot.fmu vehicle=quadcopter.fmu {WIRES}");
+    let fmus3 = format!("pilot=pilot3.fmu vehicle=quadcopter3.fmu {WIRES}");
+    for (system, algorithm) in [
+        (&fmus, ""),
+        (&fmus3, "--extrapolation 1"),
+        (&fmus3, "--algorithm strong --tolerance 1e-5"),
+        (&fmus, "--isolate all"),
+    ] {
+        let base = format!("cosim {system} {algorithm} --kind me --stop-time 3 --force");
+        let run = |more: &str| {
+            let ended = pilotage(&folder, &format!("{base} {more}"));
+            assert_eq!(ended.code, 0, "{base} {more}: {ended:?}");
+        };
+        run("--step 0.05 -o whole.csv");
+        run("--step 0.05 -o kept.csv --save-state 1.5=s.state");
+        run("--from-state s.state -o rest.csv");
+        let [whole, kept, rest] =
+            ["whole.csv", "kept.csv", "rest.csv"].map(|file| folder.read(file));
+        assert!(rest == tail(&kept, "1.5"), "{base}");
+        for (a, b) in whole.lines().zip(kept.lines()).skip(1) {
+            let numbers = |line: &str| {
+                line.split(',')
+                    .map(|own| own.parse::<f64>().unwrap())
+                    .collect::<Vec<_>>()
+            };
+            for (a, b) in numbers(a).iter().zip(numbers(b)) {
+                assert!((a - b).abs() < 1e-4, "{base}: {a} {b}");
+            }
+        }
+    }
+}
+
 /// Other signals and fewer rows may be recorded.
 #[test]
 fn what_is_recorded_may_change() {

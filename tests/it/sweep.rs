@@ -143,6 +143,230 @@ fn parts_and_stops_change_nothing() {
     assert!(mixed.code == 2, "{mixed:?}");
 }
 
+/// Trajectories: quantiles are those of the closed form, and the file is the same however the study is made.
+#[test]
+fn trajectories_are_kept() {
+    let folder = folder();
+    let levels = [
+        "--vary",
+        "level=1:3:21",
+        "--measure",
+        "final(plant.y)",
+        "--trajectories",
+    ];
+    assert_eq!(
+        folder
+            .pilotage(&words(&[&levels[..], &["-o", "whole"]].concat()))
+            .code,
+        0
+    );
+    let ended = folder.pilotage(&[
+        "plot",
+        "whole/sweep.html",
+        "--figure",
+        "fan",
+        "-o",
+        "fan.csv",
+    ]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let text = folder.read("fan.csv");
+    let median = text.lines().filter(|line| line.contains("50 %"));
+    let median: Vec<(f64, f64)> = median
+        .map(|line| {
+            let cells: Vec<&str> = line.split(',').collect();
+            let [x, y] = [cells.len() - 3, cells.len() - 2].map(|k| cells[k].parse().unwrap());
+            (x, y)
+        })
+        .collect();
+    assert_eq!(median.len(), 41, "{text}");
+    for (t, y) in median {
+        assert!((y - 2.0 * (1.0 - (-t / 0.5).exp())).abs() < 1e-5, "{t} {y}");
+    }
+    for (part, output) in [("1/3", "a"), ("2/3", "b"), ("3/3", "c")] {
+        let ended = folder.pilotage(&words(
+            &[&levels[..], &["--shard", part, "-o", output]].concat(),
+        ));
+        assert_eq!(ended.code, 0, "{ended:?}");
+    }
+    assert_eq!(
+        folder
+            .pilotage(&["merge", "c", "a", "b", "-o", "joined"])
+            .code,
+        0
+    );
+    // A study that was killed: lines of samples whose trajectories are cut off, or were never written.
+    let again = words(&[&levels[..], &["--time-limit", "1e-6", "-o", "again"]].concat());
+    assert_eq!(folder.pilotage(&again).code, 1);
+    folder.write("again/progress.txt", folder.read("a/shard-1-of-3.txt"));
+    let bytes = std::fs::read(folder.path("a/shard-1-of-3.bin")).unwrap();
+    folder.write("again/progress.bin", &bytes[..bytes.len() * 2 / 3]);
+    let again = words(&[&levels[..], &["-o", "again"]].concat());
+    let ended = folder.pilotage_with(&again, &[("RAYON_NUM_THREADS", "1")]);
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let files = [
+        "sweep.csv",
+        "sweep.json",
+        "sweep.parquet",
+        "trajectories.parquet",
+    ];
+    for (output, file) in ["joined", "again"]
+        .iter()
+        .flat_map(|own| files.map(|file| (own, file)))
+    {
+        let [a, b] = ["whole", output]
+            .map(|own| std::fs::read(folder.path(&format!("{own}/{file}"))).unwrap());
+        assert!(a == b, "{output}/{file}");
+    }
+    assert!(!folder.path("again/progress.bin").exists());
+    std::fs::remove_file(folder.path("b/shard-2-of-3.bin")).unwrap();
+    let ended = folder.pilotage(&["merge", "a", "b", "c", "-o", "some"]);
+    assert!(
+        ended.code == 2 && ended.stderr.contains("trajectories"),
+        "{ended:?}"
+    );
+}
+
+/// An input is lost at a time that is varied: the closed form, single runs to the last bit, and nothing of it is left in the next
+/// sample's instances, as models and as FMUs.
+#[test]
+fn events_are_varied() {
+    let folder = folder();
+    let event = "[[event]]\nname = \"failure\"\ntime = 1\ninput = \"plant.level\"\nset = 0\n";
+    let end = "[[event]]\nname = \"end\"\nwhen = \"plant.y > 100\"\nend = true\n";
+    folder.write("lost.toml", format!("{event}{end}"));
+    assert_eq!(
+        folder
+            .pilotage(&["export", "plant.toml", "-o", "plant.fmu"])
+            .code,
+        0
+    );
+    let study = |system: &str, more: &[&str]| {
+        let words = [
+            "sweep",
+            system,
+            "--stop-time",
+            "2",
+            "--step",
+            "0.05",
+            "--scenario",
+            "lost.toml",
+            "--vary",
+            "scenario.failure~uniform(0.2, 1.8)",
+            "--vary",
+            "scenario.failure.set~normal(0, 0.1)",
+            "--vary",
+            "plant.level~uniform(1, 2)",
+            "--vary",
+            "scenario.end.level~loguniform(0.5, 2)",
+            "--samples",
+            "40",
+            "--measure",
+            "last = final(plant.y)",
+        ];
+        folder.pilotage(&[&words[..], more].concat())
+    };
+    for (system, output) in [("loop.toml", "models"), ("plant.fmu", "fmus")] {
+        let ended = study(system, &["-o", output]);
+        assert_eq!(ended.code, 0, "{ended:?}");
+        let ended = study(
+            system,
+            &["-o", &format!("{output}-shard"), "--shard", "2/2"],
+        );
+        assert_eq!(ended.code, 0, "{ended:?}");
+        let table = folder.read(&format!("{output}/sweep.csv"));
+        let (mut cut, mut whole) = (0, 0);
+        for line in table.lines().skip(1) {
+            let [k, failure, set, level, limit, last] = *line
+                .split(',')
+                .take(6)
+                .map(|cell| cell.parse::<f64>().unwrap())
+                .collect::<Vec<_>>()
+            else {
+                panic!("{line}")
+            };
+            let top = level * (1.0 - (-failure / 0.5).exp());
+            if top < limit - 0.1 {
+                let exact = set + (top - set) * (-(2.0 - failure) / 0.5).exp();
+                assert!((last - exact).abs() < 1e-4, "{line}: {exact}");
+                whole += 1;
+            } else if top > limit + 0.1 {
+                assert!(last > limit && last < limit + 0.2, "{line}");
+                cut += 1;
+            }
+            if k % 8.0 == 3.0 {
+                let text = event
+                    .replace("time = 1", &format!("time = {failure:?}"))
+                    .replace("set = 0", &format!("set = {set:?}"));
+                folder.write(
+                    "one.toml",
+                    text + &end.replace("100", &format!("{limit:?}")),
+                );
+                let level = format!("plant.level={level:?}");
+                let single = [
+                    "cosim",
+                    system,
+                    "--set",
+                    &level,
+                    "--stop-time",
+                    "2",
+                    "--step",
+                    "0.05",
+                    "--scenario",
+                    "one.toml",
+                    "--force",
+                ];
+                assert_eq!(folder.pilotage(&single).code, 0);
+                let row = folder
+                    .read("result.csv")
+                    .lines()
+                    .last()
+                    .unwrap()
+                    .split(',')
+                    .nth(1)
+                    .unwrap()
+                    .to_owned();
+                assert_eq!(
+                    row.parse::<f64>().unwrap().to_bits(),
+                    last.to_bits(),
+                    "{line}"
+                );
+            }
+        }
+        assert!(cut > 3 && whole > 3, "{cut} {whole}");
+        let rows: Vec<String> = table
+            .lines()
+            .skip(1)
+            .map(|line| line.split(',').nth(5).unwrap().to_owned())
+            .collect();
+        let part = folder.read(&format!("{output}-shard/shard-2-of-2.txt"));
+        for line in part.lines().skip(1) {
+            let cells: Vec<&str> = line.split('\t').collect();
+            assert_eq!(cells[2], rows[cells[0].parse::<usize>().unwrap()]);
+        }
+    }
+    for (vary, why) in [
+        (
+            "scenario.nothing=1,2",
+            "no event of the scenario is called `nothing`",
+        ),
+        ("scenario.failure.noise=1,2", "has no `noise`"),
+        ("scenario.end=1,2", "has no `time`"),
+    ] {
+        let ended = folder.pilotage(&words(&[
+            "--scenario",
+            "lost.toml",
+            "--vary",
+            vary,
+            "-o",
+            "wrong",
+        ]));
+        assert!(
+            ended.code == 2 && ended.stderr.contains(why),
+            "{vary}: {ended:?}"
+        );
+    }
+}
+
 /// An FMU that forgets to reset something, in an instance or for all of them, is loaded for each sample.
 #[test]
 fn resets_are_not_trusted() {

@@ -82,6 +82,12 @@ pub trait Component: Send {
         Ok(false)
     }
 
+    /// For another run: what this component was put around for a scenario, or nothing if it was only put beside others.
+    /// `None` if it is one of the system itself.
+    fn without_scenario(&mut self) -> Option<Option<Box<dyn Component>>> {
+        None
+    }
+
     /// The continuous-time linearization of the component about its current state, with the inputs set last. States
     /// have the component's own names; inputs and outputs are named as in [`variables`](Self::variables), and omitted
     /// ones count as constant. `step` \[s\] is used only by components known only by their response to steps.
@@ -255,6 +261,8 @@ pub struct Experiment {
 pub struct Variable {
     /// Name, unique within the component.
     pub name: String,
+    /// What it is; empty if nobody says it.
+    pub description: String,
     /// Aliases.
     pub aliases: Vec<String>,
     /// Handle used in calls.
@@ -313,6 +321,7 @@ impl Variable {
     pub fn new(name: impl Into<String>, handle: u32, kind: ValueKind, role: Role) -> Self {
         Self {
             name: name.into(),
+            description: String::new(),
             aliases: Vec::new(),
             handle,
             kind,

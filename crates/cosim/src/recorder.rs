@@ -1,5 +1,8 @@
 //! Recorders for the rows of a run.
 
+mod parquet;
+
+pub use self::parquet::{ParquetRecorder, field};
 use pilotage_series::{Column, Series, head};
 use std::io::{self, Write};
 
@@ -10,6 +13,8 @@ pub struct Signal {
     pub name: String,
     /// Unit; empty if unknown.
     pub unit: String,
+    /// What it is; empty if unknown.
+    pub description: String,
 }
 
 /// Receives the rows of a run as they are computed.
@@ -219,7 +224,7 @@ mod tests {
             times.push(times[0]);
             times.sort_by(f64::total_cmp);
             let signals: Vec<Signal> = (names.iter())
-                .map(|name| Signal { name: name.clone(), unit: unit.clone() })
+                .map(|name| Signal { name: name.clone(), unit: unit.clone(), description: String::new() })
                 .collect();
             let row = |k: usize| &seed[4 * (k % 10)..][..signals.len()];
             let mut recorder = CsvRecorder::in_portions(Vec::new(), 100);

@@ -73,6 +73,8 @@ pub enum Effect {
     Scale(f64),
     /// They are those of so long before \[s\]; before the start, those at the start.
     Delay(f64),
+    /// They are what has come from outside for the input of this number, counted from 0.
+    Live(usize),
     /// Normally distributed numbers are added, another one at each time.
     Noise {
         /// Standard deviation.
@@ -114,17 +116,38 @@ pub enum ScenarioError {
     },
 }
 
-/// When events have begun \[s\]: infinite for those that have not.
+/// When events have begun \[s\], infinite for those that have not; and what has come from outside, NaN until then.
 #[derive(Debug, Default)]
-pub(crate) struct Starts(Vec<AtomicU64>);
+pub(crate) struct Starts {
+    begun: Vec<AtomicU64>,
+    live: Vec<AtomicU64>,
+}
+
+/// Where values from outside are put.
+pub struct Inlets(Arc<Starts>);
+
+impl Inlets {
+    /// Puts a value for each [`Effect::Live`], in their order; they are given from the next step on.
+    pub fn set(&self, values: &[f64]) {
+        for (own, value) in self.0.live.iter().zip(values) {
+            own.store(value.to_bits(), Ordering::Relaxed);
+        }
+    }
+}
 
 impl Starts {
     pub(crate) fn of(&self, event: usize) -> f64 {
-        f64::from_bits(self.0[event].load(Ordering::Relaxed))
+        f64::from_bits(self.begun[event].load(Ordering::Relaxed))
     }
 
     pub(crate) fn set(&self, event: usize, time: f64) {
-        self.0[event].store(time.to_bits(), Ordering::Relaxed);
+        self.begun[event].store(time.to_bits(), Ordering::Relaxed);
+    }
+
+    /// What has come from outside, if anything has.
+    pub(crate) fn live(&self, number: usize) -> Option<f64> {
+        let value = f64::from_bits(self.live[number].load(Ordering::Relaxed));
+        (!value.is_nan()).then_some(value)
     }
 }
 
@@ -139,9 +162,13 @@ impl Scenario {
             Start::When { .. } => f64::INFINITY,
         };
         let starts = self.events.iter().map(at_start);
-        let starts = Arc::new(Starts(
-            starts.map(|t| AtomicU64::new(t.to_bits())).collect(),
-        ));
+        let atomic = |t: f64| AtomicU64::new(t.to_bits());
+        let is_live = |own: &&Event| matches!(own.what, What::Input(_, Effect::Live(_)));
+        let live = self.events.iter().filter(is_live);
+        let starts = Arc::new(Starts {
+            begun: starts.map(atomic).collect(),
+            live: live.map(|_| atomic(f64::NAN)).collect(),
+        });
         let (mut waiting, mut inputs) = (Vec::new(), Vec::new());
         for (number, event) in self.events.iter().enumerate() {
             let port = check(system, event).map_err(|error| (number, error))?;
@@ -223,6 +250,11 @@ pub struct Triggers {
 }
 
 impl Triggers {
+    /// Where values from outside are put.
+    pub fn inlets(&self) -> Inlets {
+        Inlets(Arc::clone(&self.starts))
+    }
+
     /// Sees all rows of a run before this recorder does.
     pub fn over(self, inner: &mut dyn Recorder) -> Conditions<'_> {
         let (triggers, slots) = (self, Vec::new());

@@ -96,6 +96,11 @@ impl Selection {
         Ok(chosen)
     }
 
+    /// The selected signals.
+    pub fn signals(&self) -> impl Iterator<Item = &Signal> {
+        self.chosen.iter().map(|own| &own.signal)
+    }
+
     /// All outputs except those of some components; instead, the inputs that these feed are recorded, since the input's
     /// name describes a table's signal best.
     pub fn without(system: &mut System, sources: &[String]) -> Self {
@@ -121,6 +126,7 @@ impl Selection {
             let signal = Signal {
                 name,
                 unit: unit.map_or(String::new(), |unit| unit.name.clone()),
+                description: system.variable(port).description.clone(),
             };
             let (from, conversion) = match system.feeding(port) {
                 Some(feeding) => feeding,

@@ -2,19 +2,12 @@
 
 use crate::hand::Heard;
 use crate::run::{Flown, Table};
-use parquet::basic::Compression;
-use parquet::data_type::DoubleType;
-use parquet::errors::ParquetError;
-use parquet::file::metadata::KeyValue;
-use parquet::file::properties::WriterProperties;
-use parquet::file::writer::SerializedFileWriter;
-use parquet::schema::parser::parse_message_type;
+use pilotage_series::parquet::{Field, ParquetWriter, Values};
 use pilotage_text::number::rounded;
 use pilotage_text::printable::comment;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -254,35 +247,21 @@ fn frames(heard: &Heard) -> Table {
     Table { names, columns }
 }
 
-fn parquet(path: &Path, header: &Header, table: &Table) -> Result<(), ParquetError> {
-    let fields: String = (table.names.iter())
-        .map(|(name, unit)| format!("REQUIRED DOUBLE {}; ", field(name, unit)))
+fn parquet(path: &Path, header: &Header, table: &Table) -> io::Result<()> {
+    let columns = table.names.iter();
+    let fields: Vec<Field> = columns
+        .map(|(name, unit)| Field::real(field(name, unit), unit))
         .collect();
-    let schema = Arc::new(parse_message_type(&format!(
-        "message flight {{ {fields}}}"
-    ))?);
-    let metadata = header
-        .iter()
-        .map(|(key, value)| KeyValue::new((*key).to_owned(), value.clone()));
-    let properties = WriterProperties::builder()
-        .set_compression(Compression::UNCOMPRESSED)
-        .set_key_value_metadata(Some(metadata.collect()))
-        .build();
     let part = with_ending(path, PART);
-    let mut writer = SerializedFileWriter::new(fresh(&part)?, schema, Arc::new(properties))?;
-    let mut rows = writer.next_row_group()?;
-    for values in &table.columns {
-        if let Some(mut column) = rows.next_column()? {
-            column
-                .typed::<DoubleType>()
-                .write_batch(values, None, None)?;
-            column.close()?;
-        }
-    }
-    rows.close()?;
-    writer.close()?;
-    std::fs::rename(&part, path)?;
-    Ok(())
+    let mut writer = ParquetWriter::new(fresh(&part)?, &fields, header)?;
+    let values: Vec<Values> = table
+        .columns
+        .iter()
+        .map(|own| Values::Numbers(own))
+        .collect();
+    writer.rows(&values)?;
+    writer.finish()?;
+    std::fs::rename(&part, path)
 }
 
 /// A column's name with its unit in letters, digits and underscores, as required by the schema.

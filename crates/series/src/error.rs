@@ -16,6 +16,14 @@ pub enum SeriesError {
         /// The system's reason.
         source: std::io::Error,
     },
+    /// A Parquet file that is none, or no table over time.
+    #[error("{file}: {words}")]
+    Parquet {
+        /// The file.
+        file: String,
+        /// Why.
+        words: String,
+    },
     /// A byte that is not UTF-8.
     #[error("{file}:{line}: not UTF-8 text (byte 0x{byte:02x}); save the file as CSV in UTF-8")]
     NotUtf8 {

@@ -23,6 +23,7 @@
 //! | `numbers` | numbers as people write them |
 //! | `stamp` | time stamps |
 //! | `write` | writing of CSV |
+//! | `parquet` | Parquet in and out (feature `parquet`) |
 //! | `lines` | text, line by line |
 //! | [`flown`](mod@flown) | what flight recorders write at the top of a file |
 //! | `error` | errors with their location |
@@ -31,6 +32,8 @@ mod error;
 pub mod flown;
 mod lines;
 mod numbers;
+#[cfg(feature = "parquet")]
+pub mod parquet;
 mod read;
 mod rows;
 mod stamp;

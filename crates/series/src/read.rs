@@ -1,6 +1,8 @@
 //! Reading of CSV files.
 
 use super::numbers::{Cell, Numbers};
+#[cfg(feature = "parquet")]
+use super::parquet;
 use super::rows::Rows;
 use super::stamp::{Stamp, Stamps};
 use super::{Column, Series, SeriesError, TextColumn};
@@ -75,11 +77,18 @@ impl Series {
 
     /// Parses from a source that can be read only once: a file of any length, or a pipe.
     fn parse_as(
-        from: impl BufRead,
+        #[cfg_attr(not(feature = "parquet"), expect(unused_mut))] mut from: impl BufRead,
         file: &str,
         form: Form,
         time: &str,
     ) -> Result<Self, SeriesError> {
+        #[cfg(feature = "parquet")]
+        if from
+            .fill_buf()
+            .is_ok_and(|own| own.starts_with(parquet::MAGIC))
+        {
+            return parquet::read(from, file, form == Form::Table, time);
+        }
         let mut rows = Rows::new(from, file)?;
         let mut header = Header::read(&mut rows, time)?;
         let mut more = rows.advance()?;

@@ -9,8 +9,10 @@ use pilotage_fmi::description::ModelDescription;
 use pilotage_text::file;
 use pilotage_text::printable::excerpt;
 use pilotage_text::suggestion::suggestion;
+use serde::de::{Deserialize, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -102,15 +104,85 @@ pub(crate) fn read(path: &Path) -> Result<Foreign, SspError> {
     })
 }
 
+/// JSON, in whose objects no key stands twice: of two a reader takes the last one without a word.
+struct Once(Value);
+
+impl<'de> Deserialize<'de> for Once {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        from.deserialize_any(Visit).map(Self)
+    }
+}
+
+struct Visit;
+
+impl<'de> Visitor<'de> for Visit {
+    type Value = Value;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("JSON")
+    }
+
+    fn visit_bool<E>(self, own: bool) -> Result<Value, E> {
+        Ok(own.into())
+    }
+
+    fn visit_i64<E>(self, own: i64) -> Result<Value, E> {
+        Ok(own.into())
+    }
+
+    fn visit_u64<E>(self, own: u64) -> Result<Value, E> {
+        Ok(own.into())
+    }
+
+    fn visit_f64<E>(self, own: f64) -> Result<Value, E> {
+        Ok(own.into())
+    }
+
+    fn visit_str<E>(self, own: &str) -> Result<Value, E> {
+        Ok(own.into())
+    }
+
+    fn visit_unit<E>(self) -> Result<Value, E> {
+        Ok(Value::Null)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut all: A) -> Result<Value, A::Error> {
+        let mut values = Vec::new();
+        while let Some(Once(own)) = all.next_element()? {
+            values.push(own);
+        }
+        Ok(values.into())
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut all: A) -> Result<Value, A::Error> {
+        let mut object = Map::new();
+        while let Some(key) = all.next_key::<String>()? {
+            if object.contains_key(&key) {
+                return Err(A::Error::custom(format!(
+                    "`{}` stands twice",
+                    excerpt(&key)
+                )));
+            }
+            let Once(own) = all.next_value()?;
+            object.insert(key, own);
+        }
+        Ok(object.into())
+    }
+}
+
 fn parsed(text: &str, shown: &str) -> Result<Value, SspError> {
-    serde_json::from_str(text).map_err(|error| {
+    let read = serde_json::from_str(text).map(|Once(own)| own);
+    read.map_err(|error| {
         let position = (error.line() as u32, error.column() as u32);
         let fault = error.to_string();
         let words = fault.rfind(" at line").map_or(&*fault, |at| &fault[..at]);
         SspError::Malformed {
             file: shown.to_owned(),
             position: Some(position),
-            fault: format!("not well-formed JSON: {words}"),
+            fault: match error.is_data() {
+                true => words.to_owned(),
+                false => format!("not well-formed JSON: {words}"),
+            },
         }
     })
 }

@@ -37,7 +37,10 @@ pub struct Transition {
 /// Why a transition cannot be computed.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum TransitionError {
-    /// The exponent is too large or not a number.
+    /// Coefficients that are NaN or infinite.
+    #[error("coefficients of the linear system are NaN or infinite; look at its parameters")]
+    NotFinite,
+    /// The exponent is too large.
     #[error(
         "the norm of the system matrix times the step of {step} s is {norm:e}, more than {MAX_NORM:e}; \
          take a smaller step or smaller coefficients"
@@ -72,6 +75,7 @@ impl Transition {
         forced *= h;
         let within = |norm: f64, limit| match norm <= limit {
             true => Ok(()),
+            false if !norm.is_finite() => Err(TransitionError::NotFinite),
             false => Err(TransitionError::TooLarge { step: h, norm }),
         };
         within(norm(&states), MAX_UNBALANCED)?;

@@ -2,17 +2,20 @@
 
 pub mod coupling;
 pub mod ending;
+mod live;
+pub mod metadata;
 mod pace;
 pub mod prepared;
 mod report;
 mod rows;
-mod scenario;
+pub mod scenario;
 mod state;
 mod summary;
 pub mod times;
 mod watch;
 
 use self::coupling::CouplingArgs;
+use self::live::{Live, LiveArgs, Traffic};
 use self::pace::{Deadlines, Pace};
 use self::rows::Rows;
 pub use self::state::HEADER as STATE;
@@ -67,6 +70,13 @@ Examples:
   pilotage cosim system.toml --stop-time 15 --step 0.05 --save-state 10=run.state
   pilotage cosim system.toml --from-state run.state -o rest.csv
 
+  # Parquet, with units and descriptions inside: `attrs` of the frame that pandas reads.
+  pilotage cosim system.toml --stop-time 15 --step 0.05 -o result.parquet
+
+  # By the clock, with a target that comes over UDP, and each row sent.
+  pilotage cosim system.toml --stop-time 60 --step 0.01 --real-time \\
+    --live pilot.target --udp-in 127.0.0.1:5001 --udp-out 127.0.0.1:5002
+
 The result has a column `time` [s] and a column `instance.variable [unit]` for every output; --input
 reads it. During the run it is in RESULT.part, and is renamed at the end. After a crash RESULT.part
 remains; the next run renames it and reports that.
@@ -91,9 +101,13 @@ pub struct Args {
     /// Time between recorded rows [s], a multiple of the step [default: the step]. The last row is always recorded.
     #[arg(long, value_name = "SECONDS", value_parser = positive, allow_hyphen_values = true)]
     record_every: Option<f64>,
-    /// Result file (CSV).
+    /// Result file: CSV, or Parquet if its name ends in .parquet.
     #[arg(short, long, value_name = "FILE", default_value = "result.csv")]
     output: PathBuf,
+    /// Also write RESULT-metadata.json with units and descriptions of a CSV result's columns (CSV on the Web); a Parquet file has
+    /// them itself.
+    #[arg(long)]
+    metadata: bool,
     /// What happens in the run (TOML, docs/cosim.md): from a time or a condition on, inputs are set, frozen, shifted, scaled,
     /// delayed or noisy, or the run ends.
     #[arg(long, value_name = "FILE")]
@@ -101,8 +115,10 @@ pub struct Args {
     /// Pace the run by the clock: so many simulated seconds in a second; missed deadlines are counted.
     #[arg(long, value_name = "FACTOR", value_parser = positive, num_args = 0..=1, default_missing_value = "1")]
     real_time: Option<f64>,
+    #[command(flatten)]
+    live: LiveArgs,
     /// Write the state of the run at a time [s], or where it ends or Ctrl-C stops it; may be repeated. All FMUs need to write
-    /// theirs (co-simulation, canGetAndSetFMUstate, canSerializeFMUstate).
+    /// theirs (canGetAndSetFMUstate, canSerializeFMUstate).
     #[arg(long, value_name = "[TIME=]FILE", value_parser = state::save)]
     save_state: Vec<state::Save>,
     /// Go on from a state that --save-state wrote, with the same system and arguments: the rows from its time on are those of a
@@ -139,7 +155,9 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
         .chain(&args.scenario)
         .cloned()
         .collect();
-    let built = args.wiring.build(&args.overwrite, &read, &args.outputs())?;
+    let metadata = args.metadata();
+    let outputs = args.outputs(metadata.as_deref());
+    let built = args.wiring.build(&args.overwrite, &read, &outputs)?;
     let (done, built) = simulated(&args, built)?;
     let summary = Summary {
         args: &args,
@@ -149,10 +167,18 @@ pub fn run(args: Args) -> Result<Outcome, Failure> {
     if let Some(path) = &args.report {
         overwrite::save(path, summary.page()?)?;
     }
-    terminal::print(&match args.json {
+    if let Some(path) = args.metadata() {
+        overwrite::save(&path, metadata::of(&args.output, &done.signals))?;
+    }
+    let words = match args.json {
         true => format!("{:#}\n", summary.to_json()),
         false => summary.to_text(),
-    })?;
+    };
+    match args.live.stream {
+        // There are the rows.
+        true => terminal::eprint(&words),
+        false => terminal::print(&words)?,
+    }
     if let Some(message) = &done.ending.message {
         terminal::say(done.ending.severity, message);
     }
@@ -187,6 +213,8 @@ pub struct Simulated {
     pub notes: Vec<String>,
     /// Of a run that is paced by the clock.
     pub deadlines: Option<Deadlines>,
+    /// What came from outside and went there.
+    pub traffic: Option<Traffic>,
     /// Signals of the result with NaN or infinite values.
     pub not_finite: NotFinite,
 }
@@ -214,7 +242,8 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
         None => args.times.clock(&system, built.description.experiment)?,
     };
     let scenario = args.scenario.as_deref().map(scenario::Read::new);
-    let scenario = scenario.transpose()?.unwrap_or_default();
+    let mut scenario = scenario.transpose()?.unwrap_or_default();
+    scenario.add_live(args.live.inputs(), clock.start());
     let first = before.as_ref().map_or(0, |own| own.state.step());
     let every = args.rows_between(&clock)?;
     let mut coupling = args.coupling.coupling(&clock)?;
@@ -242,9 +271,13 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
     let triggers = scenario.apply(&mut system)?;
     interrupt::listen("stopping after this step")?;
 
+    let ends = args.live.open()?;
     let mut sink = Rows::open(&args.output, clock.steps() / every + 2)?;
     let mut finite = Finite::new(sink.recorder());
-    let mut thinned = Thinned::new(&mut finite, selection, every).after(first);
+    let times = [clock.step() * every as f64, clock.stop()];
+    let waits = args.real_time.is_none();
+    let mut live = Live::new(&mut finite, ends, triggers.inlets(), waits, times);
+    let mut thinned = Thinned::new(&mut live, selection, every).after(first);
     let mut watch = Watch::new(&mut thinned, args.progress, &clock);
     let mut conditions = triggers.over(&mut watch);
     let mut pace = Pace::new(&mut conditions, args.real_time);
@@ -271,6 +304,7 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
     watch.end(ending.status, run.time, Some(report::to_json(&run.report)));
     let seconds = watch.elapsed().as_secs_f64();
     let Thinned { signals, rows, .. } = thinned;
+    let traffic = live.traffic();
     let not_finite = finite.finish();
     sink.save(&args.output)?;
     let done = Simulated {
@@ -284,6 +318,7 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
         converted,
         notes,
         deadlines,
+        traffic,
         not_finite,
     };
     Ok((done, built))
@@ -344,14 +379,24 @@ impl Args {
         Ok(())
     }
 
+    /// The side file with units and descriptions.
+    fn metadata(&self) -> Option<PathBuf> {
+        let has_own = call::is_on() || overwrite::is_parquet(&self.output);
+        (self.metadata && !has_own).then(|| metadata::beside(&self.output))
+    }
+
     /// The output files.
-    fn outputs(&self) -> Vec<(&Path, OutputKind)> {
+    fn outputs<'a>(&'a self, metadata: Option<&'a Path>) -> Vec<(&'a Path, OutputKind)> {
         let page = self.report.as_deref().map(|path| (path, OutputKind::Page));
         // Who calls the command takes the rows from memory.
         let result = (!call::is_on()).then_some((self.output.as_path(), OutputKind::Result));
         let states = self.save_state.iter();
         let states = states.map(|own| (own.file.as_path(), OutputKind::State));
-        result.into_iter().chain(page).chain(states).collect()
+        let metadata = metadata.map(|path| (path, OutputKind::Metadata));
+        (result.into_iter().chain(metadata))
+            .chain(page)
+            .chain(states)
+            .collect()
     }
 
     /// Number of communication steps between two recorded rows.
@@ -386,7 +431,7 @@ impl Args {
 }
 
 /// The patterns of a list, separated by commas, of which those in brackets belong to names: `a.x,a.m[1,2]`.
-fn patterns(list: &str) -> Vec<String> {
+pub fn patterns(list: &str) -> Vec<String> {
     let mut all = vec![String::new()];
     let mut depth = 0;
     for sign in list.chars() {

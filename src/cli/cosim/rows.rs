@@ -1,8 +1,11 @@
 //! Where the rows of a run go: into a file, or to the program that calls the command.
 
 use super::super::{Failure, call, guard, system, terminal};
-use crate::atomic_file::GrowingFile;
-use crate::cosim::{CsvRecorder, MasterError, Recorder, SeriesRecorder, SystemDescription};
+use crate::atomic_file::{AtomicFile, GrowingFile};
+use crate::cli::overwrite::is_parquet;
+use crate::cosim::{
+    CsvRecorder, MasterError, ParquetRecorder, Recorder, SeriesRecorder, SystemDescription,
+};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -13,6 +16,8 @@ pub const TABLE: &str = "result";
 pub enum Rows {
     /// A file under its final name with `.part`.
     File(Box<CsvRecorder<GrowingFile>>, PathBuf),
+    /// A Parquet file, which is there once it is whole.
+    Parquet(Box<ParquetRecorder<AtomicFile>>),
     /// Columns in memory.
     Memory(SeriesRecorder),
 }
@@ -26,6 +31,11 @@ impl Rows {
             let count = usize::try_from(count.min(MOST)).unwrap_or_default();
             return Ok(Self::Memory(SeriesRecorder::with_capacity(count)));
         }
+        if is_parquet(path) {
+            let file = AtomicFile::create(path);
+            let file = file.map_err(|error| Failure::cannot_write(path, &error))?;
+            return Ok(Self::Parquet(Box::new(ParquetRecorder::new(file))));
+        }
         let file = file(path)?;
         let part = file.part().to_owned();
         pilotage_process::record(&format!("{}{}", guard::ROWS, part.display()));
@@ -36,6 +46,7 @@ impl Rows {
     pub fn recorder(&mut self) -> &mut dyn Recorder {
         match self {
             Self::File(csv, _) => csv.as_mut(),
+            Self::Parquet(own) => own.as_mut(),
             Self::Memory(series) => series,
         }
     }
@@ -44,6 +55,10 @@ impl Rows {
     pub fn save(self, path: &Path) -> Result<(), Failure> {
         let csv = match self {
             Self::File(csv, _) => csv,
+            Self::Parquet(own) => {
+                let written = own.finish().and_then(AtomicFile::finish);
+                return written.map_err(|error| Failure::cannot_write(path, &error));
+            }
             Self::Memory(recorder) => {
                 call::keep(TABLE, recorder.series);
                 return Ok(());

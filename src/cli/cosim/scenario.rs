@@ -10,10 +10,14 @@ use std::path::Path;
 /// Keys of what happens to an input, of which an event has one.
 const EFFECTS: [&str; 6] = ["set", "freeze", "bias", "scale", "delay", "noise"];
 
+/// How names of its numbers begin where they are varied.
+pub const PREFIX: &str = "scenario.";
+
 /// A scenario that was read.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Read {
     pub scenario: Scenario,
+    names: Vec<Option<String>>,
     places: Vec<Option<Place>>,
 }
 
@@ -30,11 +34,92 @@ impl Read {
             own.places
                 .push(table.place(table.names().first().copied().unwrap_or_default()));
             own.scenario.events.push(event(table)?);
+            own.names.push(own.name(table)?);
         }
         match own.scenario.events.is_empty() {
             true => Err(Failure::new(format!("{file}: nothing happens"))
                 .hint("write [[event]] with `time` or `when`, and what happens: docs/cosim.md")),
             false => Ok(own),
+        }
+    }
+
+    /// The name of an event.
+    fn name(&self, table: TomlTable) -> Result<Option<String>, Failure> {
+        let Some(name) = table.string("name")? else {
+            return Ok(None);
+        };
+        let is_sign = |sign: char| sign.is_alphanumeric() || sign == '_' || sign == '-';
+        let words = match name.chars().all(is_sign) && !name.is_empty() {
+            false => "expected letters, digits, `_` and `-`",
+            true if self.names.iter().flatten().any(|own| own == name) => "another event has it",
+            true => return Ok(Some(name.to_owned())),
+        };
+        let shown = pilotage_text::printable::excerpt(name);
+        let message = format!("the name of the event is `{shown}`; {words}");
+        Err(Failure::new(message).at(table.place("name").as_ref()))
+    }
+
+    /// Sets a number of an event that has a name: `failure.scale`; `failure` alone is its time.
+    pub fn set(&mut self, name: &str, value: f64) -> Result<(), Failure> {
+        let (event, key) = name.split_once('.').unwrap_or((name, "time"));
+        let position = self
+            .names
+            .iter()
+            .position(|own| own.as_deref() == Some(event));
+        let Some(position) = position else {
+            let all: Vec<&str> = self.names.iter().flatten().map(String::as_str).collect();
+            let hint = match all.is_empty() {
+                true => format!("write `name = \"{event}\"` into its [[event]]"),
+                false => format!("there are {}", all.join(", ")),
+            };
+            let message = format!("no event of the scenario is called `{event}`");
+            return Err(Failure::new(message).hint(hint));
+        };
+        let Event {
+            start,
+            duration,
+            what,
+        } = &mut self.scenario.events[position];
+        let effect = match what {
+            What::Input(_, effect) => Some(effect),
+            What::End => None,
+        };
+        let number = match (key, start, effect) {
+            ("time", Start::Time(own), _) | ("level", Start::When { level: own, .. }, _) => own,
+            ("duration", ..) if value > 0.0 => duration,
+            ("set", _, Some(Effect::Set(own)))
+            | ("bias", _, Some(Effect::Bias(own)))
+            | ("scale", _, Some(Effect::Scale(own))) => own,
+            ("delay", _, Some(Effect::Delay(own)))
+            | ("noise", _, Some(Effect::Noise { sd: own, .. }))
+                if value >= 0.0 =>
+            {
+                own
+            }
+            ("seed", _, Some(Effect::Noise { seed, .. })) if is_seed(value) => {
+                *seed = value as u64;
+                return Ok(());
+            }
+            (key, ..) => {
+                let message = format!("the event `{event}` has no `{key}` that can be {value}");
+                return Err(Failure::new(message)
+                    .hint("vary its time, level, duration, seed, or the number of what happens"));
+            }
+        };
+        *number = value;
+        Ok(())
+    }
+
+    /// Inputs that are given what comes from outside, from a time on.
+    pub fn add_live(&mut self, inputs: &[String], start: f64) {
+        for (number, input) in inputs.iter().enumerate() {
+            self.scenario.events.push(Event {
+                start: Start::Time(start),
+                duration: f64::INFINITY,
+                what: What::Input(input.clone(), Effect::Live(number)),
+            });
+            self.names.push(None);
+            self.places.push(None);
         }
     }
 
@@ -56,7 +141,7 @@ impl Read {
 
 fn event(table: TomlTable) -> Result<Event, Failure> {
     let keys = [
-        &["time", "when", "duration", "input", "end", "seed"],
+        &["name", "time", "when", "duration", "input", "end", "seed"],
         &EFFECTS[..],
     ]
     .concat();
@@ -82,6 +167,13 @@ fn event(table: TomlTable) -> Result<Event, Failure> {
     let what = match (table.string("input")?, table.boolean("end")?, &given[..]) {
         (None, Some(true), []) => What::End,
         (Some(input), None, [key]) => What::Input(input.to_owned(), effect(table, key)?),
+        (Some(_), None, [first, second, ..]) => {
+            let message = format!(
+                "an event changes its input in one way, and this one has `{first}` and `{second}`"
+            );
+            return Err(at(second, message)
+                .hint("write one [[event]] for each; they are applied in their order"));
+        }
         _ => {
             let message = format!(
                 "an event has either `end = true`, or `input` and one of {}",
@@ -113,7 +205,7 @@ fn effect(table: TomlTable, key: &str) -> Result<Effect, Failure> {
         return Err(refused(format!("`{key}` is {number}, which cannot be")));
     }
     let seed = table.number("seed")?.unwrap_or(1.0);
-    if seed < 0.0 || seed.fract() != 0.0 || seed > 2_f64.powi(53) {
+    if !is_seed(seed) {
         return Err(refused(format!(
             "`seed` is {seed}; expected a whole number from 0"
         )));
@@ -128,6 +220,10 @@ fn effect(table: TomlTable, key: &str) -> Result<Effect, Failure> {
             seed: seed as u64,
         },
     })
+}
+
+fn is_seed(value: f64) -> bool {
+    (0.0..=2_f64.powi(53)).contains(&value) && value.fract() == 0.0
 }
 
 /// Reads `instance.output > 3`.

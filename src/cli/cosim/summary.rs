@@ -1,6 +1,6 @@
 //! The summary of a run for people and for scripts.
 
-use super::{Args, Deadlines, Simulated, report};
+use super::{Args, Deadlines, Simulated, Traffic, report};
 use crate::cli::Failure;
 use crate::cli::made::{made, with_sums};
 use crate::cli::terminal;
@@ -50,6 +50,7 @@ impl Summary<'_> {
             "unrecorded": self.done.run.unrecorded,
             "conversions": conversions,
             "notes": self.done.notes,
+            "outside": self.done.traffic.map(Traffic::to_json),
             "realTime": self.done.deadlines.as_ref().map(Deadlines::to_json),
             "not_finite": self.done.not_finite.0.iter().map(not_finite).collect::<Value>(),
             "output": self.args.output.display().to_string(),
@@ -98,6 +99,7 @@ impl Summary<'_> {
         (converted.chain(self.done.notes.iter().cloned()))
             .chain(unrecorded)
             .chain(self.done.deadlines.as_ref().map(Deadlines::words))
+            .chain(self.done.traffic.as_ref().map(Traffic::words))
             .collect()
     }
 

@@ -163,7 +163,7 @@ pub fn run(model: &ModelArgs, args: &StepArgs) -> Result<Outcome, Failure> {
     }
     progress.clear();
     if let Some(path) = &args.csv {
-        overwrite::save(path, series(&time, &responses).to_csv())?;
+        overwrite::save_table(path, &series(&time, &responses))?;
     }
     if call::takes_tables() {
         call::keep("responses", series(&time, &responses));

@@ -5,8 +5,10 @@ mod plan;
 mod run;
 mod store;
 mod summary;
+mod traces;
 
 use super::cosim::coupling::CouplingArgs;
+use super::cosim::scenario;
 use super::cosim::times::Times;
 use super::deadline::Deadline;
 use super::number::positive;
@@ -21,6 +23,7 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use store::{Row, Store};
+use traces::Traces;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -40,7 +43,11 @@ Examples:
   pilotage sweep loop.toml --table samples.csv --measure 'peak(pilot.stick)' --stop-time 15 --step 0.05 --shard 1/3 -o one
   pilotage merge one two three -o all
 
-The folder has sweep.csv (a row for each sample), sweep.json and sweep.html (quantiles, dependences, figures). A study that was
+  # The engine fails at some time, and all heights over time are kept (docs/cosim.md has scenarios).
+  pilotage sweep loop.toml --scenario lost.toml --vary 'scenario.failure~uniform(2, 8)' --samples 500 --trajectories=vehicle.z \\
+    --measure 'min(vehicle.z)' --stop-time 15 --step 0.05 -o failures
+
+The folder has sweep.csv and sweep.parquet (a row for each sample), sweep.json and sweep.html (quantiles, dependences, figures). A study that was
 stopped or killed goes on with the same command. The same samples give the same bytes in any order, on any number of threads, whole
 or in shards. A sample that fails is a row with its reason.
 Exit codes: 0 done, 1 stopped, or samples failed, 2 bad use or input.";
@@ -72,6 +79,14 @@ pub struct Args {
     /// integral, at(x, t), when(x), settling(x, part), overshoot, rise [default: the last values of all outputs].
     #[arg(long, value_name = "EXPRESSION")]
     measure: Vec<String>,
+    /// Keep the trajectories of all samples, in trajectories.parquet: of all outputs, or of signals named like
+    /// `--trajectories=vehicle.z,pilot.*`.
+    #[arg(long, value_name = "PATTERN,...", num_args = 0..=1, require_equals = true, default_missing_value = "")]
+    trajectories: Option<String>,
+    /// What happens in each run (TOML, docs/cosim.md); numbers of an event with a name can be varied: `scenario.NAME` is its time,
+    /// `scenario.NAME.KEY` its duration, set, bias, scale, delay, noise, seed, or the level of its condition.
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
     #[command(flatten)]
     times: Times,
     #[command(flatten)]
@@ -116,10 +131,12 @@ pub struct MergeArgs {
 /// Runs `pilotage sweep`.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let whole = args.shard.unwrap_or(Shard::WHOLE);
-    let first = run::Opened::of(args)?;
+    let scenario = args.scenario.as_deref().map(scenario::Read::new);
+    let scenario = scenario.transpose()?.unwrap_or_default();
+    let mut first = run::Opened::of(args)?;
     // A mistake in a name, a value or a measure is one of all samples.
-    let (plan, measures) = Plan::new(args, &first)?;
-    let runs = run::Runs::new(args, &plan, measures, first)?;
+    let (plan, measures) = Plan::new(args, &scenario, &mut first)?;
+    let runs = run::Runs::new(args, &plan, scenario, measures, first)?;
     let plan = Plan {
         is_repeatable: runs.is_repeatable,
         ..plan.clone()
@@ -133,7 +150,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             ),
             false => failure,
         })?;
-        store.begin()?;
+        store.begin(&plan)?;
     }
     interrupt::listen("stopping; the samples that are done are kept")?;
     let deadline = Deadline::after(args.time_limit);
@@ -174,7 +191,7 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
             Ok(outcome(&rows))
         }
         None => {
-            write(&args.output, &plan, &rows, args.json)?;
+            write(&args.output, &plan, &rows, store.traces(), args.json)?;
             store.remove();
             Ok(outcome(&rows))
         }
@@ -183,9 +200,9 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
 
 /// Runs `pilotage merge`.
 pub fn merge(args: &MergeArgs) -> Result<Outcome, Failure> {
-    let (plan, rows) = store::merged(&args.parts)?;
+    let (plan, rows, traces) = store::merged(&args.parts)?;
     folder::create_new(&args.output, args.force)?;
-    write(&args.output, &plan, &rows, args.json)?;
+    write(&args.output, &plan, &rows, traces.as_ref(), args.json)?;
     Ok(outcome(&rows))
 }
 
@@ -197,12 +214,33 @@ fn outcome(rows: &[Row]) -> Outcome {
 }
 
 /// Writes all files of a study, and its summary.
-fn write(output: &Path, plan: &Plan, rows: &[Row], is_json: bool) -> Result<(), Failure> {
+fn write(
+    output: &Path,
+    plan: &Plan,
+    rows: &[Row],
+    traces: Option<&Traces>,
+    is_json: bool,
+) -> Result<(), Failure> {
     let found = summary::Summary::of(plan, rows);
     let json = format!("{:#}\n", found.to_json(plan));
     overwrite::save(&output.join("sweep.csv"), store::table(plan, rows))?;
+    let columns = output.join("sweep.parquet");
+    let bytes = store::parquet(plan, rows);
+    let bytes = bytes.map_err(|error| Failure::cannot_write(&columns, &error))?;
+    overwrite::save(&columns, bytes)?;
     overwrite::save(&output.join("sweep.json"), &json)?;
-    overwrite::save(&output.join("sweep.html"), page::html(plan, rows, &found))?;
+    let mut fans = Vec::new();
+    if let Some(traces) = traces {
+        let path = output.join("trajectories.parquet");
+        traces.write(&path, plan)?;
+        let drawn = 0..plan.traced.len().min(page::MOST);
+        let all = drawn.map(|k| traces.fan(k, plan)).collect::<Result<_, _>>();
+        fans = all.map_err(|error| Failure::new(format!("cannot read trajectories: {error}")))?;
+    }
+    overwrite::save(
+        &output.join("sweep.html"),
+        page::html(plan, rows, &found, &fans),
+    )?;
     terminal::print(&match is_json {
         true => json,
         false => found.to_text(output),

@@ -3,6 +3,7 @@
 use super::plan::Plan;
 use super::store::Row;
 use super::summary::{Dependence, Of, Summary};
+use super::traces::{Fan, Traced};
 use crate::cli::made::made;
 use crate::inference::sample::quantile;
 use crate::report::figure::{Axis, Figure, Look, Panel, Series};
@@ -11,11 +12,12 @@ use pilotage_sweep::statistics::Interval;
 use pilotage_text::number::significant;
 
 /// Most measures, and variables of a measure, that are drawn.
-const MOST: usize = 6;
+pub const MOST: usize = 6;
 
 /// The page.
-pub fn html(plan: &Plan, rows: &[Row], found: &Summary) -> String {
+pub fn html(plan: &Plan, rows: &[Row], found: &Summary, fans: &[Fan]) -> String {
     let mut figures = vec![distributions(found)];
+    figures.extend(fan_chart(plan, fans));
     figures.extend(dependences(found));
     figures.extend((0..found.measures.len().min(MOST)).filter_map(|m| scatter(plan, rows, m)));
     let median = |own: &Of| {
@@ -35,10 +37,12 @@ pub fn html(plan: &Plan, rows: &[Row], found: &Summary) -> String {
         .take(MOST)
         .map(|own| (own.name.as_str(), median(own)))
         .collect();
-    let expressions = plan
-        .measures
-        .iter()
-        .map(|(name, given)| format!("{name}: {given}."));
+    let expressions = plan.measures.iter().map(|(name, given)| {
+        match given.split_once('=').map(|own| own.0.trim() == name) {
+            Some(true) => format!("{given}."),
+            _ => format!("{name}: {given}."),
+        }
+    });
     let mut words: Vec<String> = expressions.collect();
     words.push(
         "Above each measure stands its median, with the range of nine in ten samples. A rank correlation is that of Spearman; a Sobol' index \
@@ -56,6 +60,39 @@ pub fn html(plan: &Plan, rows: &[Row], found: &Summary) -> String {
         ],
         words: ("What this is", &words),
         made: &made(),
+    })
+}
+
+/// Quantiles over time.
+fn fan_chart(plan: &Plan, fans: &[Fan]) -> Option<Figure> {
+    let panel = |(own, fan): (&Traced, &Fan)| {
+        let [low, lower, middle, upper, high] = &fan.quantiles;
+        // Where no sample has a value there is no area.
+        let known: Vec<usize> = (0..fan.times.len())
+            .filter(|k| middle[*k].is_finite())
+            .collect();
+        let of = |all: &[f64]| known.iter().map(|k| all[*k]).collect::<Vec<f64>>();
+        let x = of(&fan.times);
+        let band = |label: &str, low: &[f64], high: &[f64]| {
+            Series::band(label, "line-1", &x, [&of(low), &of(high)])
+        };
+        let label = match own.unit.as_str() {
+            "" => own.name.clone(),
+            unit => format!("{} [{unit}]", own.name),
+        };
+        let series = vec![
+            band("5 to 95 %", low, high),
+            band("25 to 75 %", lower, upper),
+            Series::line("50 %", "line-1", &x, &of(middle)),
+        ];
+        Panel::over_time(&label, 180.0, series)
+    };
+    let panels: Vec<Panel> = plan.traced.iter().zip(fans).map(panel).collect();
+    (!panels.is_empty()).then(|| Figure {
+        name: "fan".into(),
+        title: "Trajectories".into(),
+        caption: "Quantiles of the samples at each time.".into(),
+        panels,
     })
 }
 

@@ -1,10 +1,13 @@
 //! All that the numbers of a study depend on.
 
 use super::run::Opened;
+use super::traces::Traced;
 use super::{Args, Failure, reducers};
+use crate::cli::cosim::scenario;
 use crate::cli::system::sum::sum;
 use crate::cli::terminal;
 use crate::cosim::SystemDescription;
+use crate::cosim::clock::{Clock, ClockError};
 use crate::inference::sample::square_root;
 use crate::series::Rows;
 use nalgebra::DMatrix;
@@ -41,23 +44,40 @@ pub struct Plan {
     pub design: Design,
     /// Names of the measures, with their expressions.
     pub measures: Vec<(String, String)>,
+    /// Units of what is varied, and of nothing else.
+    pub units: Vec<String>,
+    /// Start, stop and step \[s\].
+    pub times: [f64; 3],
+    /// Signals whose trajectories are kept.
+    pub traced: Vec<Traced>,
     /// Whether a sample gives the same numbers each time.
     pub is_repeatable: bool,
 }
 
 impl Plan {
     /// That of the arguments, and its measures.
-    pub fn new(args: &Args, opened: &Opened) -> Result<(Self, Vec<Measure>), Failure> {
+    pub fn new(
+        args: &Args,
+        scenario: &scenario::Read,
+        opened: &mut Opened,
+    ) -> Result<(Self, Vec<Measure>), Failure> {
         let measures = measures(args, opened)?;
         let (clock, assumed) = opened.clock(args)?;
         if let Some(assumed) = assumed {
             terminal::note(&assumed);
         }
+        let design = design(args, scenario, opened)?;
         let plan = Self {
+            units: design.names().map(|name| opened.unit(name)).collect(),
+            times: [clock.start(), clock.stop(), clock.step()],
+            traced: match &args.trajectories {
+                Some(patterns) => opened.traced(patterns)?,
+                None => Vec::new(),
+            },
             version: env!("CARGO_PKG_VERSION").to_owned(),
             system: sum(opened.description())?,
-            simulation: format!("{clock:?} {:?}", args.coupling),
-            design: design(args, opened)?,
+            simulation: format!("{clock:?} {:?} {:?}", args.coupling, scenario.scenario),
+            design,
             measures: measures
                 .iter()
                 .map(|own| (own.name.clone(), own.given.clone()))
@@ -65,6 +85,12 @@ impl Plan {
             is_repeatable: true,
         };
         Ok((plan, measures))
+    }
+
+    /// When a run begins and ends, and its steps.
+    pub fn clock(&self) -> Result<Clock, ClockError> {
+        let [start, stop, step] = self.times;
+        Clock::new(start, stop, step)
     }
 }
 
@@ -108,9 +134,17 @@ fn measures(args: &Args, opened: &Opened) -> Result<Vec<Measure>, Failure> {
     Ok(all)
 }
 
-fn design(args: &Args, opened: &Opened) -> Result<Design, Failure> {
+fn design(args: &Args, scenario: &scenario::Read, opened: &Opened) -> Result<Design, Failure> {
+    // A variable of the system, or a number of an event.
+    let varied = |name: &str, value: f64| match event(name).filter(|_| args.scenario.is_some()) {
+        Some(own) => {
+            scenario.clone().set(own, value)?;
+            Ok(name.to_owned())
+        }
+        None => opened.varied(name),
+    };
     if let Some(file) = &args.table {
-        return of_table(file, opened);
+        return of_table(file, &varied);
     }
     let (mut vary, mut joint) = (Vec::new(), Vec::new());
     for given in &args.vary {
@@ -118,7 +152,7 @@ fn design(args: &Args, opened: &Opened) -> Result<Design, Failure> {
             Some((instance, "fit")) => joint.push(fitted(instance.trim(), opened.description())?),
             _ => {
                 let mut own = Vary::parse(given)?;
-                own.name = opened.varied(&own.name)?;
+                own.name = varied(&own.name, own.law.quantile(0.5))?;
                 vary.push(own);
             }
         }
@@ -143,8 +177,16 @@ fn design(args: &Args, opened: &Opened) -> Result<Design, Failure> {
     Ok(design.checked()?)
 }
 
+/// What a varied name says of an event of the scenario.
+pub fn event(name: &str) -> Option<&str> {
+    name.strip_prefix(scenario::PREFIX)
+}
+
 /// The rows of a table.
-fn of_table(path: &Path, opened: &Opened) -> Result<Design, Failure> {
+fn of_table(
+    path: &Path,
+    varied: &dyn Fn(&str, f64) -> Result<String, Failure>,
+) -> Result<Design, Failure> {
     let file = path.display().to_string();
     let bytes = crate::file::bytes(path);
     let bytes = bytes.map_err(|error| Failure::new(format!("cannot read {file}: {error}")))?;
@@ -152,8 +194,7 @@ fn of_table(path: &Path, opened: &Opened) -> Result<Design, Failure> {
     let mut vary = Vec::new();
     if rows.advance()? {
         for name in rows.cells().map(str::to_owned).collect::<Vec<_>>() {
-            let name = opened
-                .varied(&name)
+            let name = varied(&name, 1.0)
                 .map_err(|failure| failure.hint(format!("{file} has a column of that name")))?;
             let law = pilotage_sweep::Law::List(Vec::new());
             vary.push(Vary { name, law });

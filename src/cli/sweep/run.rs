@@ -1,9 +1,10 @@
 //! The runs of a study, on all threads.
 
-use super::plan::Plan;
+use super::plan::{Plan, event};
 use super::store::{Row, Store};
+use super::traces::Traced;
 use super::{Args, Counter, Deadline, Failure};
-use crate::cli::cosim::ending;
+use crate::cli::cosim::{self, ending, scenario};
 use crate::cli::system::opened::{Renewal, checked, same_bits};
 use crate::cli::{system, terminal};
 use crate::cosim::{
@@ -54,16 +55,34 @@ impl Opened {
     /// Names and units of all variables.
     pub fn signals(&self) -> Vec<(String, String)> {
         let system = &self.0.built.system;
-        let unit = |name: &str| {
-            let unit = system.find(name).ok().and_then(|own| own.unit.as_ref());
-            unit.map(|own| own.name.clone()).unwrap_or_default()
-        };
         let names: BTreeSet<String> = system.names().map(|own| own.1).collect();
         names
             .into_iter()
-            .map(|name| (unit(&name), name))
+            .map(|name| (self.unit(&name), name))
             .map(|(unit, name)| (name, unit))
             .collect()
+    }
+
+    /// The unit of a variable; empty if it has none.
+    pub fn unit(&self, name: &str) -> String {
+        let found = self.0.built.system.find(name);
+        let unit = found.ok().and_then(|own| own.unit.as_ref());
+        unit.map(|own| own.name.clone()).unwrap_or_default()
+    }
+
+    /// The signals that match patterns, or all outputs if there are none.
+    pub fn traced(&mut self, patterns: &str) -> Result<Vec<Traced>, Failure> {
+        let patterns = match patterns {
+            "" => self.outputs(),
+            given => cosim::patterns(given),
+        };
+        let selection = Selection::new(&mut self.0.built.system, &patterns)?;
+        let signals = selection.signals().map(|own| Traced {
+            name: own.name.clone(),
+            unit: own.unit.clone(),
+            description: own.description.clone(),
+        });
+        Ok(signals.collect())
     }
 
     /// The name, with its instance, of a parameter or an input.
@@ -114,6 +133,8 @@ const TRIES: usize = 5;
 pub struct Runs<'a> {
     args: &'a Args,
     plan: &'a Plan,
+    /// What happens in each run.
+    scenario: scenario::Read,
     clock: Clock,
     measures: Vec<Measure>,
     /// Variables that the measures need.
@@ -127,28 +148,39 @@ pub struct Runs<'a> {
 }
 
 /// A sample, and what was recorded.
-type Traced = Result<(Row, Series), Failure>;
+type Recorded = Result<(Row, Series), Failure>;
 
 impl<'a> Runs<'a> {
     /// Runs a sample after another one, with components that are made new in between, and with opened ones.
     pub fn new(
         args: &'a Args,
         plan: &'a Plan,
+        scenario: scenario::Read,
         measures: Vec<Measure>,
         opened: Opened,
     ) -> Result<Self, Failure> {
         let used = measures
             .iter()
             .flat_map(|own| own.signals().iter().cloned());
-        let used: BTreeSet<String> = used.collect();
+        let mut used: BTreeSet<String> = used.collect();
+        let traced = || plan.traced.iter().map(|own| own.name.clone());
+        traced().for_each(|name| {
+            used.remove(&name);
+        });
         let mut own = Self {
             clock: opened.clock(args)?.0,
             is_only_once: opened.is_only_once(),
             args,
             plan,
+            scenario,
             measures,
             // All outputs are compared.
-            recorded: used.iter().cloned().chain(opened.outputs()).collect(),
+            recorded: used
+                .iter()
+                .cloned()
+                .chain(traced())
+                .chain(opened.outputs())
+                .collect(),
             is_renewable: true,
             is_repeatable: true,
             first: Mutex::new(None),
@@ -156,7 +188,7 @@ impl<'a> Runs<'a> {
         let mut place = Some(opened);
         let mut renewal = Renewal::Works;
         let count = own.plan.design.count();
-        let is_same = |a: &Traced, b: &Traced| match (a, b) {
+        let is_same = |a: &Recorded, b: &Recorded| match (a, b) {
             (Ok(a), Ok(b)) => same_bits([&a.1], [&b.1]),
             _ => false,
         };
@@ -176,7 +208,7 @@ impl<'a> Runs<'a> {
         }
         own.is_renewable = renewal == Renewal::Works;
         own.is_repeatable = renewal != Renewal::Remembers;
-        own.recorded = used.into_iter().collect();
+        own.recorded = used.into_iter().chain(traced()).collect();
         own.first = Mutex::new(place.filter(|_| own.is_renewable));
         Ok(own)
     }
@@ -210,12 +242,12 @@ impl<'a> Runs<'a> {
                 let Some(k) = wanted.get(next.fetch_add(1, Ordering::Relaxed)) else {
                     return;
                 };
-                let row = self.one(&mut place, *k);
+                let done = self.traced(&mut place, *k);
                 if !self.is_renewable {
                     place = None;
                 }
                 let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
-                if let Err(failure) = row.and_then(|row| kept.0.add(row)) {
+                if let Err(failure) = done.and_then(|(row, series)| kept.0.add(row, &series)) {
                     kept.1.get_or_insert(failure);
                 }
                 counter.count();
@@ -238,12 +270,7 @@ impl<'a> Runs<'a> {
     }
 
     /// Runs a sample with the components in a place, or with new ones; leaves them there if they can be used again.
-    fn one(&self, place: &mut Option<Opened>, k: usize) -> Result<Row, Failure> {
-        Ok(self.traced(place, k)?.0)
-    }
-
-    /// The same, with what was recorded.
-    fn traced(&self, place: &mut Option<Opened>, k: usize) -> Traced {
+    fn traced(&self, place: &mut Option<Opened>, k: usize) -> Recorded {
         let mut opened = match place.take() {
             Some(own) => own.0,
             None => Opened::of(self.args)?.0,
@@ -258,7 +285,15 @@ impl<'a> Runs<'a> {
             };
             (row, Series::default())
         };
-        let settings = self.plan.design.names().zip(&values).map(|(name, value)| {
+        let (mut settings, mut scenario) = (Vec::new(), self.scenario.clone());
+        for (name, value) in self.plan.design.names().zip(&values) {
+            if let Some(own) = event(name).filter(|_| self.args.scenario.is_some()) {
+                if let Err(failure) = scenario.set(own, *value) {
+                    *place = Some(Opened(opened));
+                    return Ok(failed(failure.message().to_owned()));
+                }
+                continue;
+            }
             let kind = opened
                 .built
                 .system
@@ -271,9 +306,8 @@ impl<'a> Runs<'a> {
             } else {
                 format!("{value:?}")
             };
-            (name.to_owned(), text)
-        });
-        let settings: Vec<(String, String)> = settings.collect();
+            settings.push((name.to_owned(), text));
+        }
         if let Err(failure) = opened.wire(&settings) {
             return Ok(failed(failure.message().to_owned()));
         }
@@ -283,9 +317,11 @@ impl<'a> Runs<'a> {
         let mut recorder = SeriesRecorder::with_capacity(self.clock.steps() as usize + 2);
         let mut thinned = Thinned::new(&mut recorder, Some(selection), 1);
         let coupling = self.args.coupling.coupling(&self.clock)?;
-        let system = std::mem::take(&mut built.system);
+        let mut system = std::mem::take(&mut built.system);
+        let triggers = scenario.apply(&mut system)?;
+        let mut conditions = triggers.over(&mut thinned);
         let tolerance = self.args.coupling.component_tolerance();
-        let run = crate::cosim::run_open(system, &self.clock, tolerance, coupling, &mut thinned);
+        let run = crate::cosim::run_open(system, &self.clock, tolerance, coupling, &mut conditions);
         let run = match run {
             Ok(run) => run,
             Err(error) => {

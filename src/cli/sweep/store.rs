@@ -3,10 +3,12 @@
 
 use super::Failure;
 use super::plan::Plan;
+use super::traces::Traces;
 use crate::cli::overwrite;
 use crate::cli::shard::Shard;
 use crate::file;
-use crate::series::cell;
+use crate::series::parquet::{Field, Kind, ParquetWriter, Values};
+use crate::series::{Series, cell};
 use pilotage_text::number::significant;
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
@@ -38,19 +40,26 @@ impl Row {
         bits(self) == bits(other) && self.failure == other.failure
     }
 
+    fn status(&self) -> &'static str {
+        match self.failure {
+            Some(_) => "failed",
+            None => "done",
+        }
+    }
+
+    fn reason(&self) -> &str {
+        self.failure.as_deref().unwrap_or_default()
+    }
+
     fn line(&self) -> String {
         let numbers = self.measured.iter().map(|value| format!("\t{value:?}"));
         let reason = self.failure.as_deref().map_or(String::new(), |own| {
             format!("\t{}", own.replace(['\t', '\n', '\r'], " "))
         });
-        let status = if self.failure.is_some() {
-            "failed"
-        } else {
-            "done"
-        };
         format!(
-            "{}\t{status}{}{reason}\n",
+            "{}\t{}{}{reason}\n",
             self.sample,
+            self.status(),
             numbers.collect::<String>()
         )
     }
@@ -90,9 +99,13 @@ pub struct Store {
     shard: Shard,
     rows: BTreeMap<usize, Row>,
     file: Option<File>,
+    traces: Option<Traces>,
     is_resumed: bool,
     is_of_others: bool,
 }
+
+/// Ending of the file of trajectories beside it.
+const TRACES: &str = "bin";
 
 /// Name of the file of a part.
 fn name(shard: Shard) -> String {
@@ -112,6 +125,7 @@ impl Store {
             shard,
             rows: BTreeMap::new(),
             file: None,
+            traces: None,
             is_resumed: false,
             is_of_others: false,
             path,
@@ -124,6 +138,7 @@ impl Store {
             if let Some(rest) = text.strip_prefix(&own.header) {
                 own.rows = rows(rest, plan).map(|row| (row.sample, row)).collect();
                 (own.is_resumed, own.is_of_others) = (true, false);
+                own.open_traces(plan)?;
                 // Without a line that was cut off.
                 own.finish(&own.rows())?;
                 own.append()?;
@@ -147,9 +162,30 @@ impl Store {
     }
 
     /// Begins the file.
-    pub fn begin(&mut self) -> Result<(), Failure> {
+    pub fn begin(&mut self, plan: &Plan) -> Result<(), Failure> {
+        let _ = std::fs::remove_file(self.path.with_extension(TRACES));
+        self.open_traces(plan)?;
         overwrite::save(&self.path, &self.header)?;
         self.append()
+    }
+
+    /// Opens the trajectories, if they are kept; a sample without its own is not done.
+    fn open_traces(&mut self, plan: &Plan) -> Result<(), Failure> {
+        if plan.traced.is_empty() {
+            return Ok(());
+        }
+        let path = self.path.with_extension(TRACES);
+        let traces = Traces::open(&path, plan);
+        let traces = traces.map_err(|error| Failure::cannot_write(&path, &error))?;
+        self.rows
+            .retain(|sample, row| row.failure.is_some() || traces.has(*sample));
+        self.traces = Some(traces);
+        Ok(())
+    }
+
+    /// The trajectories.
+    pub fn traces(&self) -> Option<&Traces> {
+        self.traces.as_ref()
     }
 
     fn append(&mut self) -> Result<(), Failure> {
@@ -169,7 +205,12 @@ impl Store {
     }
 
     /// Keeps a sample.
-    pub fn add(&mut self, row: Row) -> Result<(), Failure> {
+    pub fn add(&mut self, row: Row, series: &Series) -> Result<(), Failure> {
+        if let Some(traces) = self.traces.as_mut().filter(|_| row.failure.is_none()) {
+            let written = traces.add(row.sample, series);
+            let path = self.path.with_extension(TRACES);
+            written.map_err(|error| Failure::cannot_write(&path, &error))?;
+        }
         if let Some(file) = &mut self.file {
             let written = file.write_all(row.line().as_bytes());
             written.map_err(|error| Failure::cannot_write(&self.path, &error))?;
@@ -193,8 +234,11 @@ impl Store {
     }
 
     /// Removes the file.
-    pub fn remove(&self) {
+    pub fn remove(self) {
         let _ = std::fs::remove_file(&self.path);
+        if let Some(traces) = self.traces {
+            traces.remove();
+        }
     }
 }
 
@@ -207,7 +251,8 @@ fn rows<'a>(text: &'a str, plan: &'a Plan) -> impl Iterator<Item = Row> + 'a {
 }
 
 /// The study of which these folders have the parts.
-pub fn merged(folders: &[PathBuf]) -> Result<(Plan, Vec<Row>), Failure> {
+pub fn merged(folders: &[PathBuf]) -> Result<(Plan, Vec<Row>, Option<Traces>), Failure> {
+    let mut traced = Vec::new();
     let mut header: Option<(String, PathBuf)> = None;
     let mut all: BTreeMap<usize, Row> = BTreeMap::new();
     for folder in folders {
@@ -257,6 +302,7 @@ pub fn merged(folders: &[PathBuf]) -> Result<(Plan, Vec<Row>), Failure> {
                 Some(_) => {}
                 None => header = Some((first.to_owned(), path.clone())),
             }
+            traced.push(path.with_extension(TRACES));
             for row in rows(rest, &plan) {
                 let sample = row.sample;
                 if let Some(other) = all.insert(sample, row)
@@ -284,7 +330,17 @@ pub fn merged(folders: &[PathBuf]) -> Result<(Plan, Vec<Row>), Failure> {
         return Err(Failure::new(message)
             .hint("name the folders of all parts, and let each come to its end"));
     }
-    Ok((plan, all.into_values().collect()))
+    if plan.traced.is_empty() {
+        return Ok((plan, all.into_values().collect(), None));
+    }
+    let traces = Traces::of_parts(&traced, &plan)
+        .map_err(|error| Failure::new(format!("cannot read trajectories: {error}")))?;
+    let is_missing = |own: &&Row| own.failure.is_none() && !traces.has(own.sample);
+    if let Some(own) = all.values().find(is_missing) {
+        let message = format!("the trajectory of sample {} is missing", own.sample);
+        return Err(Failure::new(message).hint("each folder of a part has a .bin file with them"));
+    }
+    Ok((plan, all.into_values().collect(), Some(traces)))
 }
 
 /// All samples as a table.
@@ -309,15 +365,43 @@ pub fn table(plan: &Plan, rows: &[Row]) -> String {
             };
             text += &format!(",{shown}");
         }
-        let reason = row.failure.as_deref().unwrap_or_default();
-        let status = if row.failure.is_some() {
-            "failed"
-        } else {
-            "done"
-        };
-        text += &format!(",{status},{}\n", cell(reason));
+        text += &format!(",{},{}\n", row.status(), cell(row.reason()));
     }
     text
+}
+
+/// The same as Parquet.
+pub fn parquet(plan: &Plan, rows: &[Row]) -> std::io::Result<Vec<u8>> {
+    let of_kind = |name: &str, kind| Field {
+        kind,
+        ..Field::real(name, "")
+    };
+    let varied = plan.design.names().zip(&plan.units);
+    let measured = plan.measures.iter().map(|(name, given)| Field {
+        description: given.clone(),
+        ..of_kind(name, Kind::Known)
+    });
+    let fields: Vec<Field> = [of_kind("sample", Kind::Whole)]
+        .into_iter()
+        .chain(varied.map(|(name, unit)| Field::real(name, unit)))
+        .chain(measured)
+        .chain(["status", "reason"].map(|name| of_kind(name, Kind::Text)))
+        .collect();
+    let mut writer = ParquetWriter::new(Vec::new(), &fields, &[])?;
+    let samples: Vec<i64> = rows.iter().map(|own| own.sample as i64).collect();
+    let column = |of: &dyn Fn(&Row) -> f64| -> Vec<f64> { rows.iter().map(of).collect() };
+    let values = (0..plan.design.dimensions()).map(|k| column(&|own| own.values[k]));
+    let numbers = values.chain((0..plan.measures.len()).map(|k| column(&|own| own.measured[k])));
+    let numbers: Vec<Vec<f64>> = numbers.collect();
+    let (status, reason): (Vec<&str>, Vec<&str>) =
+        rows.iter().map(|own| (own.status(), own.reason())).unzip();
+    let all: Vec<Values> = [Values::Whole(&samples)]
+        .into_iter()
+        .chain(numbers.iter().map(|own| Values::Numbers(own)))
+        .chain([Values::Texts(&status), Values::Texts(&reason)])
+        .collect();
+    writer.rows(&all)?;
+    writer.finish()
 }
 
 /// A number for people.

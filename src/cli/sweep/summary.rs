@@ -45,6 +45,8 @@ pub struct Summary {
     pub reason: Option<(usize, String)>,
     /// Whether a sample gives the same numbers each time.
     pub is_repeatable: bool,
+    /// Whether trajectories are kept.
+    has_trajectories: bool,
 }
 
 impl Summary {
@@ -96,6 +98,7 @@ impl Summary {
             failed: failed.clone().count(),
             reason: failed.into_iter().next(),
             is_repeatable: plan.is_repeatable,
+            has_trajectories: !plan.traced.is_empty(),
         }
     }
 
@@ -233,11 +236,16 @@ impl Summary {
             }
         };
         format!(
-            "{}{}{}\nwrote {}: sweep.html, sweep.csv, sweep.json\n",
+            "{}{}{}\nwrote {}: sweep.html, sweep.csv, sweep.parquet, sweep.json{}\n",
             table(self.quantiles()),
             table(self.dependences()),
             terminal::line(&self.verdict()),
-            terminal::shown(output)
+            terminal::shown(output),
+            if self.has_trajectories {
+                ", trajectories.parquet"
+            } else {
+                ""
+            }
         )
     }
 }

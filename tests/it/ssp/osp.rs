@@ -354,6 +354,11 @@ fn a_multi_model_of_maestro_is_what_its_file_says() {
             "`first.level` is no value",
         ),
         ("\"parameters\": {", "\"parameters\": [", "mm.json:4:"),
+        (
+            "\"parameters\": {",
+            "\"fmus\": {}, \"parameters\": {",
+            "`fmus` stands twice",
+        ),
     ] {
         assert!(MULTI_MODEL.contains(from), "{from}");
         folder.write("mm.json", MULTI_MODEL.replacen(from, to, 1));
@@ -398,7 +403,8 @@ fn mutations_do_not_panic() {
         }
         folder.write(name, good);
         assert!(
-            fine > 50 && refused > 50,
+            // A line of JSON that stands twice is a key that does.
+            fine > 30 && refused > 50,
             "{name}: {fine} read, {refused} refused"
         );
     }

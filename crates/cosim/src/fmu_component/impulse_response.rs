@@ -92,9 +92,15 @@ fn with_note(found: Realization, step: f64, steps: usize, coarse: &[(String, u32
         .map(|value| format!("{value:.1e}"))
         .collect();
     let (kept, next) = values.split_at(n);
-    let next = next
-        .first()
-        .map_or_else(String::new, |next| format!(" | {next}"));
+    let kept = match n {
+        0 => "no states".to_owned(),
+        _ => format!("{n} states by the singular values {}", kept.join(" ")),
+    };
+    let next = match (n, next.first()) {
+        (_, None) => String::new(),
+        (0, Some(next)) => format!(", since the largest singular value is {next}"),
+        (_, Some(next)) => format!(" | {next}"),
+    };
     let coarse = match coarse {
         [] => String::new(),
         [(first, _), ..] => format!(
@@ -103,9 +109,7 @@ fn with_note(found: Realization, step: f64, steps: usize, coarse: &[(String, u32
     };
     let note = format!(
         "gives no derivatives: found by its responses to pulses, {steps} steps of {step} s, inputs held \
-         (eigensystem realization, matrix logarithm); {n} states by the singular values {}{next}; right where \
-         it is at rest, or linear{coarse}",
-        kept.join(" ")
+         (eigensystem realization, matrix logarithm); {kept}{next}; right where it is at rest, or linear{coarse}"
     );
     Linear {
         note: Some(note),

@@ -9,7 +9,7 @@ use crate::component::{
     ValueKind, Variable,
 };
 use pilotage_fmi::description::{DefaultExperiment, ModelDescription};
-use pilotage_fmi::simulate::{RunWork, SavedRun};
+use pilotage_fmi::simulate::{KeptRun, RunWork, SavedRun};
 use pilotage_fmi::{FmuError, ModelExchangeRun, Reached, RunOptions, fmu};
 
 /// Part of a communication step over which output slopes are estimated. The neglected terms are of second order in it,
@@ -75,8 +75,8 @@ pub(super) fn abilities(description: &ModelDescription, access: &Access) -> Abil
     let me = description.model_exchange.as_ref();
     Abilities {
         rollback: me.is_some_and(|me| me.can_get_and_set_fmu_state),
-        // The solver's state is not among that of the FMU.
-        serialization: false,
+        serialization: me
+            .is_some_and(|me| me.can_get_and_set_fmu_state && me.can_serialize_fmu_state),
         variable_steps: true,
         input_derivatives: access.has_simple_inputs(),
         output_derivatives: access.has_simple_outputs(),
@@ -195,6 +195,18 @@ impl Component for ModelExchangeComponent {
             Some(Some(saved)) => Ok(self.run.restore(saved)?),
             _ => Err(format!("no state is saved in place {place}").into()),
         }
+    }
+
+    fn serialize(&mut self) -> Result<Vec<u8>, ComponentError> {
+        let kept = (self.run.serialize()?, self.glance);
+        Ok(postcard::to_stdvec(&kept)?)
+    }
+
+    fn deserialize(&mut self, bytes: &[u8]) -> Result<(), ComponentError> {
+        let (kept, glance): (KeptRun, f64) = postcard::from_bytes(bytes)?;
+        self.run.deserialize(&kept)?;
+        self.glance = glance;
+        Ok(())
     }
 
     /// The slopes apply to the inputs set last.

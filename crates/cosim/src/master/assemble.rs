@@ -121,8 +121,7 @@ impl Assembly {
         for (index, variable) in all().filter(|(_, v)| v.kind == ValueKind::Real) {
             self.slots.insert((position, index), self.values.row.len());
             handles.push(variable.handle);
-            let unit = variable.unit.as_ref();
-            self.add_signal(name, &variable.name, unit.map_or("", |u| &u.name));
+            self.add_signal(name, variable);
         }
         let slots = first..self.values.row.len();
         let mut others = Vec::new();
@@ -134,7 +133,7 @@ impl Assembly {
             others.push(reading);
             match is_text {
                 true => self.unrecorded.push(format!("{name}.{}", variable.name)),
-                false => self.add_signal(name, &variable.name, ""),
+                false => self.add_signal(name, variable),
             }
         }
         Outlets {
@@ -165,11 +164,13 @@ impl Assembly {
         }
     }
 
-    fn add_signal(&mut self, instance: &str, variable: &str, unit: &str) {
+    fn add_signal(&mut self, instance: &str, variable: &crate::Variable) {
         self.values.row.push(f64::NAN);
+        let unit = variable.unit.as_ref();
         self.signals.push(Signal {
-            name: format!("{instance}.{variable}"),
-            unit: unit.to_owned(),
+            name: format!("{instance}.{}", variable.name),
+            unit: unit.map_or(String::new(), |own| own.name.clone()),
+            description: variable.description.clone(),
         });
     }
 

@@ -288,10 +288,14 @@ impl Components {
         }
         let wired = std::mem::take(&mut self.wired);
         let renew = |mut own: Wired| {
-            let is_new = own.component.renew().unwrap_or(false);
-            is_new.then_some((own.name, own.component))
+            let mut component = match own.component.without_scenario() {
+                Some(within) => within?,
+                None => own.component,
+            };
+            let is_new = component.renew().unwrap_or(false);
+            Some(is_new.then_some((own.name, component)))
         };
-        wired.into_iter().map(renew).collect()
+        wired.into_iter().filter_map(renew).collect()
     }
 }
 

@@ -131,6 +131,7 @@ impl Input {
         on.fold(given, |value, own| match own.effect {
             Effect::Set(number) => number,
             Effect::Freeze => self.at(starts.of(own.event)).unwrap_or(value),
+            Effect::Live(number) => starts.live(number).unwrap_or(value),
             Effect::Bias(number) => value + number,
             Effect::Scale(number) => value * number,
             Effect::Delay(delay) => self.at(time - delay).unwrap_or(value),
@@ -143,8 +144,9 @@ impl Input {
         let on = self.all.iter().filter(|own| own.is_on(time, starts));
         on.fold(1.0, |slope, own| match own.effect {
             Effect::Set(_) | Effect::Freeze | Effect::Delay(_) => 0.0,
+            Effect::Live(number) if starts.live(number).is_some() => 0.0,
             Effect::Scale(number) => slope * number,
-            Effect::Bias(_) | Effect::Noise { .. } => slope,
+            Effect::Live(_) | Effect::Bias(_) | Effect::Noise { .. } => slope,
         })
     }
 
@@ -277,6 +279,13 @@ impl Component for Disturbed {
 
     fn terminate(&mut self) -> Result<(), ComponentError> {
         self.inner.terminate()
+    }
+
+    fn without_scenario(&mut self) -> Option<Option<Box<dyn Component>>> {
+        Some(Some(std::mem::replace(
+            &mut self.inner,
+            Box::new(End::default()),
+        )))
     }
 
     fn linearize(&mut self, step: f64) -> Result<Linear, ComponentError> {
@@ -430,6 +439,10 @@ impl Component for End {
             },
             false => Progress::Done,
         })
+    }
+
+    fn without_scenario(&mut self) -> Option<Option<Box<dyn Component>>> {
+        Some(None)
     }
 
     fn abilities(&self) -> Abilities {

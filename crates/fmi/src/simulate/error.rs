@@ -22,6 +22,14 @@ pub enum RunError {
         /// Requested time \[s\].
         target: f64,
     },
+    /// A saved state is that of another model.
+    #[error("the state has {found} continuous states, and the FMU {expected}")]
+    OtherStates {
+        /// Of the state.
+        found: usize,
+        /// Of the FMU.
+        expected: usize,
+    },
     /// The event iteration does not end.
     #[error(
         "at {time} s the FMU still wants new discrete states after {rounds} rounds of the event iteration"

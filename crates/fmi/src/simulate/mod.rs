@@ -12,10 +12,11 @@ pub use error::RunError;
 
 use self::model::{Inputs, Model};
 use super::description::ModelDescription;
-use super::instance::{Instance, MAX_EVENT_INDICATORS, MAX_EVENT_ROUNDS, Saved};
+use super::instance::{Instance, MAX_EVENT_INDICATORS, MAX_EVENT_ROUNDS, Saved, Serialized};
 use super::version::State;
 use pilotage_abi::{fmi2, fmi3};
 use pilotage_ode::{Advance, Method, Solver};
+use serde::{Deserialize, Serialize};
 
 /// A time event within this part of a step after its end is at its end: times that are counted and times that are added up
 /// differ by rounding.
@@ -75,6 +76,19 @@ pub struct SavedRun {
     time: f64,
     x: Vec<f64>,
     inputs: Inputs,
+    next_time: Option<f64>,
+    is_over: bool,
+    cluster: (f64, u32),
+}
+
+/// A state of a run for another process.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct KeptRun {
+    bytes: Vec<u8>,
+    is_in_event_mode: bool,
+    time: f64,
+    x: Vec<f64>,
+    inputs: (Vec<u32>, Vec<f64>, Vec<f64>, f64),
     next_time: Option<f64>,
     is_over: bool,
     cluster: (f64, u32),
@@ -232,6 +246,59 @@ impl ModelExchangeRun {
         self.solver.restart(saved.time, &self.x, false);
         (self.next_time, self.is_over) = (saved.next_time, saved.is_over);
         self.cluster = saved.cluster;
+        Ok(())
+    }
+
+    /// The complete state as bytes, for another process. The solver begins anew here, as it does there: both go on with the same
+    /// bits.
+    pub fn serialize(&mut self) -> Result<KeptRun, RunError> {
+        let instance = &mut self.model.instance;
+        let saved = instance.save()?;
+        let serialized = instance.serialize(saved)?;
+        instance.free(saved)?;
+        let kept = KeptRun {
+            bytes: serialized.bytes,
+            is_in_event_mode: self.is_in_event_mode(),
+            time: self.solver.time(),
+            x: self.solver.state().to_vec(),
+            inputs: self.model.kept_inputs(),
+            next_time: self.next_time,
+            is_over: self.is_over,
+            cluster: self.cluster,
+        };
+        self.begin_anew(&kept)?;
+        Ok(kept)
+    }
+
+    /// Goes on from such a state; the run has begun.
+    pub fn deserialize(&mut self, kept: &KeptRun) -> Result<(), RunError> {
+        if kept.x.len() != self.x.len() {
+            return Err(RunError::OtherStates {
+                found: kept.x.len(),
+                expected: self.x.len(),
+            });
+        }
+        let state = match (self.model.instance.state(), kept.is_in_event_mode) {
+            (State::Fmi2(_), true) => State::Fmi2(fmi2::State::EventMode),
+            (State::Fmi2(_), false) => State::Fmi2(fmi2::State::ContinuousTimeMode),
+            (State::Fmi3(_), true) => State::Fmi3(fmi3::State::EventMode),
+            (State::Fmi3(_), false) => State::Fmi3(fmi3::State::ContinuousTimeMode),
+        };
+        let bytes = kept.bytes.clone();
+        let instance = &mut self.model.instance;
+        let saved = instance.deserialize(&Serialized { bytes, state })?;
+        instance.restore(saved)?;
+        instance.free(saved)?;
+        self.begin_anew(kept)
+    }
+
+    fn begin_anew(&mut self, kept: &KeptRun) -> Result<(), RunError> {
+        self.model.take_inputs(&kept.inputs);
+        self.x.copy_from_slice(&kept.x);
+        self.read_nominals()?;
+        self.solver.restart(kept.time, &self.x, true);
+        (self.next_time, self.is_over) = (kept.next_time, kept.is_over);
+        self.cluster = kept.cluster;
         Ok(())
     }
 

@@ -71,6 +71,27 @@ impl Model {
         self.inputs.clone()
     }
 
+    /// The inputs as numbers: references, values and slopes since a time.
+    pub(super) fn kept_inputs(&self) -> (Vec<u32>, Vec<f64>, Vec<f64>, f64) {
+        let own = &self.inputs;
+        let (references, values) = (own.references.clone(), own.values.clone());
+        (references, values, own.slopes.clone(), own.since)
+    }
+
+    /// Takes them back.
+    pub(super) fn take_inputs(&mut self, kept: &(Vec<u32>, Vec<f64>, Vec<f64>, f64)) {
+        let (references, values, slopes, since) = kept;
+        let mut own = Inputs::default();
+        let known = references.iter().zip(values).zip(slopes);
+        for ((reference, value), slope) in known {
+            let position = own.position(*reference);
+            (own.values[position], own.slopes[position]) = (*value, *slope);
+        }
+        own.is_sloped = own.slopes.iter().any(|&slope| slope != 0.0);
+        own.since = *since;
+        self.inputs = own;
+    }
+
     pub(super) fn set_back(&mut self, inputs: &Inputs) {
         self.inputs.clone_from(inputs);
     }
