@@ -221,7 +221,8 @@ impl Writer<'_> {
         self.xml.open("ssc:Annotation");
         self.text("type", "org.openmodelica")?;
         self.xml.open("oms:Annotations");
-        let schema = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd";
+        let schema =
+            "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd";
         self.text("xmlns:oms", schema)?;
         self.xml.open("oms:SimulationInformation");
         self.xml.open("oms:FixedStepMaster");
