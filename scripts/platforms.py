@@ -242,7 +242,7 @@ def main() -> None:
     out = (options.out or folder / "platforms").resolve()
     out.mkdir(parents=True, exist_ok=True)
     try:
-        tools = Tools(folder / "platforms-tools", options.std)
+        tools = Tools((folder / "platforms-tools").resolve(), options.std)
         if options.crate:
             packed(tools, chosen, options.crate.resolve(), out, folder / "platforms-build")
         elif options.values:
