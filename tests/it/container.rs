@@ -273,7 +273,10 @@ fn its_description_has_what_the_parts_have() {
     };
     let inputs = ["a.u", "a.d", "good.n_in", "good.flag_in", "good.text_in"];
     assert_eq!(of(Causality::Input), inputs);
-    assert_eq!(of(Causality::Parameter), ["a.k", "a.tau", "good.k"]);
+    assert_eq!(
+        of(Causality::Parameter),
+        ["a.k", "a.tau", "a.x_start", "good.k"]
+    );
     let outputs = [
         "good.y",
         "good.tolerance",
