@@ -27,11 +27,13 @@ use std::path::{Path, PathBuf};
       --algorithm strong --step 0.05 -o flown.fmu\n\n  \
     # A system file or a system of another tool, with some outputs, for FMI 3.0.\n  \
     pilotage container system.ssp --outputs 'vehicle.*' --fmi 3 -o one.fmu\n\n\
-    The FMU is for co-simulation. It has no model exchange: algorithms exchange values at communication points, which a\n\
-    solver outside does not know; cosim itself solves parts that have model exchange alone. Free inputs of the system are\n\
-    its inputs, and parameters of the parts are called INSTANCE.PARAMETER. It takes communication steps of any length if\n\
-    all parts do, and else multiples of --step; it keeps states (canGetAndSetFMUstate) if all parts do.\n\n\
-    Parts are third-party code that runs in the importer's process: a crash of one of them is a crash of the importer.")]
+The FMU is for co-simulation. It has no model exchange: algorithms exchange values at\n\
+    communication points, which a solver outside does not know; parts that have model exchange alone\n\
+    are solved inside. Free inputs of the system are its inputs, and parameters of the parts are\n\
+    called INSTANCE.PARAMETER. It takes communication steps of any length if all parts do, and else\n\
+    multiples of --step; it keeps states (canGetAndSetFMUstate) if all parts do.\n\n\
+    Parts are third-party code that runs in the importer's process: a crash of one of them is a crash\n\
+    of the importer.")]
 pub struct Args {
     #[command(flatten)]
     wiring: Wiring,

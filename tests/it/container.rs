@@ -273,7 +273,10 @@ fn its_description_has_what_the_parts_have() {
     };
     let inputs = ["a.u", "a.d", "good.n_in", "good.flag_in", "good.text_in"];
     assert_eq!(of(Causality::Input), inputs);
-    assert_eq!(of(Causality::Parameter), ["a.k", "a.tau", "good.k"]);
+    assert_eq!(
+        of(Causality::Parameter),
+        ["a.k", "a.tau", "a.x_start", "good.k"]
+    );
     let outputs = [
         "good.y",
         "good.tolerance",
@@ -286,7 +289,7 @@ fn its_description_has_what_the_parts_have() {
     assert_eq!(of(Causality::Output), outputs);
     let (_, k) = description.variable("a.k").unwrap();
     assert_eq!(k.description.as_deref(), Some("Its gain"));
-    assert_eq!(k.variability, Variability::Tunable);
+    assert_eq!(k.variability, Variability::Fixed);
     let xml = String::from_utf8(
         pilotage::fmi::archive::Archive::open(&folder.path("one.fmu"), Default::default())
             .unwrap()
