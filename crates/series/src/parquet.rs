@@ -290,6 +290,17 @@ pub(crate) fn read(
 /// Columns of numbers, and those of words.
 fn columns(bytes: Vec<u8>) -> Read<(Vec<Column>, Vec<TextColumn>)> {
     let reader = SerializedFileReader::new(bytes::Bytes::from(bytes))?;
+    // The reader panics at these.
+    let mut chunks = (reader.metadata().row_groups().iter()).flat_map(|own| own.columns());
+    if chunks.any(|own| {
+        own.compressed_size() < 0
+            || own
+                .dictionary_page_offset()
+                .unwrap_or(own.data_page_offset())
+                < 0
+    }) {
+        return Err(ParquetError::General("it is damaged".to_owned()));
+    }
     let about = reader.metadata().file_metadata();
     let units = units(about);
     let schema = about.schema_descr();
