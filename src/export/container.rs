@@ -85,7 +85,7 @@ pub fn bytes(contents: Contents<'_>) -> Result<Vec<u8>, ContainerError> {
         factor: link.conversion.factor,
         offset: link.conversion.offset,
         map: (link.map.iter())
-            .map(|(from, to)| (as_text(from), as_text(to)))
+            .map(|(from, to)| (from.to_string(), to.to_string()))
             .collect(),
     });
     manifest.wires = links.collect();
@@ -181,16 +181,6 @@ pub fn bytes(contents: Contents<'_>) -> Result<Vec<u8>, ContainerError> {
         entries.insert(path, terminals::file(outside).into_bytes());
     }
     Ok(package::zipped(entries)?)
-}
-
-/// A value as it is read again.
-fn as_text(value: &Value) -> String {
-    match value {
-        Value::Real(value) => format!("{value:?}"),
-        Value::Integer(value) => value.to_string(),
-        Value::Boolean(value) => value.to_string(),
-        Value::String(value) => value.clone(),
-    }
 }
 
 /// The manifest as a file.

@@ -261,8 +261,6 @@ pub struct Experiment {
 pub struct Variable {
     /// Name, unique within the component.
     pub name: String,
-    /// What it is; empty if nobody says it.
-    pub description: String,
     /// Aliases.
     pub aliases: Vec<String>,
     /// Handle used in calls.
@@ -321,7 +319,6 @@ impl Variable {
     pub fn new(name: impl Into<String>, handle: u32, kind: ValueKind, role: Role) -> Self {
         Self {
             name: name.into(),
-            description: String::new(),
             aliases: Vec::new(),
             handle,
             kind,
@@ -418,6 +415,18 @@ pub enum Value {
     Boolean(bool),
     /// A string.
     String(String),
+}
+
+impl std::fmt::Display for Value {
+    /// As it is [parsed](Value::parse).
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Real(value) => write!(f, "{value:?}"),
+            Self::Integer(value) => write!(f, "{value}"),
+            Self::Boolean(value) => write!(f, "{value}"),
+            Self::String(value) => f.write_str(value),
+        }
+    }
 }
 
 impl Value {

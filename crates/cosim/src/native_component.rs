@@ -144,7 +144,6 @@ fn seen(
         false => ValueKind::Real,
     };
     Variable {
-        description: variable.description.to_string(),
         unit: Some(unit).filter(|_| kind == ValueKind::Real && variable.unit.is_some()),
         range: [
             variable.min.unwrap_or(f64::NEG_INFINITY),

@@ -418,7 +418,7 @@ impl SimulationUnit for Container {
         inbox.during(|| state.to_bytes(self))
     }
 
-    fn from_bytes(&mut self, bytes: &[u8]) -> Result<Saved, Problem> {
+    fn read_bytes(&mut self, bytes: &[u8]) -> Result<Saved, Problem> {
         Saved::from_bytes(bytes, self.guid())
     }
 }

@@ -550,7 +550,7 @@ pub unsafe fn deserialize<U: SimulationUnit, V: Version>(
                 place(state, "FMUstate")?,
             )
         };
-        let checkpoint = c.instance.from_bytes(bytes)?;
+        let checkpoint = c.instance.read_bytes(bytes)?;
         c.state_of(&checkpoint)?;
         *slot = Box::into_raw(Box::new(checkpoint)).cast();
         Ok(())

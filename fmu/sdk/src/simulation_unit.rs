@@ -120,7 +120,7 @@ pub trait SimulationUnit: Sized {
     fn to_bytes(&mut self, state: &Self::State) -> Result<Vec<u8>, Problem>;
 
     /// A copy, from its bytes.
-    fn from_bytes(&mut self, bytes: &[u8]) -> Result<Self::State, Problem>;
+    fn read_bytes(&mut self, bytes: &[u8]) -> Result<Self::State, Problem>;
 
     /// Handles pending events. Returns whether a state has changed.
     fn handle_event(&mut self) -> Result<bool, Problem> {
@@ -280,7 +280,7 @@ impl<E: Equations> SimulationUnit for Instance<E> {
         Ok(state.to_bytes())
     }
 
-    fn from_bytes(&mut self, bytes: &[u8]) -> Result<Checkpoint, Problem> {
+    fn read_bytes(&mut self, bytes: &[u8]) -> Result<Checkpoint, Problem> {
         Checkpoint::from_bytes(bytes, self.simulation().table(), self.guid())
     }
 

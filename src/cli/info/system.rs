@@ -174,7 +174,11 @@ fn to_json(file: &Path, system: &System, description: &SystemDescription) -> Val
              from,
              to,
              conversion,
+             map,
          }| {
+            let map = map
+                .iter()
+                .map(|(from, to)| [from.to_string(), to.to_string()]);
             json!({
                 "from": from.0,
                 "fromUnit": unit(from.1),
@@ -184,6 +188,7 @@ fn to_json(file: &Path, system: &System, description: &SystemDescription) -> Val
                 "toType": to.1.kind.to_string(),
                 "factor": conversion.factor,
                 "offset": conversion.offset,
+                "map": map.collect::<Vec<_>>(),
             })
         },
     );
@@ -214,8 +219,10 @@ fn to_text(file: &Path, system: &System, description: &SystemDescription) -> Str
              from,
              to,
              conversion,
+             map,
          }| {
-            let is_same = conversion == Conversion::NONE && from.1.kind == to.1.kind;
+            let is_same =
+                conversion == Conversion::NONE && map.is_empty() && from.1.kind == to.1.kind;
             let converted = if is_same { "" } else { "converted" };
             let (from, to) = ((from.0, own(from.1)), (to.0, own(to.1)));
             [from.0, from.1, to.0, to.1, converted.to_owned()]

@@ -49,16 +49,22 @@ pub(super) fn of(fmu: &Fmu) -> String {
     text + "\n" + &variables(d) + &enumerations(d) + &dependencies(d)
 }
 
-/// The platforms for which it has binaries, and whether this machine is none of them.
+/// The platforms for which it has binaries, whether this machine is none of them, and whether there are sources.
 fn platforms(fmu: &Fmu) -> String {
     let own = platform::folders();
     let has = fmu.platforms();
-    let is_here = has.is_empty() || has.iter().any(|folder| own.contains(folder));
-    let note = match is_here {
-        true => String::new(),
-        false => format!("; none for this machine, which is {}", own.join(" or ")),
+    let is_here = has.iter().any(|folder| own.contains(folder));
+    let machine = || format!("none for this machine, which is {}", own.join(" or "));
+    let sources = match (is_here, fmu.has_sources()) {
+        (true, true) => "sources",
+        (false, true) => "sources, of which `pilotage compile` makes one",
+        (_, false) => "",
     };
-    has.join(", ") + &note
+    let binaries = (!has.is_empty()).then(|| has.join(", "));
+    let note = (!is_here && (binaries.is_some() || fmu.has_sources())).then(machine);
+    let parts = binaries.into_iter().chain(note).chain([sources.to_owned()]);
+    let parts: Vec<String> = parts.filter(|part| !part.is_empty()).collect();
+    parts.join("; ")
 }
 
 /// Number of variables, outputs, states and event indicators.
@@ -209,14 +215,4 @@ fn dependencies(d: &ModelDescription) -> String {
     let header = ["unknown", "depends on"].map(str::to_owned);
     let rows: Vec<_> = std::iter::once(header).chain(rows).collect();
     format!("\n{}", aligned(&rows))
-}
-
-/// The platforms of the binaries, and whether there are sources.
-fn platforms(fmu: &Fmu) -> String {
-    let own = fmu.platforms().join(", ");
-    match (own.is_empty(), fmu.has_sources()) {
-        (_, false) => own,
-        (true, true) => "none; `pilotage compile` makes a binary of its sources".to_owned(),
-        (false, true) => format!("{own}; sources"),
-    }
 }

@@ -56,7 +56,6 @@ pub(super) fn variables(description: &ModelDescription, arrays: &Arrays) -> Vec<
         }
         Variable {
             name: format!("{}{end}", variable.name),
-            description: variable.description.clone().unwrap_or_default(),
             aliases: (variable.aliases.iter())
                 .map(|alias| format!("{}{end}", alias.name))
                 .collect(),
