@@ -19,6 +19,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "fmi",
             "text",
             "atomic_file",
+            "file",
             "cosim",
             "expression",
             "process",

@@ -147,6 +147,7 @@ pub fn own_library() -> Vec<u8> {
 /// Name and size of an FMU for this machine alone, as commands tell them.
 pub fn written(folder: &Folder, name: &str) -> String {
     let size = std::fs::metadata(folder.path(name)).unwrap().len() as f64 / 1e6;
-    let platform = Platform::host().unwrap().fmi2[0];
+    let platform = pilotage::fmi::Fmu::open(&folder.path(name)).unwrap();
+    let platform = platform.platforms().join(", ");
     format!("wrote {name} ({platform}; {size:.2} MB)\n")
 }

@@ -339,7 +339,7 @@ fn an_fmu_with_sources_alone_is_compiled_by_command() {
     let info = folder.pilotage(&["info", "alone.fmu"]);
     assert!(
         info.stdout
-            .contains("none; `pilotage compile` makes a binary of its sources"),
+            .contains("; sources, of which `pilotage compile` makes one"),
         "{}",
         info.stdout
     );

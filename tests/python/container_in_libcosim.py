@@ -20,4 +20,4 @@ outputs = [own for own in read_model_description(path).modelVariables if own.cau
 observer = CosimObserver.create_last_value()
 execution.add_observer(observer)
 execution.simulate_until(round(stop * NANOSECONDS))
-print(*(repr(value) for value in observer.last_real_values(slave, [own.valueReference for own in outputs])))
+print(*(repr(float(value)) for value in observer.last_real_values(slave, [own.valueReference for own in outputs])))

@@ -188,7 +188,7 @@ mod tests {
         assert_eq!(
             own.words(),
             "real time, 2 s in a second: 4 of 6 deadlines missed, by 7000 ms at most (1 by up to 0.1 ms, 2 by up to 10 ms, 1 by more); \
-             the others begin 0.02 ms after their time, 0.03 ms at most"
+             the others begin 0.020 ms after their time, 0.030 ms at most"
         );
         assert_eq!(
             own.to_json()["delays"][2],

@@ -258,7 +258,7 @@ fn what_does_not_fit_is_refused_with_both_ends() {
         ),
         (
             "\"m.mode\" = { to = \"n.mode_in\", map = { v1 = [2] } }",
-            "s.toml:12:60: ",
+            "s.toml:12:45: `v1` is an array; expected a number, true, false or a string",
         ),
     ] {
         folder.write("s.toml", format!("{INSTANCES}[connect]\n{wire}\n"));

@@ -200,7 +200,10 @@ fn shells_complete() {
     assert!(lines[0].contains("-F _pilotage"), "{said}");
     assert_eq!(
         lines[1..3],
-        ["compare convert cosim completions", "--algorithm"],
+        [
+            "compare compile container convert cosim completions",
+            "--algorithm"
+        ],
         "{said}"
     );
     assert!(lines[3].contains("strong"), "{said}");

@@ -119,7 +119,7 @@ class Clusters(Folder):
         )
         self.same((here, folders[0]), (there, folders[1]))
         self.assertEqual(len(seen), int(part.stem.rpartition("-")[2]) - 1)
-        self.assertEqual({own.name for own in folders[1].iterdir()}, {"sweep.csv", "sweep.json", "sweep.html"})
+        self.assertEqual({own.name for own in folders[1].iterdir()}, {"sweep.csv", "sweep.parquet", "sweep.json", "sweep.html"})
         with self.assertRaisesRegex(pl.InputError, "not empty"):
             pl.sweep(self.system(), **words, output=folders[1], client=self.client)
 
