@@ -61,6 +61,9 @@ pub struct Args {
     platforms: PlatformArgs,
 }
 
+/// Shortest step between the parts, relative to the stop time or a second.
+const SHORTEST: f64 = 1e-9;
+
 /// Runs the command.
 pub fn run(args: &Args) -> Result<Outcome, Failure> {
     let output = (args.output.as_path(), OutputKind::Fmu);
@@ -75,6 +78,10 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
         return Err(Failure::new(message).hint("say a stop after the start"));
     }
     let clock = Clock::standing(start, step)?;
+    if step < SHORTEST * stop.unwrap_or(1.0).abs().max(1.0) {
+        let message = format!("steps of {step:?} s are too short: the FMU would not come to its end");
+        return Err(Failure::new(message).hint("such as --step 0.01"));
+    }
     let coupling = args.coupling.coupling(&clock)?;
     args.refuse(&coupling)?;
     args.coupling.apply_parts(&mut system)?;
@@ -152,6 +159,9 @@ impl Args {
             Err(Failure::new(message).hint(why))
         };
         match (coupling.parallel, coupling.measure) {
+            _ if self.wiring.isolates_any() => {
+                refused("--isolate", "the parts run in the importer's process")
+            }
             (true, _) => refused(
                 "--parallel",
                 "an FMU starts no threads in the importer's process",

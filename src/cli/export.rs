@@ -138,7 +138,7 @@ impl PlatformArgs {
 /// Which FMU to make.
 #[derive(Debug, clap::Args)]
 pub struct FmuArgs {
-    /// FMI version; both have co-simulation and model exchange.
+    /// FMI version.
     #[arg(long, default_value = "2")]
     fmi: Version,
     /// Add a library built for another platform (win64, aarch64-darwin, ...); may be repeated.

@@ -218,7 +218,9 @@ impl Run<'_> {
             .filter(|own| *own != "m");
         command
             .args(needed.map(|own| format!("-l{own}")))
-            .args((!cfg!(windows)).then_some("-lm"));
+            .args((!cfg!(windows)).then_some("-lm"))
+            // What is nowhere defined is told here, instead of where the FMU is loaded.
+            .args(cfg!(target_os = "linux").then_some("-Wl,-z,defs"));
         self.call(command, "linking")?;
         let bytes = file::bytes(&library)?;
         check(&bytes, self.version).map_err(CompileError::Library)?;

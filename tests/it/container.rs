@@ -321,6 +321,14 @@ fn mistakes_are_said_before_anything_is_written() {
             "error: no output or local is named like a.k",
         ),
         (
+            &["a.toml", "--step", "0.1", "--isolate", "all"],
+            "error: --isolate is not for `container`",
+        ),
+        (
+            &["a.toml", "--step", "1e-300"],
+            "error: steps of 1e-300 s are too short",
+        ),
+        (
             &["a.toml", "--step", "0.1", "--parallel"],
             "error: --parallel is not for `container`",
         ),

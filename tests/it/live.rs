@@ -190,6 +190,7 @@ fn lines_close_a_loop() {
 #[test]
 fn nobody_is_waited_for_by_the_clock() {
     let folder = folder();
+    folder.write("set.toml", "[[event]]\ntime = 0.5\ninput = \"u\"\nset = 2\n");
     let words = [
         "cosim",
         "plant.toml",
@@ -215,6 +216,15 @@ fn nobody_is_waited_for_by_the_clock() {
             "`plant.y` is an output",
         ),
         (&["--live", "u", "--udp-in", "nowhere"], "--udp-in nowhere"),
+        (&["--live", "u,u", "--stream"], "--live names `u` twice"),
+        (
+            &["--live", "u", "--stream", "--scenario", "set.toml"],
+            "--live and an event of the scenario both change `plant.u`",
+        ),
+        (
+            &["--live", "u", "--stream", "--save-state", "x.state"],
+            "cannot be used with",
+        ),
         (
             &["--stream", "--udp-out", "127.0.0.1:9"],
             "cannot be used with",

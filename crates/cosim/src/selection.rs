@@ -1,6 +1,6 @@
 //! Selection of recorded signals and rows.
 
-use super::component::{Conversion, Role, ValueKind};
+use super::component::{Conversion, Role, Value, ValueKind};
 use super::recorder::{Recorder, Signal};
 use super::system::{Port, System};
 use pilotage_text::suggestion::{did_you_mean, suggestion};
@@ -38,7 +38,24 @@ struct Chosen {
     signal: Signal,
     /// Name of the run's signal with its values: its own name or, for a connected input, that of the output.
     source: String,
+    change: Change,
+}
+
+/// What a wire does with the values of an output.
+#[derive(Debug, Clone)]
+struct Change {
     conversion: Conversion,
+    /// Values with others in their place.
+    map: Vec<(f64, f64)>,
+}
+
+impl Change {
+    fn apply(&self, value: f64) -> f64 {
+        match self.map.iter().find(|(from, _)| *from == value) {
+            Some((_, to)) => *to,
+            None => self.conversion.apply(value),
+        }
+    }
 }
 
 impl Selection {
@@ -110,7 +127,7 @@ impl Selection {
             let is_fed = |from: Port| is_source(from) && variable.role == Role::Input;
             variable.kind != ValueKind::String
                 && match system.feeding(*port) {
-                    Some((from, _)) => is_fed(from),
+                    Some(wire) => is_fed(wire.from),
                     None => variable.role == Role::Output && !is_source(*port),
                 }
         };
@@ -128,17 +145,20 @@ impl Selection {
                 unit: unit.map_or(String::new(), |unit| unit.name.clone()),
                 description: system.variable(port).description.clone(),
             };
-            let (from, conversion) = match system.feeding(port) {
-                Some(feeding) => feeding,
-                None => {
-                    system.observe(port);
-                    (port, Conversion::NONE)
-                }
+            let number = |(from, to): &(Value, Value)| (from.as_number(), to.as_number());
+            let wire = system.feeding(port);
+            let change = Change {
+                conversion: wire.map_or(Conversion::NONE, |wire| wire.conversion),
+                map: wire.map_or(Vec::new(), |wire| wire.map.iter().map(number).collect()),
             };
+            let from = wire.map_or(port, |wire| wire.from);
+            if from == port {
+                system.observe(port);
+            }
             chosen.push(Chosen {
                 signal,
                 source: system.port_name(from),
-                conversion,
+                change,
             });
         }
         Self { chosen }
@@ -170,8 +190,8 @@ pub struct Thinned<'r> {
     /// Recorder of the selected values.
     inner: &'r mut dyn Recorder,
     selection: Option<Selection>,
-    /// Slot in the run's row and conversion of each selected signal; empty without a selection.
-    slots: Vec<(usize, Conversion)>,
+    /// Slot in the run's row and change of each selected signal; empty without a selection.
+    slots: Vec<(usize, Change)>,
     row: Vec<f64>,
     every: u64,
     /// Number of rows to skip before the next recorded one.
@@ -220,8 +240,8 @@ impl Thinned<'_> {
         if self.selection.is_none() {
             return self.inner.row(time, values);
         }
-        for (value, (slot, conversion)) in self.row.iter_mut().zip(&self.slots) {
-            *value = conversion.apply(values[*slot]);
+        for (value, (slot, change)) in self.row.iter_mut().zip(&self.slots) {
+            *value = change.apply(values[*slot]);
         }
         self.inner.row(time, &self.row)
     }
@@ -238,10 +258,10 @@ impl Recorder for Thinned<'_> {
             .map(|(slot, signal)| (signal.name.as_str(), slot))
             .collect();
         // Every selected signal is an output or observed, so the run contains it.
-        let (chosen, found): (Vec<Signal>, Vec<(usize, Conversion)>) = (selection.chosen.iter())
+        let (chosen, found): (Vec<Signal>, Vec<(usize, Change)>) = (selection.chosen.iter())
             .filter_map(|chosen| {
                 let slot = *slots.get(chosen.source.as_str())?;
-                Some((chosen.signal.clone(), (slot, chosen.conversion)))
+                Some((chosen.signal.clone(), (slot, chosen.change.clone())))
             })
             .unzip();
         self.row = vec![0.0; found.len()];

@@ -5,7 +5,9 @@
 
 use super::read::name_and_unit;
 use super::{Column, Series, SeriesError, TextColumn};
-use parquet::basic::{Compression, ConvertedType, Repetition, Type as Physical};
+use parquet::basic::{
+    Compression, ConvertedType, LogicalType, Repetition, TimeUnit, Type as Physical,
+};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::errors::{ParquetError, Result as Read};
@@ -13,11 +15,12 @@ use parquet::file::metadata::{FileMetaData, KeyValue};
 use parquet::file::properties::WriterProperties;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
-use parquet::schema::types::{Type, TypePtr};
+use parquet::schema::types::{ColumnDescriptor, Type, TypePtr};
 use pilotage_text::file;
 use pilotage_text::printable::one_line;
 use pilotage_units::Unit;
 use serde_json::{Map, Value, json};
+use std::collections::HashMap;
 use std::io::{self, BufRead, Write};
 use std::path::Path;
 use std::sync::Arc;
@@ -303,6 +306,7 @@ fn columns(bytes: Vec<u8>) -> Read<(Vec<Column>, Vec<TextColumn>)> {
     }
     let about = reader.metadata().file_metadata();
     let units = units(about);
+    let durations = durations(about);
     let schema = about.schema_descr();
     let rows = usize::try_from(about.num_rows()).unwrap_or(usize::MAX);
     if rows.saturating_mul(schema.num_columns()) > MOST {
@@ -319,6 +323,14 @@ fn columns(bytes: Vec<u8>) -> Read<(Vec<Column>, Vec<TextColumn>)> {
         if given.starts_with("__index_level_") || column.max_rep_level() > 0 {
             continue;
         }
+        // Times of the calendar count from the first row on, as in a CSV file; 2^53 ns are 104 days.
+        let tick = tick(column).or_else(|| durations.get(&given).copied());
+        let unit = if tick.is_some() { "s".to_owned() } else { unit };
+        let mut first = None;
+        let mut whole = |x: i64| match tick {
+            None => x as f64,
+            Some(tick) => x.wrapping_sub(*first.get_or_insert(x)) as f64 * tick,
+        };
         let mut values = Vec::new();
         for group in 0..reader.num_row_groups() {
             let group = reader.get_row_group(group)?;
@@ -332,10 +344,10 @@ fn columns(bytes: Vec<u8>) -> Read<(Vec<Column>, Vec<TextColumn>)> {
                     append(own, count, levels, read, |x| f64::from(u8::from(x)))?
                 }
                 ColumnReader::Int32ColumnReader(own) => {
-                    append(own, count, levels, read, f64::from)?
+                    append(own, count, levels, read, |x| whole(i64::from(x)))?
                 }
                 ColumnReader::Int64ColumnReader(own) => {
-                    append(own, count, levels, read, |x| x as f64)?
+                    append(own, count, levels, read, &mut whole)?
                 }
                 ColumnReader::FloatColumnReader(own) => {
                     append(own, count, levels, read, f64::from)?
@@ -365,7 +377,7 @@ fn append<T: DataType>(
     count: usize,
     most: i16,
     to: &mut Vec<f64>,
-    number: impl Fn(T::T) -> f64,
+    mut number: impl FnMut(T::T) -> f64,
 ) -> Read<()> {
     let (mut levels, mut values) = (Vec::new(), Vec::new());
     let mut left = count;
@@ -379,7 +391,7 @@ fn append<T: DataType>(
             ));
         }
         left = left.saturating_sub(records);
-        let mut known = values.drain(..).map(&number);
+        let mut known = values.drain(..).map(&mut number);
         match most {
             0 => to.extend(known),
             _ => to.extend(levels.iter().map(|own| match *own == most {
@@ -389,6 +401,42 @@ fn append<T: DataType>(
         }
     }
     Ok(())
+}
+
+/// Seconds in one of a column of points in time.
+fn tick(column: &ColumnDescriptor) -> Option<f64> {
+    let unit = match (column.logical_type_ref(), column.converted_type()) {
+        (Some(LogicalType::Timestamp(own)), _) => &own.unit,
+        (Some(LogicalType::Time(own)), _) => &own.unit,
+        (_, ConvertedType::TIMESTAMP_MILLIS | ConvertedType::TIME_MILLIS) => &TimeUnit::MILLIS,
+        (_, ConvertedType::TIMESTAMP_MICROS | ConvertedType::TIME_MICROS) => &TimeUnit::MICROS,
+        _ => return None,
+    };
+    Some(match unit {
+        TimeUnit::MILLIS => 1e-3,
+        TimeUnit::MICROS => 1e-6,
+        TimeUnit::NANOS => 1e-9,
+    })
+}
+
+/// Seconds in one of the columns that are durations: Parquet has no type for them, pandas says it beside.
+fn durations(about: &FileMetaData) -> HashMap<String, f64> {
+    let all = about.key_value_metadata().into_iter().flatten();
+    let own = all.into_iter().find(|own| own.key == "pandas");
+    let read = own.and_then(|own| serde_json::from_str::<Value>(own.value.as_deref()?).ok());
+    let columns = read.as_ref().and_then(|own| own["columns"].as_array());
+    let duration = |own: &Value| {
+        let name = own["field_name"].as_str().or(own["name"].as_str())?;
+        let tick = match own["numpy_type"].as_str()? {
+            "timedelta64[s]" => 1.0,
+            "timedelta64[ms]" => 1e-3,
+            "timedelta64[us]" => 1e-6,
+            "timedelta64[ns]" => 1e-9,
+            _ => return None,
+        };
+        Some((name.to_owned(), tick))
+    };
+    columns.into_iter().flatten().filter_map(duration).collect()
 }
 
 /// Units by column, as the metadata has them.

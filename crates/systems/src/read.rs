@@ -145,7 +145,7 @@ impl Reader {
             },
             None => Experiment::default(),
         };
-        experiment.step = tools_step(root, system);
+        experiment.step = self.tools_step(root, system);
         let context = Context {
             package,
             units,
@@ -156,6 +156,41 @@ impl Reader {
             system: self.system(context, system)?,
             experiment,
         })
+    }
+
+    /// The communication step in the annotations of a tool: OMSimulator writes it in those of the system, libcosim and Ecos read
+    /// it from those of the default experiment. The standard has none.
+    fn tools_step(&mut self, root: Node<'_, '_>, system: Node<'_, '_>) -> Option<f64> {
+        const PLACES: [[&str; 2]; 2] = [
+            ["FixedStepMaster", "stepSize"],
+            ["FixedStepAlgorithm", "baseStepSize"],
+        ];
+        for own in [Some(system), root.child("DefaultExperiment")]
+            .into_iter()
+            .flatten()
+        {
+            let mut annotations = own.all("Annotations");
+            let annotated = annotations.find_map(|own| {
+                PLACES.iter().find_map(|[element, attribute]| {
+                    let node = own.below(element)?;
+                    Some((node, node.attribute(attribute)?))
+                })
+            });
+            let Some((node, text)) = annotated else {
+                continue;
+            };
+            let step = text.trim().parse().ok();
+            match step.filter(|step: &f64| step.is_finite() && *step > 0.0) {
+                Some(step) => return Some(step),
+                None => self.note(format!(
+                    "{}: <{}>: `{}` is no communication step; ignored",
+                    node.place(),
+                    node.name(),
+                    excerpt(text)
+                )),
+            }
+        }
+        None
     }
 
     fn system(&mut self, context: Context<'_>, node: Node<'_, '_>) -> Result<System, SspError> {
@@ -402,24 +437,6 @@ impl Reader {
         }
         Ok(entries)
     }
-}
-
-/// The communication step in the annotations of a tool: OMSimulator writes it in those of the system, libcosim and Ecos read it
-/// from those of the default experiment. The standard has none.
-fn tools_step(root: Node<'_, '_>, system: Node<'_, '_>) -> Option<f64> {
-    const PLACES: [[&str; 2]; 2] = [
-        ["FixedStepMaster", "stepSize"],
-        ["FixedStepAlgorithm", "baseStepSize"],
-    ];
-    let annotated = [Some(system), root.child("DefaultExperiment")];
-    let annotations = annotated
-        .into_iter()
-        .flatten()
-        .flat_map(|own| own.all("Annotations"));
-    let mut found = annotations.flat_map(|own| {
-        PLACES.map(|[element, attribute]| own.below(element)?.number(attribute, 0.0).ok())
-    });
-    found.find_map(|step| step.filter(|step| *step > 0.0))
 }
 
 fn time(node: Node<'_, '_>, name: &str) -> Result<Option<f64>, SspError> {

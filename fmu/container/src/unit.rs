@@ -19,6 +19,9 @@ use pilotage_text::error_chain::error_chain;
 use std::error::Error;
 use std::ffi::CString;
 
+/// Most communication steps of the parts in one step of the importer.
+const MOST: f64 = 1e9;
+
 /// A system inside an FMU.
 pub struct Container {
     opener: Opener,
@@ -357,6 +360,11 @@ impl SimulationUnit for Container {
         let (_, next) = clock.advance(time, step)?;
         let (session, mut grid) = (&mut self.session, self.grid);
         let (can_vary, own) = (self.can_vary, self.opener.manifest.step);
+        if step / own > MOST {
+            return Err(inside(format!(
+                "communicationStepSize = {step:?} s is more than {MOST:e} of the steps of {own:?} s between the parts"
+            )));
+        }
         let done = self.inbox.during(|| {
             while let Some((span, after)) = grid.next(next.time) {
                 if !(can_vary || grid.is_whole(span)) {

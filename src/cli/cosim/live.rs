@@ -30,7 +30,7 @@ const TOGETHER: usize = 10_000;
 #[derive(Debug, clap::Args)]
 pub struct LiveArgs {
     /// Inputs that are given what comes in, in this order; until then they have their values.
-    #[arg(long, value_name = "INPUT,...", value_delimiter = ',')]
+    #[arg(long, value_name = "INPUT,...", value_delimiter = ',', conflicts_with_all = ["save_state", "from_state"])]
     live: Vec<String>,
     /// Take values for --live from UDP packets to this address (docs/cosim.md has their form).
     #[arg(long, value_name = "ADDRESS:PORT", requires = "live")]
@@ -55,6 +55,10 @@ impl LiveArgs {
         if !self.live.is_empty() && self.udp_in.is_none() && !self.stream {
             return Err(Failure::new("--live: nothing brings values")
                 .hint("say from where: --udp-in ADDRESS:PORT, or --stream"));
+        }
+        let mut seen = std::collections::HashSet::new();
+        if let Some(twice) = self.live.iter().find(|own| !seen.insert(*own)) {
+            return Err(Failure::new(format!("--live names `{twice}` twice")));
         }
         if self.stream && crate::cli::call::is_on() {
             return Err(Failure::new(
@@ -381,7 +385,8 @@ impl<'r> Live<'r> {
             return false;
         };
         if let Some(number) = packet.number {
-            if number < self.next {
+            // Who begins again, begins at 0.
+            if number < self.next && number > 0 {
                 self.traffic.out_of_order += 1;
                 // It was taken for lost.
                 self.traffic.lost = self.traffic.lost.saturating_sub(1);
@@ -389,7 +394,8 @@ impl<'r> Live<'r> {
             }
             // The first one may have any number.
             if self.traffic.taken > 0 {
-                self.traffic.lost = self.traffic.lost.saturating_add(number - self.next);
+                let lost = number.saturating_sub(self.next);
+                self.traffic.lost = self.traffic.lost.saturating_add(lost);
             }
             self.next = number.saturating_add(1);
         }

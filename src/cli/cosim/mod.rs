@@ -263,7 +263,7 @@ fn simulated(args: &Args, mut built: Built) -> Result<(Simulated, Built), Failur
     let selection = args.selection(&mut system, &built.tables)?;
     let notes = built.tables.iter().flat_map(|table| table.notes(&clock));
     let notes = (built.notes.iter().cloned().chain(notes))
-        .chain(unfed(&system))
+        .chain(unfed(&system, args.live.inputs()))
         .chain(system.limitations())
         .chain(assumed);
     let notes = notes.collect();
@@ -444,7 +444,12 @@ pub fn patterns(list: &str) -> Vec<String> {
     all
 }
 
-fn unfed(system: &System) -> impl Iterator<Item = String> {
+fn unfed<'a>(system: &System, live: &'a [String]) -> impl Iterator<Item = String> + use<'a> {
     let open = system.open_inputs().into_iter();
+    let is_live = |input: &String| {
+        live.iter()
+            .any(|own| own == input || input.ends_with(&format!(".{own}")))
+    };
+    let open = open.filter(move |input| !is_live(input));
     open.map(|input| format!("nothing feeds `{input}`; it keeps its start value"))
 }

@@ -89,6 +89,11 @@ impl Wiring {
         self.isolation.is_all()
     }
 
+    /// Whether any FMU has a process of its own.
+    pub fn isolates_any(&self) -> bool {
+        self.isolation.is_any()
+    }
+
     /// Opens and connects everything, after checking that no input file is overwritten; saves the system if requested.
     /// `inputs` and `outputs` are the other files that the command reads and writes.
     pub fn build(

@@ -62,6 +62,11 @@ impl Isolation {
         }
     }
 
+    /// Whether any is to be isolated.
+    pub fn is_any(&self) -> bool {
+        !self.isolate.is_empty()
+    }
+
     /// Refuses names that are not instances of FMUs.
     pub fn check(&self, instances: &[InstanceDescription]) -> Result<(), Failure> {
         if self.memory_limit.is_some() && !cfg!(any(target_os = "linux", windows)) {

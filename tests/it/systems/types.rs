@@ -180,6 +180,32 @@ fn what_fits_arrives() {
     }
 }
 
+/// A mapped input is recorded with the value that it has at that time, as one without a map is.
+#[test]
+fn mapped_inputs_are_recorded_in_time() {
+    let folder = folder();
+    folder.write("t.csv", "time,x\n0,1\n0.5,2\n1,3\n");
+    folder.write(
+        "s.toml",
+        format!(
+            "{INSTANCES}[system.t]\ntable = \"t.csv\"\n[connect]\n\"t.x\" = \"a.i8_in\"\n\
+             \"a.i8\" = [\"b.i8_in\", {{ to = \"two.n_in\", map = {{ 1 = 1 }} }}]\n"
+        ),
+    );
+    let record = ["--record", "b.i8_in,two.n_in"];
+    let times = ["--stop-time", "1", "--step", "0.5"];
+    let ended = folder.pilotage(&[&["cosim", "s.toml"], &record[..], &times].concat());
+    assert_eq!(ended.code, 0, "{ended:?}");
+    let text = folder.read("result.csv");
+    let rows: Vec<Vec<&str>> = text
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').collect())
+        .collect();
+    assert!(rows.len() == 3 && rows[0][1] != rows[2][1], "{text}");
+    assert!(rows.iter().all(|row| row[1] == row[2]), "{text}");
+}
+
 /// What would lose something ends the run, at the start or on the way; both ends are named.
 #[test]
 fn what_does_not_fit_is_refused_with_both_ends() {
@@ -255,6 +281,10 @@ fn what_does_not_fit_is_refused_with_both_ends() {
         (
             "\"m.mode\" = { to = \"n.mode_in\", map = { v9 = \"v1\" } }",
             "`m.mode` is of type Enumeration, `v9` is not",
+        ),
+        (
+            "\"m.mode\" = { to = \"n.mode_in\", map = { v1 = \"v2\", 1 = \"v3\" } }",
+            "the map of a wire from `m.mode` names its value `1` twice",
         ),
         (
             "\"m.mode\" = { to = \"n.mode_in\", map = { v1 = [2] } }",

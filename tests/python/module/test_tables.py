@@ -57,6 +57,19 @@ class Tables(Folder):
         self.assertIn("in.parquet", ended.stderr)
         self.assertNotIn("panicked", ended.stderr)
 
+    def test_columns_of_times_are_seconds(self) -> None:
+        seconds = np.array([0.0, 0.5, 2.0])
+        start = pd.Timestamp("2026-01-01 10:00")
+        times = {f"timedelta64[{unit}]": pd.to_timedelta(seconds, unit="s").astype(f"timedelta64[{unit}]") for unit in ("ms", "us", "ns")}
+        times |= {f"datetime64[{unit}]": (start + pd.to_timedelta(seconds, unit="s")).astype(f"datetime64[{unit}]") for unit in ("ms", "us", "ns")}
+        times["of day"] = (start + pd.to_timedelta(seconds, unit="s")).time
+        for kind, time in times.items():
+            with self.subTest(kind):
+                pd.DataFrame({"time": time, "level [m]": [1.0, 2.0, 5.0]}).to_parquet(self.folder / "in.parquet")
+                self.run_command("cosim", *RUN, "--input", "table=in.parquet", "--connect", "table.level=plant.level", "-o", "fed.csv", "--force")
+                fed = pd.read_csv(self.folder / "fed.csv")
+                np.testing.assert_allclose(fed["plant.level [m]"], np.interp(fed["time"], seconds, [1, 2, 5]), atol=1e-12)
+
     def test_studies_have_rows_and_trajectories(self) -> None:
         words = ("--vary", "plant.lag~uniform(0.2, 1)", "--vary", "plant.level~normal(2, 0.3)", "--samples", 60, "--trajectories")
         self.run_command("sweep", *RUN, *words, "--measure", "when(plant.y - 2)", "--measure", "last = final(plant.y)", "-o", "study")

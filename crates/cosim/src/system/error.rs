@@ -143,6 +143,14 @@ pub enum SystemError {
         /// The target.
         to: String,
     },
+    /// A map with two values for one.
+    #[error("the map of a wire from `{name}` names its value `{value}` twice")]
+    MappedTwice {
+        /// The output.
+        name: String,
+        /// The value.
+        value: String,
+    },
     /// An input with two connections.
     #[error("`{to}` is fed twice: by `{first}` and by `{second}`")]
     FedTwice {

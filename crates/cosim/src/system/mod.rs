@@ -267,8 +267,16 @@ impl System {
                 items: variable.items.clone(),
             })
         };
-        let pair = |(from, to): &(String, String)| Ok((value(output, from)?, value(input, to)?));
-        by.iter().map(pair).collect()
+        let mut map: Vec<(Value, Value)> = Vec::new();
+        for (from, to) in by {
+            let pair = (value(output, from)?, value(input, to)?);
+            if map.iter().any(|(known, _)| *known == pair.0) {
+                let (name, value) = (self.port_name(output), from.clone());
+                return Err(SystemError::MappedTwice { name, value });
+            }
+            map.push(pair);
+        }
+        Ok(map)
     }
 
     /// Sets the start value of a parameter or input; name and value are text.
@@ -370,11 +378,9 @@ impl System {
         Ok(self.variable(self.resolve(name)?))
     }
 
-    /// The output connected to an input, and the unit conversion, if these say the input's value: a map of values does not.
-    pub(super) fn feeding(&self, input: Port) -> Option<(Port, Conversion)> {
-        let mut all = self.connections.iter();
-        let connection = all.find(|c| c.to == input && c.map.is_empty())?;
-        Some((connection.from, connection.conversion))
+    /// The wire to an input.
+    pub(super) fn feeding(&self, input: Port) -> Option<&Connection> {
+        self.connections.iter().find(|c| c.to == input)
     }
 
     /// Makes a variable be read at each communication point, as outputs are.

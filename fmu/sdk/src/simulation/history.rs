@@ -175,6 +175,15 @@ impl History {
         if rest.len() != size * pieces || is_cut > 1 {
             return None;
         }
+        // Damaged bytes may not say that time goes back.
+        let is_forward = |own: &[f64]| own[0].is_finite() && own[1].is_finite() && own[0] < own[1];
+        let follows = |own: &[f64]| own[0] < own[size];
+        let starts = rest.len().saturating_sub(size);
+        let are_ordered = rest.chunks_exact(size).all(is_forward)
+            && (0..starts).step_by(size).all(|at| follows(&rest[at..]));
+        if !are_ordered || !breaks.is_sorted() {
+            return None;
+        }
         let piece = |own: &[f64]| Piece {
             from: own[0],
             to: own[1],
@@ -212,6 +221,17 @@ mod tests {
         assert_eq!(own.next_break(1.0, 0.1), Some(1.35));
         assert_eq!(History::of_numbers(&own.to_numbers()), Some(own.clone()));
         assert_eq!(History::of_numbers(&own.to_numbers()[1..]), None);
+        // Of damaged bytes: what ends before it begins, and what has no time.
+        for wrong in [-0.5, f64::NAN] {
+            let mut numbers = own.to_numbers();
+            let end = numbers
+                .iter()
+                .position(|own| *own == 2.0 && own.is_finite());
+            assert!(end.is_some());
+            let last = numbers.iter().rposition(|own| *own == 2.0).unwrap();
+            numbers[last] = wrong;
+            assert_eq!(History::of_numbers(&numbers), None);
+        }
         own.cut(2.0, 0.5);
         assert_eq!(own.before(0, 2.0, 1.3), [7.0, 0.0, 0.0]);
     }
