@@ -79,7 +79,8 @@ pub fn run(args: &Args) -> Result<Outcome, Failure> {
     }
     let clock = Clock::standing(start, step)?;
     if step < SHORTEST * stop.unwrap_or(1.0).abs().max(1.0) {
-        let message = format!("steps of {step:?} s are too short: the FMU would not come to its end");
+        let message =
+            format!("steps of {step:?} s are too short: the FMU would not come to its end");
         return Err(Failure::new(message).hint("such as --step 0.01"));
     }
     let coupling = args.coupling.coupling(&clock)?;

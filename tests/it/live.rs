@@ -190,7 +190,10 @@ fn lines_close_a_loop() {
 #[test]
 fn nobody_is_waited_for_by_the_clock() {
     let folder = folder();
-    folder.write("set.toml", "[[event]]\ntime = 0.5\ninput = \"u\"\nset = 2\n");
+    folder.write(
+        "set.toml",
+        "[[event]]\ntime = 0.5\ninput = \"u\"\nset = 2\n",
+    );
     let words = [
         "cosim",
         "plant.toml",
