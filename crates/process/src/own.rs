@@ -59,7 +59,8 @@ mod unix {
 
     fn identity(stream: BorrowedFd<'_>) -> Identity {
         let stat = rustix::fs::fstat(stream).ok()?;
-        Some((stat.st_dev, stat.st_ino))
+        #[allow(clippy::unnecessary_cast, reason = "it is an i32 on macOS")]
+        Some((stat.st_dev as u64, stat.st_ino))
     }
 
     /// Restores the initial umask. Returns whether it had changed.
