@@ -238,6 +238,10 @@ impl Parts {
                 let bytes = file::bytes(&path).map_err(|error| {
                     Failure::new(format!("cannot read {}: {error}", path.display()))
                 })?;
+                if bytes.starts_with(b"PAR1") {
+                    let message = format!("{}: an FMU reads no Parquet", path.display());
+                    return Err(Failure::new(message).hint("write the table as CSV"));
+                }
                 self.files.insert(format!("{new}/{TABLE}"), bytes);
                 (Kind::Table, new)
             }

@@ -60,7 +60,9 @@ pub use master::{
     run_open,
 };
 pub use native_component::NativeComponent;
-pub use recorder::{CsvRecorder, ParquetRecorder, Recorder, SeriesRecorder};
+#[cfg(feature = "parquet")]
+pub use recorder::ParquetRecorder;
+pub use recorder::{CsvRecorder, Recorder, SeriesRecorder};
 pub use report::{
     Calls, ConnectionReport, CouplingError, Divergence, InstanceReport, Report, Steps, Transfer,
 };

@@ -1,7 +1,9 @@
 //! Recorders for the rows of a run.
 
+#[cfg(feature = "parquet")]
 mod parquet;
 
+#[cfg(feature = "parquet")]
 pub use self::parquet::{ParquetRecorder, field};
 use pilotage_series::{Column, Series, head};
 use std::io::{self, Write};
