@@ -1,10 +1,9 @@
 //! Warnings of FMUs, which leave the library as events of `tracing`.
 
 use super::terminal;
+use crate::fmi::Heard;
 use std::collections::BTreeSet;
-use std::fmt::Debug;
 use std::sync::{Mutex, PoisonError};
-use tracing::field::{Field, Visit};
 use tracing::span::{Attributes, Id, Record};
 use tracing::{Event, Level, Metadata, Subscriber};
 
@@ -19,31 +18,7 @@ pub fn show() {
 
 /// Texts shown so far, each with its instance.
 #[derive(Debug, Default)]
-struct Warnings(Mutex<BTreeSet<Warning>>);
-
-/// A message of an FMU.
-#[derive(Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-struct Warning {
-    instance: String,
-    status: String,
-    text: String,
-}
-
-impl Visit for Warning {
-    fn record_str(&mut self, field: &Field, value: &str) {
-        match field.name() {
-            "instance" => value.clone_into(&mut self.instance),
-            "status" => value.clone_into(&mut self.status),
-            _ => {}
-        }
-    }
-
-    fn record_debug(&mut self, field: &Field, value: &dyn Debug) {
-        if field.name() == "message" {
-            self.text = format!("{value:?}");
-        }
-    }
-}
+struct Warnings(Mutex<BTreeSet<Heard>>);
 
 impl Subscriber for Warnings {
     fn enabled(&self, metadata: &Metadata<'_>) -> bool {
@@ -51,8 +26,7 @@ impl Subscriber for Warnings {
     }
 
     fn event(&self, event: &Event<'_>) {
-        let mut warning = Warning::default();
-        event.record(&mut warning);
+        let warning = Heard::of(event);
         // The reason of a discarded step is part of what the command says of that step.
         if warning.status != "fmi2Warning" {
             return;

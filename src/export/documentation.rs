@@ -64,33 +64,41 @@ fn page(contents: &Contents<'_>) -> String {
         about,
         ..
     } = contents;
+    let body = html! {
+        p { (interface.description) }
+        @if let Some(caveat) = &provenance.caveat { p class="caveat" { (caveat) } }
+        img src={ "../" (picture_path(*version)) } alt="" width="480";
+        (about)
+        h2 { "Variables" }
+        (table(&interface.variables))
+        h2 { "Where the numbers come from" }
+        p { (provenance.origin) }
+        @if let Some((file, text)) = &provenance.source {
+            p { "The file " code { (EXTRA) "/" (file) } " reads:" }
+            pre { "\n" (text) }
+        }
+        p {
+            "Exported by pilotage " (env!("CARGO_PKG_VERSION")) ". Licences: "
+            a href="licenses/license.txt" { "licenses" } "."
+        }
+    };
+    framed(name, &body)
+}
+
+/// A page of that title.
+fn framed(title: &str, body: &Markup) -> String {
     let page = html! {
         (DOCTYPE) "\n"
         html lang="en" {
             head {
                 meta charset="utf-8";
                 meta http-equiv="Content-Security-Policy" content=(POLICY);
-                title { (name) }
+                title { (title) }
                 style { (PreEscaped(STYLE)) }
             }
             body {
-                h1 { (name) }
-                p { (interface.description) }
-                @if let Some(caveat) = &provenance.caveat { p class="caveat" { (caveat) } }
-                img src={ "../" (picture_path(*version)) } alt="" width="480";
-                (about)
-                h2 { "Variables" }
-                (table(&interface.variables))
-                h2 { "Where the numbers come from" }
-                p { (provenance.origin) }
-                @if let Some((file, text)) = &provenance.source {
-                    p { "The file " code { (EXTRA) "/" (file) } " reads:" }
-                    pre { "\n" (text) }
-                }
-                p {
-                    "Exported by pilotage " (env!("CARGO_PKG_VERSION")) ". Licences: "
-                    a href="licenses/license.txt" { "licenses" } "."
-                }
+                h1 { (title) }
+                (body)
             }
         }
         "\n"
@@ -106,50 +114,37 @@ pub(super) fn container(
     variables: &[ScalarVariable],
     version: FmiVersion,
 ) -> Vec<(&'static str, String)> {
-    let page = html! {
-        (DOCTYPE) "\n"
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta http-equiv="Content-Security-Policy" content=(POLICY);
-                title { (name) }
-                style { (PreEscaped(STYLE)) }
+    let body = html! {
+        p { (about) }
+        img src={ "../" (picture_path(version)) } alt="" width="480";
+        h2 { "Parts" }
+        table {
+            tr { th { "Name" } th { "Source" } }
+            @for (name, source) in parts {
+                "\n"
+                tr { td { code { (name) } } td { (source) } }
             }
-            body {
-                h1 { (name) }
-                p { (about) }
-                img src={ "../" (picture_path(version)) } alt="" width="480";
-                h2 { "Parts" }
-                table {
-                    tr { th { "Name" } th { "Source" } }
-                    @for (name, source) in parts {
-                        "\n"
-                        tr { td { code { (name) } } td { (source) } }
-                    }
-                }
-                h2 { "Variables" }
-                table {
-                    tr { th { "Name" } th { "Causality" } th { "Meaning" } }
-                    @for own in variables {
-                        "\n"
-                        tr {
-                            td { code { (own.name) } }
-                            td { (own.causality.as_str()) }
-                            td { (own.description.as_deref().unwrap_or_default()) }
-                        }
-                    }
-                }
-                p {
-                    "Exported by pilotage " (env!("CARGO_PKG_VERSION")) ". Licences of its own library: "
-                    a href="licenses/license.txt" { "licenses" }
-                    "; the parts have theirs, in resources/parts."
+        }
+        h2 { "Variables" }
+        table {
+            tr { th { "Name" } th { "Causality" } th { "Meaning" } }
+            @for own in variables {
+                "\n"
+                tr {
+                    td { code { (own.name) } }
+                    td { (own.causality.as_str()) }
+                    td { (own.description.as_deref().unwrap_or_default()) }
                 }
             }
         }
-        "\n"
+        p {
+            "Exported by pilotage " (env!("CARGO_PKG_VERSION")) ". Licences of its own library: "
+            a href="licenses/license.txt" { "licenses" }
+            "; the parts have theirs, in resources/parts."
+        }
     };
     vec![
-        ("index.html", page.into_string()),
+        ("index.html", framed(name, &body)),
         ("licenses/license.txt", LICENSES.into()),
         ("licenses/Apache-2.0.txt", APACHE.into()),
         ("licenses/MIT.txt", MIT.into()),

@@ -89,7 +89,7 @@ pub use description::FmiVersion;
 pub use environment::{Intermediate, IntermediateUpdate};
 pub use fmu::{Fmu, FmuError};
 pub use instance::{CallError, Instance, InstanceOptions, Step};
-pub use message::Message;
+pub use message::{Heard, Message};
 pub use misuse::{CATEGORY, INSTANCE_NAME, Misuse, take_misuses};
 pub use simulate::{ModelExchangeRun, Reached, RunError, RunOptions};
 pub use version::{ASKING, Function, InterfaceType, State, call_name};

@@ -2,6 +2,9 @@
 
 use pilotage_abi::fmi2::Status;
 use pilotage_text::printable::one_line;
+use std::fmt::{Debug, Write};
+use tracing::Event;
+use tracing::field::{Field, Visit};
 
 /// A message of an FMU.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -50,6 +53,43 @@ impl Message {
             Status::OK | Status::PENDING => event!(info),
             Status::WARNING | Status::DISCARD => event!(warn),
             _ => event!(error),
+        }
+    }
+}
+
+/// A message as who listens to `tracing` gets it.
+#[derive(Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Heard {
+    /// Name of the instance.
+    pub instance: String,
+    /// Name of the status in FMI 2.0.
+    pub status: String,
+    /// The text.
+    pub text: String,
+}
+
+impl Heard {
+    /// Reads the event of a message, whose target is `fmu`.
+    pub fn of(event: &Event<'_>) -> Self {
+        let mut heard = Self::default();
+        event.record(&mut heard);
+        heard
+    }
+}
+
+impl Visit for Heard {
+    fn record_str(&mut self, field: &Field, value: &str) {
+        match field.name() {
+            "instance" => value.clone_into(&mut self.instance),
+            "status" => value.clone_into(&mut self.status),
+            _ => {}
+        }
+    }
+
+    fn record_debug(&mut self, field: &Field, value: &dyn Debug) {
+        if field.name() == "message" {
+            // A `String` takes everything.
+            let _ = write!(self.text, "{value:?}");
         }
     }
 }

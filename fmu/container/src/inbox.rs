@@ -1,11 +1,10 @@
 //! Messages of the parts, which leave their library as events of `tracing`.
 
+use pilotage_fmi::Heard;
 use pilotage_sdk::problem::Severity;
 use pilotage_sdk::simulation_unit::Message;
-use std::fmt::{Debug, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use tracing::field::{Field, Visit};
 use tracing::span::{Attributes, Id, Record};
 use tracing::{Dispatch, Event, Metadata, Subscriber};
 
@@ -58,38 +57,13 @@ fn lock(waiting: &Waiting) -> std::sync::MutexGuard<'_, Vec<Message>> {
 
 struct Listener(Arc<Waiting>);
 
-#[derive(Default)]
-struct Heard {
-    instance: String,
-    status: String,
-    text: String,
-}
-
-impl Visit for Heard {
-    fn record_str(&mut self, field: &Field, value: &str) {
-        match field.name() {
-            "instance" => value.clone_into(&mut self.instance),
-            "status" => value.clone_into(&mut self.status),
-            _ => {}
-        }
-    }
-
-    fn record_debug(&mut self, field: &Field, value: &dyn Debug) {
-        if field.name() == "message" {
-            // A `String` takes everything.
-            let _ = write!(self.text, "{value:?}");
-        }
-    }
-}
-
 impl Subscriber for Listener {
     fn enabled(&self, metadata: &Metadata<'_>) -> bool {
         metadata.target() == "fmu"
     }
 
     fn event(&self, event: &Event<'_>) {
-        let mut heard = Heard::default();
-        event.record(&mut heard);
+        let heard = Heard::of(event);
         // Names of FMI 3.0 are those of FMI 2.0 here.
         let severity = match heard.status.trim_start_matches("fmi2") {
             "OK" | "Pending" => None,

@@ -6,28 +6,11 @@ use crate::{Table, TraceError};
 use pilotage_expression::{Graph, Node, Operator, System};
 use pilotage_language::Delayed;
 
-/// Derivatives and outputs as expressions of time, states, inputs and parameters, numbered in this order.
-#[derive(Debug, Clone)]
-pub struct Expressions {
-    /// The expressions.
-    pub graph: Graph,
-    /// Number of states.
-    pub states: usize,
-    /// Number of inputs; after those of the table, the delayed signals.
-    pub inputs: usize,
-    /// Number of parameters.
-    pub parameters: usize,
-    /// The derivative of each state.
-    pub derivatives: Vec<Node>,
-    /// What the equations compute, in the order of the table, within its limits.
-    pub outputs: Vec<Node>,
-}
-
 /// All equations of a model.
 #[derive(Debug, Clone)]
 pub struct AllExpressions {
-    /// Derivatives and outputs; states approximate delays.
-    pub equations: Expressions,
+    /// Derivatives, and outputs within their limits; states approximate delays.
+    pub equations: System,
     /// Times at which conditions on time change, in the same graph.
     pub switches: Vec<Node>,
     /// For each state its start value, in the same graph, if it depends on parameters.
@@ -39,27 +22,14 @@ pub struct AllExpressions {
 /// Equations with delayed signals as inputs.
 #[derive(Debug, Clone)]
 pub struct ExactExpressions {
-    /// Derivatives and outputs.
-    pub equations: Expressions,
+    /// Derivatives, and outputs within their limits; after the inputs of the table, the delayed signals.
+    pub equations: System,
     /// The signals that are delayed, in the same graph.
     pub signals: Vec<Node>,
     /// The time of each delay, in the same graph.
     pub times: Vec<Node>,
     /// Its states among those of the table, which has those of approximations, too.
     pub states: Vec<usize>,
-}
-
-impl Expressions {
-    pub(crate) fn of(graph: Graph, system: &System, outputs: Vec<Node>) -> Self {
-        Self {
-            graph,
-            states: system.states,
-            inputs: system.inputs,
-            parameters: system.parameters,
-            derivatives: system.derivatives.clone(),
-            outputs,
-        }
-    }
 }
 
 impl AllExpressions {
@@ -75,7 +45,7 @@ impl AllExpressions {
             starts: vec![None; table.n_states()],
             switches: Vec::new(),
             exact: None,
-            equations: Expressions::of(graph, &traced.system, outputs),
+            equations: with(graph, &traced.system, outputs),
         })
     }
 
@@ -93,7 +63,7 @@ impl AllExpressions {
             switches: switches.times,
             starts,
             exact: exact(model),
-            equations: Expressions::of(graph, system, outputs),
+            equations: with(graph, system, outputs),
         }
     }
 }
@@ -104,11 +74,21 @@ fn exact(model: &TextModel) -> Option<ExactExpressions> {
     let own = model.compiled().with_delays(&by).ok()?;
     let (_, graph, outputs) = held(&own);
     Some(ExactExpressions {
-        equations: Expressions::of(graph, &own.model.system, outputs),
+        equations: with(graph, &own.model.system, outputs),
         signals: own.free_delays.iter().map(|own| own.signal).collect(),
         times: own.free_delays.iter().map(|own| own.tau).collect(),
         states: states.to_vec(),
     })
+}
+
+/// A system with a graph that has grown, and its outputs there.
+fn with(graph: Graph, system: &System, outputs: Vec<Node>) -> System {
+    System {
+        graph,
+        derivatives: system.derivatives.clone(),
+        outputs,
+        ..*system
+    }
 }
 
 /// The outputs within the limits of the table.

@@ -150,10 +150,6 @@ pub unsafe fn get_integers<U: SimulationUnit, V: Version, I: TryFrom<i64>>(
     n_values: usize,
     types: [&'static str; 2],
 ) -> V::Status {
-    if !U::HAS_ALL_TYPES {
-        // SAFETY: guaranteed by the caller.
-        return unsafe { no_variables::<U, V>(component, function, count, types) };
-    }
     let body = |c: &mut Component<U, V>| {
         // SAFETY: guaranteed by the caller.
         let (references, values) = unsafe { to_write(references, count, values, n_values)? };
@@ -167,7 +163,7 @@ pub unsafe fn get_integers<U: SimulationUnit, V: Version, I: TryFrom<i64>>(
         Ok(())
     };
     // SAFETY: guaranteed by the caller.
-    unsafe { call(component, function, body) }
+    unsafe { call_of_type(component, function, count, types, body) }
 }
 
 /// Sets integers and enumerations.
@@ -183,10 +179,6 @@ pub unsafe fn set_integers<U: SimulationUnit, V: Version, I: Copy + Into<i64>>(
     n_values: usize,
     types: [&'static str; 2],
 ) -> V::Status {
-    if !U::HAS_ALL_TYPES {
-        // SAFETY: guaranteed by the caller.
-        return unsafe { no_variables::<U, V>(component, function, count, types) };
-    }
     let body = |c: &mut Component<U, V>| {
         // SAFETY: guaranteed by the caller.
         let (references, values) = unsafe { to_read(references, count, values, n_values)? };
@@ -197,7 +189,7 @@ pub unsafe fn set_integers<U: SimulationUnit, V: Version, I: Copy + Into<i64>>(
         Ok(())
     };
     // SAFETY: guaranteed by the caller.
-    unsafe { call(component, function, body) }
+    unsafe { call_of_type(component, function, count, types, body) }
 }
 
 /// Strings; they live until the next call that asks for strings (FMI 2.0.5, section 2.1.7; FMI 3.0, section 2.2.6).
@@ -213,10 +205,6 @@ pub unsafe fn get_strings<U: SimulationUnit, V: Version>(
     n_values: usize,
     types: [&'static str; 2],
 ) -> V::Status {
-    if !U::HAS_ALL_TYPES {
-        // SAFETY: guaranteed by the caller.
-        return unsafe { no_variables::<U, V>(component, function, count, types) };
-    }
     let body = |c: &mut Component<U, V>| {
         // SAFETY: guaranteed by the caller.
         let (references, values) = unsafe { to_write(references, count, values, n_values)? };
@@ -228,7 +216,7 @@ pub unsafe fn get_strings<U: SimulationUnit, V: Version>(
         Ok(())
     };
     // SAFETY: guaranteed by the caller.
-    unsafe { call(component, function, body) }
+    unsafe { call_of_type(component, function, count, types, body) }
 }
 
 /// Sets strings.
@@ -244,10 +232,6 @@ pub unsafe fn set_strings<U: SimulationUnit, V: Version>(
     n_values: usize,
     types: [&'static str; 2],
 ) -> V::Status {
-    if !U::HAS_ALL_TYPES {
-        // SAFETY: guaranteed by the caller.
-        return unsafe { no_variables::<U, V>(component, function, count, types) };
-    }
     let body = |c: &mut Component<U, V>| {
         // SAFETY: guaranteed by the caller.
         let (references, values) = unsafe { to_read(references, count, values, n_values)? };
@@ -260,7 +244,27 @@ pub unsafe fn set_strings<U: SimulationUnit, V: Version>(
         Ok(())
     };
     // SAFETY: guaranteed by the caller.
-    unsafe { call(component, function, body) }
+    unsafe { call_of_type(component, function, count, types, body) }
+}
+
+/// As [`call`], for a type that only some units have.
+///
+/// # Safety
+/// As [`call`].
+unsafe fn call_of_type<U: SimulationUnit, V: Version>(
+    component: Pointer,
+    function: V::Function,
+    count: usize,
+    types: [&'static str; 2],
+    body: impl FnOnce(&mut Component<U, V>) -> Result<(), Problem>,
+) -> V::Status {
+    // SAFETY: guaranteed by the caller.
+    unsafe {
+        match U::HAS_ALL_TYPES {
+            true => call(component, function, body),
+            false => no_variables::<U, V>(component, function, count, types),
+        }
+    }
 }
 
 /// Variables of a type that no variable has: a call for zero variables is allowed.

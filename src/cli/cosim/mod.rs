@@ -24,9 +24,9 @@ use self::times::Times;
 use self::watch::{ProgressFormat, Watch};
 use super::number::positive;
 use super::overwrite::{self, OutputKind, Overwrite};
-use super::system::Built;
 use super::system::flags::Wiring;
 use super::system::tables::InputTable;
+use super::system::{Built, full_name, only};
 use super::{Failure, Outcome, call, interrupt, terminal};
 use crate::atomic_file;
 use crate::cosim::recorder::Signal;
@@ -444,12 +444,12 @@ pub fn patterns(list: &str) -> Vec<String> {
     all
 }
 
-fn unfed<'a>(system: &System, live: &'a [String]) -> impl Iterator<Item = String> + use<'a> {
+fn unfed(system: &System, live: &[String]) -> impl Iterator<Item = String> + use<> {
+    let live = live
+        .iter()
+        .map(|name| full_name(system, name, only(system)));
+    let live: Vec<String> = live.collect();
     let open = system.open_inputs().into_iter();
-    let is_live = |input: &String| {
-        live.iter()
-            .any(|own| own == input || input.ends_with(&format!(".{own}")))
-    };
-    let open = open.filter(move |input| !is_live(input));
+    let open = open.filter(move |input| !live.contains(input));
     open.map(|input| format!("nothing feeds `{input}`; it keeps its start value"))
 }

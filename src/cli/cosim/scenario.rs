@@ -134,24 +134,21 @@ impl Read {
                 *output = full(output);
             }
         }
-        let changed = |own: &&Event| matches!(own.what, What::Input(_, effect) if !matches!(effect, Effect::Live(_)));
-        let changed: Vec<&What> = self
+        let inputs = self
             .scenario
             .events
             .iter()
-            .filter(changed)
-            .map(|own| &own.what)
-            .collect();
-        for own in &self.scenario.events {
-            if let What::Input(name, Effect::Live(_)) = &own.what
-                && changed
-                    .iter()
-                    .any(|what| matches!(what, What::Input(other, _) if other == name))
-            {
-                let message = format!("--live and an event of the scenario both change `{name}`");
-                return Err(Failure::new(message)
-                    .hint("let the sender of the values do what the event does"));
-            }
+            .filter_map(|own| match &own.what {
+                What::Input(name, effect) => Some((name, matches!(effect, Effect::Live(_)))),
+                What::End => None,
+            });
+        let (live, changed): (Vec<_>, Vec<_>) = inputs.partition(|(_, is_live)| *is_live);
+        let is_changed = |name: &String| changed.iter().any(|(other, _)| *other == name);
+        if let Some((name, _)) = live.iter().find(|(name, _)| is_changed(name)) {
+            let message = format!("--live and an event of the scenario both change `{name}`");
+            return Err(
+                Failure::new(message).hint("let the sender of the values do what the event does")
+            );
         }
         (self.scenario.apply(system))
             .map_err(|(event, error)| Failure::from(error).at(self.places[event].as_ref()))

@@ -48,22 +48,19 @@ impl Times {
         if let Some(step) = self.step {
             return Ok((clock(start, stop, Some(step))?, None));
         }
-        let (suggested, why) = match (experiment.step, system.suggested_step()) {
-            (Some(step), _) => (Some(step), format!("the system says {step} s")),
-            (None, Some(step)) if step < stop - start => {
-                (Some(step), format!("an FMU suggests {step} s"))
+        // The next shorter one that divides the duration.
+        let parts = |step: f64| ((stop - start) / step * (1.0 - 1e-9)).ceil().max(1.0);
+        let dividing = |step: f64| (stop - start) / parts(step);
+        let (step, why) = match (experiment.step, system.suggested_step()) {
+            (Some(own), _) if (own - dividing(own)).abs() <= 1e-9 * own => {
+                return Ok((clock(start, stop, Some(own))?, None));
+            }
+            (Some(own), _) => (Some(dividing(own)), format!("the system says {own} s")),
+            (None, Some(own)) if own < stop - start => {
+                (Some(dividing(own)), format!("an FMU suggests {own} s"))
             }
             _ => (None, format!("1/{STEPS} of the run")),
         };
-        // The next shorter one that divides the duration.
-        let parts = |step: f64| ((stop - start) / step * (1.0 - 1e-9)).ceil();
-        let step = suggested.map(|step| (stop - start) / parts(step).max(1.0));
-        if experiment
-            .step
-            .is_some_and(|own| (own - step.unwrap_or(own)).abs() <= 1e-9 * own)
-        {
-            return Ok((clock(start, stop, experiment.step)?, None));
-        }
         let clock = clock(start, stop, step)?;
         let note = format!("--step {} is assumed: {why}", clock.step());
         Ok((clock, Some(note)))

@@ -10,8 +10,8 @@ mod tables;
 use super::ExportError;
 use crate::fmi::description::FmiVersion;
 use equations::{NoC, Target, Writer};
-use pilotage_expression::{Curve, Node};
-use pilotage_models::expressions::{AllExpressions, Expressions};
+use pilotage_expression::{Curve, Node, System};
+use pilotage_models::expressions::AllExpressions;
 use pilotage_sdk::{Interface, Table};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -206,7 +206,7 @@ fn listed(place: &str, nodes: &[Node]) -> Vec<Target> {
 /// The functions of some equations.
 #[derive(Clone, Copy)]
 struct Functions<'e> {
-    own: &'e Expressions,
+    own: &'e System,
     prefix: &'static str,
     /// Places of the states in a list that has others, too.
     places: Option<&'e [usize]>,
@@ -219,7 +219,7 @@ const NONE: [&str; 4] = [""; 4];
 
 impl<'e> Functions<'e> {
     fn new(
-        own: &'e Expressions,
+        own: &'e System,
         prefix: &'static str,
         places: Option<&'e [usize]>,
         first_curve: usize,

@@ -1622,3 +1622,17 @@ static int deserialize(Instance *m, const void *bytes, size_t size, void **state
     *state = own;
     return FINE;
 }
+
+/* A function of the VERSION of FMI that includes this: its arguments, and what it does with the instance `m` unless that is refused. */
+#define CALL(name, arguments, ...)                                 \
+    EXPORT int FMI(name) arguments;                               \
+    EXPORT int FMI(name) arguments                                \
+    {                                                             \
+        Instance *m = c;                                          \
+        int status;                                               \
+        if (!m) return FAILED;                                    \
+        status = enter(m, MAY_##name, PART_##name);               \
+        if (status == FINE) __VA_ARGS__;                          \
+        return finish(m, VERSION #name, status);                  \
+    }
+#define REFERENCES void *c, const Reference *vr, size_t n

@@ -53,19 +53,7 @@ static int phase_of(int state)
     return state == S_ContinuousTimeMode ? CONTINUOUS : AT_EVENT;
 }
 
-/* A function: its arguments, and what it does with the instance `m` unless that is refused. */
-#define CALL(name, arguments, ...)                                 \
-    EXPORT int FMI(name) arguments;                               \
-    EXPORT int FMI(name) arguments                                \
-    {                                                             \
-        Instance *m = c;                                          \
-        int status;                                               \
-        if (!m) return FAILED;                                    \
-        status = enter(m, MAY_##name, PART_##name);               \
-        if (status == FINE) __VA_ARGS__;                          \
-        return finish(m, "fmi2" #name, status);                   \
-    }
-#define REFERENCES void *c, const Reference *vr, size_t n
+#define VERSION "fmi2"
 
 EXPORT const char *FMI(GetTypesPlatform)(void);
 EXPORT const char *FMI(GetTypesPlatform)(void) { return "default"; }
